@@ -1,0 +1,1 @@
+"""Driver of the DIGIT tactile sensor, usable alone."""

@@ -1,0 +1,1 @@
+"""Launch, configuration, datasets, evaluation and the midastouch command."""

@@ -1,0 +1,47 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package = "midastouch_bringup"
+
+setup(
+    name=package,
+    version="0.1.0",
+    # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
+    # the namespace package that the folder of the same name is when Python runs in the workspace root.
+    package_dir={"": "."},
+    packages=find_packages(exclude=["test", "test.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+        (f"share/{package}/launch", glob("launch/*.py")),
+        (f"share/{package}/config", glob("config/*.yaml")),
+        (f"share/{package}/rviz", glob("rviz/*.rviz")),
+        (f"share/{package}/urdf", glob("urdf/*")),
+    ],
+    install_requires=[
+        "digit_driver",
+        "matplotlib",
+        "midastouch_filter",
+        "midastouch_perception",
+        "numpy",
+        "opencv-contrib-python-headless",
+        "pillow",
+        "PyYAML",
+        "rosbags",
+        "scipy",
+        "tqdm",
+    ],
+    python_requires=">=3.10",
+    maintainer="MidasTouch for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Launch, configuration, datasets, evaluation and the midastouch command.",
+    license="MIT",
+    entry_points={
+        "console_scripts": [
+            "all_in_one = midastouch_bringup.nodes.all_in_one:main",
+            "midastouch = midastouch_bringup.cli:main",
+            "replay = midastouch_bringup.nodes.replay:main",
+        ]
+    },
+)

@@ -1,0 +1,1 @@
+"""Particle filter over the pose of the sensor on a known object."""

@@ -1,0 +1,1 @@
+"""ROS 2 nodes of midastouch_filter: thin, no maths."""

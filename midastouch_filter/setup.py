@@ -1,0 +1,27 @@
+from setuptools import find_packages, setup
+
+package = "midastouch_filter"
+
+setup(
+    name=package,
+    version="0.1.0",
+    # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
+    # the namespace package that the folder of the same name is when Python runs in the workspace root.
+    package_dir={"": "."},
+    packages=find_packages(exclude=["test", "test.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+    ],
+    install_requires=["midastouch_perception", "numba", "numpy", "pykdtree", "scikit-learn", "scipy"],
+    python_requires=">=3.10",
+    maintainer="MidasTouch for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Particle filter over the pose of the sensor on a known object.",
+    license="MIT",
+    entry_points={
+        "console_scripts": [
+            "particle_filter = midastouch_filter.nodes.particle_filter:main",
+        ]
+    },
+)

@@ -1,0 +1,1 @@
+"""From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training."""

@@ -1,0 +1,1 @@
+"""ROS 2 nodes of midastouch_perception: thin, no maths."""

@@ -1,0 +1,41 @@
+from setuptools import find_packages, setup
+
+package = "midastouch_perception"
+
+setup(
+    name=package,
+    version="0.1.0",
+    # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
+    # the namespace package that the folder of the same name is when Python runs in the workspace root.
+    package_dir={"": "."},
+    packages=find_packages(exclude=["test", "test.*"]),
+    package_data={
+        package: [f"**/*.{kind}" for kind in ("jpg", "json", "npz", "onnx", "ply", "png", "safetensors", "yaml")]
+    },
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+    ],
+    install_requires=[
+        "numba",
+        "numpy",
+        "onnxruntime",
+        "opencv-contrib-python-headless",
+        "PyYAML",
+        "scipy",
+        "tqdm",
+        "trimesh",
+    ],
+    python_requires=">=3.10",
+    maintainer="MidasTouch for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    description="From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training.",
+    license="MIT",
+    extras_require={"train": ["onnx", "onnxscript", "safetensors", "torch"]},
+    entry_points={
+        "console_scripts": [
+            "tdn = midastouch_perception.nodes.tdn:main",
+            "tcn = midastouch_perception.nodes.tcn:main",
+        ]
+    },
+)
