@@ -1,0 +1,9 @@
+"""The one exception for bad input from outside the program."""
+
+
+class InputError(ValueError):
+    """A file, topic or argument cannot be used.
+
+    The message names the input, says what is wrong with it and how to mend it, so that a command can print
+    it as its only line and a node can put it into its diagnostics.
+    """

@@ -1,0 +1,112 @@
+"""The geometry of one kind of DIGIT: camera and undeformed gel, read from a YAML file.
+
+Frames (DESIGN section 3): the gel frame has its origin at the apex of the undeformed gel and z from object to
+camera; the camera sits `gel_distance` up that axis and looks along -z. Pixels exist only here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from .errors import InputError
+from .files import require_file
+
+_FOLDER = Path(__file__).parent / "sensor_models"
+
+
+@dataclasses.dataclass(frozen=True)
+class SensorModel:
+    """Pin-hole camera behind a domed gel.
+
+    Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
+    gel over (x, y) [m] as parameters of `sag`.
+    """
+
+    name: str
+    width: int
+    height: int
+    focal: float
+    gel_distance: float
+    dome: tuple[tuple[str, float], ...]
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> SensorModel:
+        """A shipped model by name (`digit_tacto`, `digit_real`) or a YAML file of the same form by path."""
+        path = _FOLDER / f"{name_or_path}.yaml"
+        if not path.is_file():
+            path = Path(name_or_path)
+            if path.suffix != ".yaml":
+                known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+                raise InputError(f"sensor model '{name_or_path}' is not known; use {known} or a .yaml file")
+            require_file(path, "sensor model")
+        try:
+            data = yaml.safe_load(path.read_text())
+            model = cls(
+                name=path.stem,
+                width=int(data["width"]),
+                height=int(data["height"]),
+                focal=float(data["focal"]),
+                gel_distance=float(data["gel_distance"]),
+                dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
+            )
+        except (KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError) as error:
+            raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
+        if min(model.width, model.height, model.focal, model.gel_distance) <= 0:
+            raise InputError(f"{path}: width, height, focal and gel_distance must be positive")
+        if set(dict(model.dome)) != {"radius_x", "radius_y", "semi_axis_z"}:
+            raise InputError(f"{path}: dome needs radius_x, radius_y and semi_axis_z")
+        return model
+
+    @cached_property
+    def content_id(self) -> str:
+        """Short hash of every number in the model, recorded in codebooks and weights."""
+        values = dataclasses.asdict(self)
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
+
+    def scaled(self, factor: float) -> SensorModel:
+        """The same sensor with `factor` times as many pixels along each side."""
+        return dataclasses.replace(
+            self,
+            width=round(self.width * factor),
+            height=round(self.height * factor),
+            focal=self.focal * factor,
+        )
+
+    def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
+
+        The cap of an ellipsoid: radii of curvature at the apex along x and y, semi-axis along z.
+        """
+        dome = dict(self.dome)
+        c = dome["semi_axis_z"]
+        inside = 1.0 - x**2 / (c * dome["radius_x"]) - y**2 / (c * dome["radius_y"])
+        return c * (1.0 - np.sqrt(np.maximum(inside, 0.0)))
+
+    @cached_property
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Tangents (x/depth, y/depth), each (H, W) float64, of the rays through the pixel centres; y up."""
+        u = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal
+        v = -(np.arange(self.height) + 0.5 - self.height / 2) / self.focal
+        return np.tile(u, (self.height, 1)), np.tile(v[:, None], (1, self.width))
+
+    @cached_property
+    def gel_depth(self) -> np.ndarray:
+        """Depth (H, W) float64 [m] of the undeformed gel along the camera axis, seen through each pixel."""
+        tangent_x, tangent_y = self.rays
+        depth = np.full((self.height, self.width), self.gel_distance)
+        # contraction: the sag's slope times the ray's tangent is below 0.3 everywhere in view
+        for _ in range(60):
+            depth = self.gel_distance - self.sag(depth * tangent_x, depth * tangent_y)
+        return depth
+
+    @property
+    def pixel_area(self) -> float:
+        """Area [m^2] of one pixel at the gel apex."""
+        return (self.gel_distance / self.focal) ** 2
