@@ -1,0 +1,150 @@
+"""Node `ur_tf`: tool pose and joints of a UR arm that has no ROS driver, over RTDE."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
+from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.ros.spin import run
+
+from ..robot_clock import RobotClock
+from ..rtde_receiver import ArmState, RtdeReceiver, rtde_connector
+from ..rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, tool_from_tcp
+
+PARAMETERS = (
+    Parameter("robot_ip", "192.168.56.101", "Address of the robot's controller"),
+    Parameter("rate", 125.0, "Samples per second", "Hz", minimum=1.0, maximum=500.0),
+    Parameter("tf_prefix", "", "Put before the names of frames and joints; for several arms"),
+    Parameter(
+        "tcp_offset",
+        [0.0] * 6,
+        "Tool centre point set on the teach pendant, [x y z rx ry rz] with a rotation vector",
+        "m, rad",
+    ),
+    Parameter(
+        "timeout", 0.5, "Connect again after this long without a sample", "s", minimum=0.05, maximum=60.0
+    ),
+    Parameter("reconnect_period", 2.0, "Pause between attempts to connect", "s", minimum=0.1, maximum=600.0),
+)
+
+
+class UrTf(Node):
+    """Publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
+
+    `connect(robot_ip, rate)` opens a receiver or raises ConnectionError. A thread of its own reads it, so
+    that an arm that does not answer blocks neither the diagnostics nor the shutdown.
+    """
+
+    def __init__(self, connect: Callable[[str, float], RtdeReceiver], **kwargs):
+        super().__init__("ur_tf", **kwargs)
+        self._settings = Parameters(self, PARAMETERS)
+        if self.get_parameter("use_sim_time").value:
+            raise InputError("ur_tf reads a real arm, whose time is wall time: set use_sim_time to false")
+        self._connect = connect
+        prefix = self._settings["tf_prefix"]
+        self._base, self._tool = prefix + "base", prefix + "tool0"
+        self._joints = [prefix + name for name in JOINT_NAMES]
+        self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
+        self._joint_states = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
+        static = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        now = Header(stamp=self.get_clock().now().to_msg(), frame_id=prefix + "base_link")
+        static.publish(TFMessage(transforms=[_stamped(now, self._base, BASE_LINK_FROM_BASE)]))
+
+        self._trouble = "not connected yet"
+        self._samples, self._connections = 0, 0
+        self._diagnostics = Diagnostics(self, self._describe, hardware_id=self._settings["robot_ip"])
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="rtde", daemon=True)
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """Stop reading, then destroy the node."""
+        self._stop.set()
+        self._thread.join(timeout=5.0)
+        super().destroy_node()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                arm = self._connect(self._settings["robot_ip"], self._settings["rate"])
+            except ConnectionError as error:
+                self._report(str(error))
+            else:
+                self._connections += 1
+                self.get_logger().info(f"connected to {self._settings['robot_ip']}")
+                try:
+                    self._follow(arm)
+                finally:
+                    arm.close()
+            self._stop.wait(self._settings["reconnect_period"])
+
+    def _follow(self, arm: RtdeReceiver) -> None:
+        """Publish every new state until the connection ends or the node is stopped."""
+        clock, newest, since = RobotClock(), None, time.monotonic()
+        period, timeout = 1.0 / self._settings["rate"], self._settings["timeout"]
+        while not self._stop.is_set():
+            state = arm.read()
+            arrival = self.get_clock().now().nanoseconds
+            if state is None:
+                self._report("connection lost")
+                return
+            if state.robot_time != newest:
+                newest, since = state.robot_time, time.monotonic()
+                self._publish(state, clock.stamp(state.robot_time, arrival))
+            elif time.monotonic() - since > timeout:
+                self._report(f"no new sample for {timeout:g} s")
+                return
+            self._stop.wait(period)
+
+    def _publish(self, state: ArmState, stamp_ns: int) -> None:
+        try:
+            tool = tool_from_tcp(state.tcp_pose, self._settings["tcp_offset"])
+        except InputError as error:
+            self._diagnostics.problem("bad_samples", str(error))
+            return
+        header = Header(stamp=stamp_from_ns(stamp_ns), frame_id=self._base)
+        self._tf.publish(TFMessage(transforms=[_stamped(header, self._tool, tool)]))
+        self._joint_states.publish(
+            JointState(
+                header=header,
+                name=self._joints,
+                position=state.positions.tolist(),
+                velocity=state.velocities.tolist(),
+            )
+        )
+        self._samples += 1
+        self._trouble = ""
+
+    def _report(self, trouble: str) -> None:
+        self._trouble = trouble
+        self.get_logger().warning(f"{self._settings['robot_ip']}: {trouble}", throttle_duration_sec=10.0)
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        values = {"samples": self._samples, "connections": self._connections}
+        return (ERROR, self._trouble, values) if self._trouble else (OK, "connected", values)
+
+
+def _stamped(header: Header, child: str, transform) -> TransformStamped:
+    return TransformStamped(header=header, child_frame_id=child, transform=transform_to_msg(transform))
+
+
+def main() -> int:
+    """Entry point of the executable."""
+    return run(lambda: [UrTf(rtde_connector())])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,67 @@
+"""Reads the state of a Universal Robots arm through the package `ur-rtde`, without ROS."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_perception.errors import InputError
+
+RTDE_PORT = 30004
+_OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """One sample of the arm."""
+
+    robot_time: float  # s since the controller's start
+    tcp_pose: np.ndarray  # (6,) [x y z rx ry rz], m and rad, of the TCP in `base`
+    positions: np.ndarray  # (6,) rad
+    velocities: np.ndarray  # (6,) rad/s
+
+
+class RtdeReceiver:
+    """One connection to an arm."""
+
+    def __init__(self, arm):
+        self._arm = arm
+
+    def read(self) -> ArmState | None:
+        """The newest state, the same again if no new one has arrived; None once the connection is lost."""
+        if not self._arm.isConnected():
+            return None
+        return ArmState(
+            self._arm.getTimestamp(),
+            np.array(self._arm.getActualTCPPose()),
+            np.array(self._arm.getActualQ()),
+            np.array(self._arm.getActualQd()),
+        )
+
+    def close(self) -> None:
+        """End the connection."""
+        self._arm.disconnect()
+
+
+def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]:
+    """A function (robot_ip, rate in Hz) -> RtdeReceiver that raises ConnectionError if the arm is silent.
+
+    Raises InputError when `ur-rtde`, which only arms without a ROS driver need, is not installed.
+    """
+    try:
+        from rtde_receive import RTDEReceiveInterface
+    except ImportError as error:
+        raise InputError("ur_tf needs the Python package ur-rtde; install it: pip install ur-rtde") from error
+
+    def connect(robot_ip: str, rate: float) -> RtdeReceiver:
+        try:
+            # The library's own attempt holds the interpreter for minutes when nobody answers: ask first.
+            socket.create_connection((robot_ip, RTDE_PORT), timeout=timeout).close()
+            return RtdeReceiver(RTDEReceiveInterface(robot_ip, rate, _OUTPUTS))
+        except (OSError, RuntimeError) as error:
+            raise ConnectionError(f"no RTDE at {robot_ip}:{RTDE_PORT}: {error}") from error
+
+    return connect
