@@ -1,4 +1,4 @@
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -14,8 +14,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
-        (f"share/{package}/launch", glob("launch/*.py")),
-        (f"share/{package}/config", glob("config/*.yaml")),
+        *(
+            (f"share/{package}/{folder}", [str(path) for path in sorted(Path(folder).glob("*.*"))])
+            for folder in ("config", "launch")
+        ),
     ],
     install_requires=["numpy", "opencv-contrib-python-headless"],
     python_requires=">=3.10",

@@ -1,4 +1,4 @@
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -14,10 +14,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
-        (f"share/{package}/launch", glob("launch/*.py")),
-        (f"share/{package}/config", glob("config/*.yaml")),
-        (f"share/{package}/rviz", glob("rviz/*.rviz")),
-        (f"share/{package}/urdf", glob("urdf/*")),
+        *(
+            (f"share/{package}/{folder}", [str(path) for path in sorted(Path(folder).glob("*.*"))])
+            for folder in ("config", "foxglove", "launch", "rviz", "urdf")
+        ),
     ],
     install_requires=[
         "digit_driver",
@@ -37,11 +37,13 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Launch, configuration, datasets, evaluation and the midastouch command.",
     license="MIT",
+    extras_require={"ur": ["ur-rtde"]},
     entry_points={
         "console_scripts": [
             "all_in_one = midastouch_bringup.nodes.all_in_one:main",
             "midastouch = midastouch_bringup.cli:main",
             "replay = midastouch_bringup.nodes.replay:main",
+            "ur_tf = midastouch_bringup.nodes.ur_tf:main",
         ]
     },
 )

@@ -1,0 +1,29 @@
+# make demo | make test | make bench | make lint
+# Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
+
+PYTHON ?= python3
+BIN := .venv/bin
+
+# What a sourced ROS installation or another workspace has set would mix their libraries with the wheels'.
+unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+ifdef ROS_DISTRO
+unexport LD_LIBRARY_PATH
+endif
+
+.PHONY: demo test bench lint setup
+.DEFAULT_GOAL := demo
+
+demo: setup
+	$(BIN)/midastouch demo
+
+test: lint
+	$(BIN)/python -m pytest
+
+bench: setup
+	$(BIN)/midastouch bench --json out/bench.json
+
+lint: setup
+	$(BIN)/ruff check .
+
+setup:
+	@$(PYTHON) tools/setup_workspace.py

@@ -1,0 +1,313 @@
+"""Make .venv ready: ROS 2 from PyPI wheels, the pinned packages, our messages, our Python packages.
+
+Called by every target of the Makefile. Each step leaves a stamp that holds a hash of what it was made
+from, written when the step has succeeded; a step whose stamp is right is not done again, so a second
+call takes a fraction of a second. A set-up that was interrupted while packages were being installed
+starts from an empty environment (pip's cache makes that quick), as nobody can say what it holds.
+
+Runs on the standard library of any Python 3, to be able to say that 3.10 or later is needed.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import platform
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+PYTHON = VENV / "bin" / "python"
+STAMPS = VENV / ".setup"
+RUNNING = STAMPS / "running"
+LOG = VENV / "setup.log"
+PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install"]
+
+LOCK = ROOT / "tools" / "requirements" / "lock.txt"
+FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
+INTERFACES = [ROOT / "tools" / "ros_wheels" / "tf2_msgs", ROOT / "midastouch_msgs"]
+PACKAGES = [
+    ROOT / name
+    for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+]
+
+OLDEST, NEWEST = (3, 10), (3, 13)
+
+# Read by Python at every start in the environment: the one place for the variables that ROS wants and the
+# wheels do not set. Fast DDS is the only middleware among the wheels.
+ENVIRONMENT_PTH = """\
+import os, sys; os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix); \
+os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
+"""
+
+
+class SetupError(Exception):
+    """What went wrong and how to mend it, in words for the user."""
+
+
+def content_hash(paths, *extra):
+    """SHA-256 over names and contents of files (folders: all files below), and over extra strings."""
+    digest = hashlib.sha256()
+    for path in paths:
+        files = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        for file in files:
+            digest.update(str(file.relative_to(ROOT)).encode() + b"\0")
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+    for text in extra:
+        digest.update(text.encode() + b"\0")
+    return digest.hexdigest()
+
+
+class Progress:
+    """One line per step: on a terminal with a running clock, else written at its start and its end."""
+
+    def __init__(self, title, lock):
+        self.lock = lock
+        self._title = f"{title:<56}"
+        self._start = time.monotonic()
+        self._terminal = sys.stdout.isatty()
+        print(self._title, end="", flush=True)
+
+    def tick(self):
+        if self._terminal:
+            print(f"\r{self._title}{self._elapsed()}", end="", flush=True)
+
+    def end(self, note=""):
+        print((f"\r{self._title}" if self._terminal else "") + self._elapsed(), note, flush=True)
+
+    def _elapsed(self):
+        return f"{time.monotonic() - self._start:5.0f} s"
+
+
+def run(command, progress, mend, **environment):
+    """Run a command, its output into the log. Raises SetupError with the end of its output and the mend."""
+    variables = {**os.environ, **environment}
+    # The Python of the environment re-executes itself to set these; another Python's must not stay.
+    variables.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
+    with LOG.open("ab") as log:
+        log.write(f"\n$ {' '.join(map(str, command))}\n".encode())
+        log.flush()
+        begin = log.tell()
+        process = subprocess.Popen(
+            [str(word) for word in command],
+            cwd=str(ROOT),
+            env=variables,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            # Inherited, the lock outlives this process if that is killed while the command goes on.
+            pass_fds=[progress.lock.fileno()],
+        )
+        try:
+            while process.poll() is None:
+                progress.tick()
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(timeout=1)
+        except BaseException:
+            process.terminate()
+            process.wait()
+            raise
+    if process.returncode:
+        tail = LOG.read_bytes()[begin:].decode(errors="replace").rstrip().splitlines()[-25:]
+        raise SetupError("\n".join(["", *("    " + line for line in tail), "", mend]))
+
+
+def check_machine():
+    """Raise SetupError for what the set-up cannot bring by itself."""
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        raise SetupError(
+            f"The ROS 2 wheels exist for Linux on x86-64 only, this is {platform.system()} on "
+            f"{platform.machine()}. Use a system ROS 2 Jazzy and colcon (CONTRIBUTING.md) or docker/."
+        )
+    if not OLDEST <= sys.version_info[:2] <= NEWEST:
+        raise SetupError(
+            f"Python {platform.python_version()} ({sys.executable}) does not serve: 3.10 to 3.13 do. "
+            "Install one of them, then name it: make PYTHON=python3.12 ..."
+        )
+    if not shutil.which("cmake"):
+        raise SetupError("cmake is missing. Debian, Ubuntu: sudo apt install cmake")
+    if not (os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")):
+        raise SetupError("There is no C++ compiler. Debian, Ubuntu: sudo apt install g++")
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
+        raise SetupError(
+            f"The C headers of {sys.executable} are missing. "
+            f"Debian, Ubuntu: sudo apt install python{version}-dev"
+        )
+    try:
+        import ensurepip  # noqa: F401  (Debian and Ubuntu ship it apart)
+        import venv  # noqa: F401
+    except ImportError:
+        raise SetupError(
+            f"{sys.executable} cannot make virtual environments. "
+            f"Debian, Ubuntu: sudo apt install python{version}-venv"
+        ) from None
+
+
+def make_environment(progress):
+    run(
+        [sys.executable, "-m", "venv", VENV],
+        progress,
+        f"{sys.executable} -m venv failed. Is the disk full? Another Python: make PYTHON=python3.12 ...",
+    )
+
+
+def install_dependencies(progress):
+    # The lock names every dependency, so pip has nothing to resolve.
+    run(
+        [*PIP_INSTALL, "--progress-bar", "off", "--no-deps", "--requirement", LOCK],
+        progress,
+        "pip could not install the packages. Check the network (behind a proxy set HTTPS_PROXY, with an own "
+        "index PIP_INDEX_URL) and the free disk space (2 GB), then run make again.",
+        PIP_DEFAULT_TIMEOUT=os.environ.get("PIP_DEFAULT_TIMEOUT", "60"),
+        PIP_USER="0",
+    )
+    site_packages = next(VENV.glob("lib/python3.*/site-packages"))
+    (site_packages / "ros_wheels_environment.pth").write_text(ENVIRONMENT_PTH)
+    run([PYTHON, FIX_EXPORTS], progress, "tools/ros_wheels/fix_exports.py failed.")
+
+
+def build_interfaces(progress):
+    mend = (
+        "Generating or compiling the messages failed. If the compiler or cmake has changed, "
+        "rm -rf .venv and run make again."
+    )
+    variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
+    for source in INTERFACES:
+        build = VENV / "build" / source.name
+        # A message that is gone from the sources must go from the environment as well.
+        manifest = build / "install_manifest.txt"
+        for installed in manifest.read_text().splitlines() if manifest.exists() else []:
+            Path(installed).unlink(missing_ok=True)
+        shutil.rmtree(build, ignore_errors=True)
+        configure = ["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
+        configure += [f"-DCMAKE_INSTALL_PREFIX={VENV}", f"-DPython3_EXECUTABLE={PYTHON}"]
+        run(configure, progress, mend, **variables)
+        install = ["cmake", "--build", build, "--target", "install", "--parallel", os.cpu_count() or 1]
+        run(install, progress, mend, **variables)
+
+
+def install_packages(progress):
+    command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
+    command += [argument for package in PACKAGES for argument in ("--editable", package)]
+    run(command, progress, "Installing the packages of this workspace failed.")
+    # What colcon would install to share (package.xml, launch, config, ...) is found by link: always current.
+    index = VENV / "share" / "ament_index" / "resource_index" / "packages"
+    for package in PACKAGES:
+        for link, target in (
+            (VENV / "share" / package.name, package),
+            (index / package.name, package / "resource" / package.name),
+        ):
+            if link.is_symlink():
+                link.unlink()
+            link.symlink_to(target)
+
+
+def discard_what_cannot_be_trusted():
+    """Remove an environment that was moved, has lost its Python, or was interrupted half-installed."""
+    if not VENV.exists():
+        return
+    if not STAMPS.exists():
+        raise SetupError(
+            f"{VENV} was not made by this set-up. Move it away or remove it, then run make again."
+        )
+    made_for = STAMPS / "environment"
+    reason = None
+    interrupted = RUNNING.exists() and RUNNING.read_text() in ("environment", "dependencies")
+    if interrupted or not made_for.exists():
+        reason = "an earlier set-up was interrupted"
+    elif not PYTHON.exists():
+        reason = "its Python is gone"
+    elif made_for.read_text() != environment_key():
+        reason = "it was made in another folder"
+    if reason:
+        print(f".venv is made anew: {reason}")
+        shutil.rmtree(VENV)
+
+
+def environment_key():
+    return content_hash([], str(ROOT))
+
+
+def set_up(lock):
+    discard_what_cannot_be_trusted()
+    dependencies_key = content_hash([LOCK, FIX_EXPORTS], ENVIRONMENT_PTH)
+    described_by = [p / name for p in PACKAGES for name in ("setup.py", "setup.cfg", "package.xml")]
+    steps = [
+        ("environment", environment_key(), make_environment, "virtual environment"),
+        ("dependencies", dependencies_key, install_dependencies, "ROS 2 Jazzy and libraries, about 1 GB"),
+        (
+            "interfaces",
+            content_hash(INTERFACES, dependencies_key),
+            build_interfaces,
+            "messages: " + ", ".join(source.name for source in INTERFACES),
+        ),
+        (
+            "packages",
+            content_hash(described_by, dependencies_key),
+            install_packages,
+            "packages of the workspace",
+        ),
+    ]
+    todo = [step for step in steps if not is_done(*step[:2])]
+    if not todo:
+        return
+    check_machine()
+    STAMPS.mkdir(parents=True, exist_ok=True)
+    LOG.write_text("")
+    print(f"Setting up .venv with Python {platform.python_version()}, details in {LOG.relative_to(ROOT)}")
+    for number, (name, key, action, title) in enumerate(todo, 1):
+        progress = Progress(f"[{number}/{len(todo)}] {title}", lock)
+        RUNNING.write_text(name)
+        (STAMPS / name).unlink(missing_ok=True)
+        try:
+            action(progress)
+        except BaseException:
+            progress.end("failed")
+            raise
+        (STAMPS / name).write_text(key)
+        RUNNING.unlink()
+        progress.end()
+
+
+def is_done(name, key):
+    stamp = STAMPS / name
+    return stamp.exists() and stamp.read_text() == key
+
+
+def use_supported_python():
+    """Where ``python3`` is too old or too new, go on in another Python that is installed beside it."""
+    if OLDEST <= sys.version_info[:2] <= NEWEST:
+        return
+    for minor in (12, 13, 11, 10):
+        other = shutil.which(f"python3.{minor}")
+        # Version managers put names on the path that lead nowhere.
+        if other and subprocess.call([other, "-c", ""], stderr=subprocess.DEVNULL) == 0:
+            os.execv(other, [other, *sys.argv])
+
+
+def main():
+    use_supported_python()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with Path(__file__).open() as lock:
+        try:
+            # Two makes at the same time: the second waits, then finds everything done.
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            set_up(lock)
+        except SetupError as error:
+            print(f"{error}\n", file=sys.stderr)
+            return 1
+        except KeyboardInterrupt:
+            print("Interrupted: run make again to go on.", file=sys.stderr)
+            return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
