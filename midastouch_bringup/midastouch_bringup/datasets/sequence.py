@@ -1,0 +1,84 @@
+"""One sliding sequence, whatever layout it has on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.files import require_file
+
+IMAGE_SHAPE = (320, 240, 3)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Posed tactile images of one slide over one object; images are read when asked for.
+
+    Attributes:
+        path: the folder it was read from.
+        name: the last two parts of that path, such as `035_power_drill/00`.
+        object_name: name of the object touched.
+        layout: `simulated` or `real`.
+        image_paths: one file per frame.
+        stamps_ns: (N,) int64, increasing, nanoseconds; never 0, which ROS reads as "no time".
+        poses_true: (N, 4, 4) T_obj_gel from ground truth.
+        poses_measured: (N, 4, 4) T_obj_gel as the robot knows it: the source of odometry. Equal to
+            `poses_true` in the real layout, whose only poses are the tracker's.
+        dropped_frames: frames on disk left out because their pose is missing or jumps.
+    """
+
+    path: Path
+    object_name: str
+    layout: str
+    image_paths: tuple[Path, ...]
+    stamps_ns: np.ndarray
+    poses_true: np.ndarray
+    poses_measured: np.ndarray
+    background_path: Path | None = None
+    dropped_frames: int = 0
+    penetration_sources: Mapping[int, Callable[[], np.ndarray]] = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        return "/".join(self.path.resolve().parts[-2:])
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.image_paths)
+
+    def image(self, i: int) -> np.ndarray:
+        """Tactile image of frame `i`: (320, 240, 3) uint8 RGB. Raises InputError if it cannot be read."""
+        return read_image(self.image_paths[i])
+
+    @property
+    def background(self) -> np.ndarray | None:
+        """The sensor's no-contact image (320, 240, 3) uint8 RGB, None if the sequence has none."""
+        return None if self.background_path is None else read_image(self.background_path)
+
+    @property
+    def ground_truth_frames(self) -> tuple[int, ...]:
+        """Frames whose penetration map is known."""
+        return tuple(sorted(self.penetration_sources))
+
+    def penetration_truth(self, i: int) -> np.ndarray | None:
+        """True penetration map (320, 240) float32, metres, of frame `i`; None if it is not known."""
+        source = self.penetration_sources.get(i)
+        return None if source is None else source()
+
+
+def read_image(path: Path) -> np.ndarray:
+    """A DIGIT image file as (320, 240, 3) uint8 RGB; InputError if missing, damaged or of another size."""
+    image = cv2.imread(str(require_file(path, "image")), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: not a readable image; get the file again")
+    if image.shape != IMAGE_SHAPE:
+        raise InputError(
+            f"{path}: image is {image.shape[1]} x {image.shape[0]}, expected a portrait image of 240 x 320; "
+            "rotate or scale it"
+        )
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)

@@ -1,0 +1,96 @@
+"""Write a slide in YCB-Slide's simulated layout, for its tools and for this package's reader alike."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.files import atomic_path
+from midastouch_perception.sensor_model import SensorModel
+
+from .sequence import IMAGE_SHAPE
+from .ycb_slide import BACKGROUND_FILE, PENETRATION_FILE
+
+_JPEG_QUALITY = 95
+_HEIGHT_UNIT = 3e-5  # m per grey level
+_CONTACT = 1e-6  # m
+
+
+def write_sequence(
+    path: str | Path,
+    frames: Iterable[tuple[np.ndarray, np.ndarray]],
+    poses_true: np.ndarray,
+    poses_measured: np.ndarray,
+    *,
+    background: np.ndarray,
+    object_name: str,
+    sensor: SensorModel,
+    noise: dict[str, float],
+) -> None:
+    """Write a sequence to the folder `path`; it appears complete or not at all.
+
+    Args:
+        frames: (image (320, 240, 3) uint8 RGB, penetration (320, 240) metres) per frame; taken one at a time.
+        poses_true, poses_measured: (N, 4, 4) T_obj_gel.
+        background: the sensor's no-contact image, as the images.
+        sensor: model the images were made with; its camera poses are written too.
+        noise: standard deviations of the measured poses, `sig_t` in metres and `sig_r` in degrees.
+
+    Raises InputError if `path` holds anything but a sequence, or if frames and poses differ in number.
+    """
+    path = Path(path)
+    if (
+        path.exists()
+        and not (path / "tactile_data.pkl").is_file()
+        and (not path.is_dir() or any(path.iterdir()))
+    ):
+        raise InputError(f"{path}: exists and is not a sequence; choose another folder")
+    dome = sensor.gel_distance - sensor.gel_depth
+    with atomic_path(path) as folder:
+        for name in ("tactile_images", "gt_heightmaps", "gt_contactmasks"):
+            (folder / name).mkdir(parents=True)
+        penetrations = []
+        for i, (image, penetration) in enumerate(frames):
+            if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
+                raise InputError(
+                    f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240"
+                )
+            heights = np.clip(np.round((penetration + dome) / _HEIGHT_UNIT), 0, 255).astype(np.uint8)
+            _write_image(folder / "tactile_images" / f"{i}.jpg", image)
+            _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
+            _write_image(
+                folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255
+            )
+            penetrations.append(np.round(penetration * 1e6).astype(np.int16))
+        n = len(penetrations)
+        if not n == len(poses_true) == len(poses_measured) or n == 0:
+            raise InputError(
+                f"{path}: {n} frames, {len(poses_true)} true and {len(poses_measured)} measured poses; "
+                "a sequence needs one of each per frame"
+            )
+        np.savez_compressed(
+            folder / PENETRATION_FILE, frames=np.arange(n), penetration_um=np.stack(penetrations)
+        )
+        _write_image(folder / BACKGROUND_FILE, background)
+        camera_from_gel = se3.make(np.eye(3), np.array([0, 0, sensor.gel_distance]))
+        data = {
+            "gelposes": se3.to_xyzquat(poses_true),
+            "camposes": se3.to_xyzquat(poses_true @ camera_from_gel),
+            "gelposes_meas": se3.to_xyzquat(poses_measured),
+            "mNoise": {key: float(value) for key, value in noise.items()},
+            "object_name": object_name,
+        }
+        (folder / "tactile_data.pkl").write_bytes(pickle.dumps(data, protocol=4))
+
+
+def _write_image(file: Path, image: np.ndarray) -> None:
+    """Write grey or RGB; raises OSError where OpenCV only returns False."""
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
+    if not cv2.imwrite(str(file), bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]):
+        raise OSError(f"{file}: could not be written; is the disk full?")
