@@ -1,0 +1,105 @@
+"""Every number the filter can be tuned by, with its unit, range and meaning."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from midastouch_perception.errors import InputError
+
+
+def _number(default: float, low: float, high: float, unit: str, doc: str):
+    """A dataclass field that carries what a parameter server or a table needs to know about it."""
+    return field(default=default, metadata={"low": low, "high": high, "unit": unit, "doc": doc})
+
+
+def _switch(default: bool, doc: str):
+    return field(default=default, metadata={"unit": "", "doc": doc})
+
+
+@dataclass(frozen=True)
+class FilterConfig:
+    """Settings of `ParticleFilter`. Raises InputError, naming the parameter, on a value out of range.
+
+    Each field's metadata holds `doc`, `unit` and, for numbers, `low` and `high` (inclusive), so that nodes can
+    declare their parameters and documents can list them without repeating anything.
+    """
+
+    # --- number of particles (paper appendix C; KLD sampling, Fox 2001)
+    min_particles: int = _number(500, 1, 1_000_000, "", "fewest particles")
+    max_particles: int = _number(50_000, 1, 5_000_000, "", "most particles; also the number at the start")
+    pf_err: float = _number(0.05, 1e-3, 0.5, "", "KLD sampling: allowed divergence from the true distribution")
+    pf_z: float = _number(
+        3.0, 0.0, 6.0, "", "KLD sampling: quantile of the standard normal, not a probability (3 means 99.87 %)"
+    )
+    region_size: float = _number(
+        0.005, 1e-3, 0.05, "m", "edge of the SE(3) cells for KLD sampling and clustering; 1 rad counts as 10 mm"
+    )
+    kld_sampling: bool = _switch(True, "adapt the number of particles; off keeps max_particles")
+
+    # --- motion model (paper equation 1)
+    noise_translation: float = _number(5e-4, 0.0, 0.05, "m", "noise per moving step in contact, each axis, sigma")
+    noise_rotation: float = _number(
+        math.radians(1.0), 0.0, 1.0, "rad", "noise per moving step in contact, each axis, sigma"
+    )
+    noise_per_metre: float = _number(0.02, 0.0, 1.0, "m/m", "further translation noise per distance moved")
+    noise_per_radian: float = _number(0.02, 0.0, 1.0, "rad/rad", "further rotation noise per angle turned")
+    update_min_d: float = _number(2e-4, 0.0, 0.1, "m", "the arm is at rest until it has moved this far")
+    update_min_a: float = _number(math.radians(0.2), 0.0, 1.0, "rad", "... or turned this far")
+    max_odometry_jump: float = _number(0.5, 0.01, 10.0, "m", "one step longer than this starts the filter again")
+
+    # --- measurement model (paper equation 2, made a calibrated likelihood ratio)
+    temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
+    outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
+    correlation_length: float = _number(
+        0.004, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
+    )
+    smoothing_neighbours: int = _number(
+        0, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
+    )
+
+    # --- surface constraint (paper appendix C, pruning)
+    max_penetration: float = _number(2e-3, 0.0, 0.02, "m", "the gel's apex may lie this deep in the object for free")
+    max_hover: float = _number(1e-3, 0.0, 0.02, "m", "... and this far above its surface")
+    surface_sigma: float = _number(1e-3, 1e-5, 0.02, "m", "softness of both limits")
+    dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
+    project_to_surface: bool = _switch(False, "move particles back between both limits instead of only weighing them")
+    book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
+
+    # --- resampling and recovery
+    resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
+    recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
+    recovery_alpha_slow: float = _number(0.02, 1e-4, 1.0, "", "rate of the long average of the likelihood")
+    recovery_alpha_fast: float = _number(0.3, 1e-3, 1.0, "", "rate of the short average of the likelihood")
+    recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest share of particles injected per update")
+
+    # --- modes and status
+    mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
+    min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
+    converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
+    converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
+    converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
+    hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
+
+    # --- machine
+    threads: int = _number(0, 0, 256, "", "worker threads; 0: one per available core")
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.type == "bool":
+                if not isinstance(value, bool):
+                    raise InputError(f"parameter {item.name}: {value!r} is not true or false")
+                continue
+            integral = item.type == "int"
+            if isinstance(value, bool) or not isinstance(value, int if integral else (int, float)):
+                kind = "a whole number" if integral else "a number"
+                raise InputError(f"parameter {item.name}: {value!r} is not {kind}")
+            low, high = item.metadata["low"], item.metadata["high"]
+            if not low <= value <= high:
+                unit = f" {item.metadata['unit']}" if item.metadata["unit"] else ""
+                raise InputError(f"parameter {item.name}: {value} is outside [{low}, {high}]{unit}")
+        if self.min_particles > self.max_particles:
+            raise InputError(
+                f"parameter min_particles: {self.min_particles} is more than max_particles {self.max_particles}"
+            )

@@ -1,0 +1,339 @@
+"""The particle filter over touch (paper section 4.3 and appendix C).
+
+One step: move the particles by the odometry, look up their codebook entries, weigh them by the measured code,
+resample if the weights have become too uneven, and report the modes.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+
+from . import gates, initialisation, kld, resampling
+from .config import FilterConfig
+from .estimate import Estimate, Mode, modes_from_moments
+from .lookup import PoseLookup
+from .measurement_model import MeasurementModel
+from .modes import ModeFinder
+from .motion_model import MotionModel, Odometry
+from .particles import Particles
+from .recovery import LikelihoodTrend
+from .regions import Regions
+from .state import Evidence, StateMachine, Status
+from .stopwatch import Stopwatch
+from .surface import SurfaceConstraint, SurfaceGrid
+from .workers import Workers
+
+if TYPE_CHECKING:
+    from midastouch_perception.codebook import Codebook
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown."""
+
+    in_contact: bool
+    code: np.ndarray | None = None
+    contact_area: float = 0.0
+    network_id: str = ""
+
+
+class ParticleFilter:
+    """Distribution of the sensor pose `T_obj_gel` on a known object.
+
+    Args: mesh; codebook of that mesh; config; seed: same seed and input, same machine, bit-equal result;
+    clock: function returning seconds, for the milliseconds per stage in `Status` (default: none are measured).
+    Raises InputError if the codebook cannot be used.
+    """
+
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        codebook: Codebook,
+        config: FilterConfig | None = None,
+        seed: int = 0,
+        clock: Callable[[], float] = lambda: 0.0,
+    ):
+        self.config = c = config or FilterConfig()
+        self._poses = np.asarray(codebook.poses, float)
+        if not np.isfinite(self._poses).all():
+            raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")
+        self._network_id = str(codebook.meta.get("tcn", ""))
+        self._rng = np.random.default_rng(seed)
+        self._workers = Workers(c.threads)
+        self._lookup = PoseLookup(self._poses, self._workers)
+        self._motion = MotionModel(c, self._rng, self._workers)
+        self._measurement = MeasurementModel(codebook, self._lookup, c, self._workers)
+        grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
+        self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
+        self._regions = Regions(self._lookup, self._poses, c.region_size)
+        self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
+        self._clock = clock
+        self._gates = {
+            "at_rest": gates.RestGate(c),
+            "no_contact": gates.ContactGate(),
+            "unchanged_code": gates.UnchangedCodeGate(),
+            "effective_size": gates.EffectiveSizeGate(c),
+            "whole_book": gates.OccupiedGate(),
+            "unmoved_modes": gates.UnmovedGate(),
+        }
+        self._refused: Counter[str] = Counter()
+        self._state = StateMachine(c)
+        self._particles: Particles | None = None
+
+    # ------------------------------------------------------------------ start
+
+    def initialise_uniform(self) -> None:
+        """Start over the whole surface, with uniform yaw: nothing is known."""
+        entries = initialisation.uniform_entries(len(self._poses), self.config.max_particles, self._rng)
+        self._start(self._around(entries))
+
+    def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
+
+        Raises InputError if the prior is no rigid transform or a sigma is negative or not finite.
+        """
+        try:
+            prior = Odometry.from_matrix(prior).transform
+        except ValueError as error:
+            raise InputError(f"prior pose: {str(error).replace('odometry', 'the pose')}") from error
+        if not (0 <= sigma_t < np.inf and 0 <= sigma_r < np.inf):
+            raise InputError(f"prior pose: sigmas {sigma_t} m, {sigma_r} rad must be finite and not negative")
+        drawn = initialisation.gaussian_poses(prior, sigma_t, sigma_r, self.config.max_particles, self._rng)
+        self._start(self._around(self._lookup.exact(drawn)))
+
+    def _around(self, entries: np.ndarray) -> Particles:
+        """Equally weighted particles at codebook entries (n,), spread over the gaps between them."""
+        particles = Particles.from_poses(self._poses[entries], entries)
+        self._motion.scatter(particles, self._lookup.spacing)
+        return particles
+
+    def _start(self, particles: Particles) -> None:
+        self._particles = particles
+        self._weights = particles.weights
+        self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
+        self._modes: list[Mode] = []
+        self._path_since_lookup = 0.0
+        self._path_since_touch = np.inf
+        self._in_contact = False
+        self._gates["at_rest"].reset()
+        self._gates["unchanged_code"].reset()
+
+    # ------------------------------------------------------------------ one step
+
+    def step(self, odometry: np.ndarray | None, measurement: Measurement) -> Estimate:
+        """One step of the filter; returns its estimate.
+
+        odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
+        Unusable odometry or codes (not finite, wrong size, zero) are refused: the reason is in the status, the
+        number of times in `Status.skipped`. Raises InputError if the code comes from another network than the
+        codebook's. Without a start the state stays `uninitialised`.
+        """
+        self._require_same_network(measurement)
+        self._watch = Stopwatch(self._clock)
+        self._note = self._restarted = ""
+        if self._particles is None:
+            return self._report()
+
+        with self._watch.stage("motion"):
+            moved = self._predict(odometry, measurement.in_contact)
+        touched = self._touch(measurement, moved)
+        if touched is not None:
+            with self._watch.stage("lookup"):
+                distance = self._look_up()
+            with self._watch.stage("weights"):
+                alive = self._weigh(touched, distance)
+            with self._watch.stage("resampling"):
+                self._resample(touched) if alive else self._restart(touched)
+        with self._watch.stage("modes"):
+            self._find_modes(moved or touched is not None)
+        return self._report()
+
+    def _predict(self, odometry: np.ndarray | None, in_contact: bool) -> bool:
+        """Equation 1: move every particle by the odometry and its own noise. False if nothing moved."""
+        if odometry is None:
+            return False
+        try:
+            motion = Odometry.from_matrix(odometry)
+        except ValueError as error:
+            self._refuse("bad_odometry", str(error))
+            return False
+        if motion.distance > self.config.max_odometry_jump:
+            self._refuse("odometry_jump", f"odometry jumped by {motion.distance:.2f} m")
+            self._restarted = self._note
+            self.initialise_uniform()
+            return True
+        motion = self._gates["at_rest"].motion(motion)
+        if motion is None:
+            return False
+        self._motion.propagate(self._particles, motion, in_contact)
+        self._path_since_lookup += motion.path
+        self._path_since_touch += motion.path
+        return True
+
+    def _touch(self, measurement: Measurement, moved: bool) -> np.ndarray | None:
+        """The unit code to weigh the particles by, or None if there is nothing new to learn."""
+        self._in_contact = measurement.in_contact
+        if self._gates["no_contact"].skips(measurement.in_contact):
+            return None
+        try:
+            code = self._measurement.unit_code(measurement.code)
+        except ValueError as error:
+            self._refuse("bad_code", str(error))
+            return None
+        first = np.isinf(self._path_since_touch)
+        if not (moved or first) or self._gates["unchanged_code"].skips(code):
+            return None
+        return code
+
+    def _look_up(self) -> np.ndarray:
+        """Set each particle's codebook entry; returns the pose distances (N,) [m] to it."""
+        if self._path_since_lookup > self._lookup.reach:
+            self._lookup.relocate(self._particles)
+        self._path_since_lookup = 0.0
+        return self._lookup.follow(self._particles)
+
+    def _weigh(self, code: np.ndarray, book_distance: np.ndarray) -> bool:
+        """Equation 2, as a log-likelihood ratio, and the surface constraint. False if no particle survives.
+
+        Touches nearer together than the correlation length see nearly the same patch: they are no independent
+        evidence, so both count in proportion to the path since the last one.
+        """
+        particles = self._particles
+        if self._gates["whole_book"].skips(len(particles), len(self._lookup)):
+            self._measurement.score_occupied(code, particles)
+        else:
+            self._measurement.score_book(code)
+        log_ratio = self._surface.log_weight(particles, book_distance)
+        log_ratio += self._measurement.log_likelihood(particles)
+        share = min(1.0, self._path_since_touch / self.config.correlation_length)
+        self._path_since_touch = 0.0
+        self._trend.update(resampling.log_sum_exp(particles.log_weights + log_ratio), share)
+        log_ratio *= share
+        log_ratio += particles.log_weights
+        total = resampling.log_sum_exp(log_ratio)
+        if not np.isfinite(total):
+            return False
+        log_ratio -= total
+        particles.log_weights = log_ratio
+        self._weights = np.exp(log_ratio)
+        return True
+
+    def _resample(self, code: np.ndarray) -> None:
+        """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
+        injection = self._trend.injection
+        n = len(self._particles)
+        even = self._gates["effective_size"].skips(resampling.effective_size(self._weights), n)
+        if even and not injection:
+            return
+        ancestors = resampling.systematic(self._weights, n, self._rng)
+        if self.config.kld_sampling:
+            drawn = self._regions.of_entry[self._particles.entries[ancestors]]
+            wanted = kld.adapted_count(drawn, self.config)
+            if wanted != n:
+                ancestors = resampling.systematic(self._weights, wanted, self._rng)
+        self._particles = self._particles.select(ancestors)
+        self._weights = self._particles.weights
+        if injection:
+            where = self._rng.choice(len(ancestors), round(injection * len(ancestors)), replace=False)
+            self._particles.replace(where, self._best_matches(code, len(where)))
+            self._refused["injected"] += len(where)
+
+    def _restart(self, code: np.ndarray) -> None:
+        """No particle can explain the touch: start again, half from its best matches, half over the surface."""
+        n = self.config.max_particles
+        uniform = initialisation.uniform_entries(len(self._poses), n - n // 2, self._rng)
+        matches = self._best_matches(code, n // 2)
+        particles = self._around(np.concatenate([uniform, matches.entries]))
+        self._refuse("restarted", "no particle can explain the touch; started again over the surface")
+        self._restarted = self._note
+        self._start(particles)
+        self._in_contact = True
+
+    def _best_matches(self, code: np.ndarray, n: int) -> Particles:
+        self._measurement.score_book(code)
+        return self._around(self._measurement.draw_matches(n, self._rng))
+
+    def _find_modes(self, changed: bool) -> None:
+        """Hypothesis clustering; skipped while the particles are those of the last step."""
+        if self._modes and self._gates["unmoved_modes"].skips(changed):
+            return
+        self._modes = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
+
+    # ------------------------------------------------------------------ answers
+
+    def mark_stale(self, reason: str) -> Status:
+        """Say from outside that input has stopped, for the reason given; returns the status to publish."""
+        self._state.mark_stale(reason)
+        return self._status()
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Particles `T_obj_gel` (N, 4, 4); N = 0 while uninitialised."""
+        return self._particles.poses if self._particles else np.empty((0, 4, 4))
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights (N,), sum 1."""
+        return self._weights if self._particles else np.empty(0)
+
+    @property
+    def codebook_indices(self) -> np.ndarray:
+        """Codebook entry (N,) int32 of each particle, as of the last touch."""
+        return self._particles.entries if self._particles else np.empty(0, np.int32)
+
+    def _report(self) -> Estimate:
+        if self._particles is None:
+            self._state.update(Evidence())
+            return Estimate([], self._status())
+        dominant = self._modes[0]
+        self._state.update(
+            Evidence(
+                initialised=True,
+                in_contact=self._in_contact,
+                support=self._trend.support,
+                restarted=self._restarted,
+                mode_mass=dominant.weight,
+                spread_t=dominant.spread_translation,
+                spread_r=dominant.spread_rotation,
+            )
+        )
+        return Estimate(self._modes, self._status())
+
+    def _status(self) -> Status:
+        skipped = {name: gate.skipped for name, gate in self._gates.items()} | dict(self._refused)
+        reason = f"{self._state.reason} ({self._note})" if self._note else self._state.reason
+        if self._particles is None:
+            return Status(self._state.state, reason, skipped=skipped)
+        dominant = self._modes[0] if self._modes else None
+        return Status(
+            state=self._state.state,
+            reason=reason,
+            n_particles=len(self._particles),
+            ess=resampling.effective_size(self._weights),
+            n_modes=len(self._modes),
+            mode_mass=dominant.weight if dominant else 0.0,
+            spread_t=dominant.spread_translation if dominant else 0.0,
+            spread_r=dominant.spread_rotation if dominant else 0.0,
+            likelihood_trend=self._trend.short,
+            skipped=skipped,
+            ms=self._watch.ms,
+        )
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self._refused[name] += 1
+        self._note = reason
+
+    def _require_same_network(self, measurement: Measurement) -> None:
+        theirs = measurement.network_id
+        if theirs and self._network_id and theirs != self._network_id:
+            raise InputError(
+                f"tactile code: from network {theirs}, but the codebook was built with {self._network_id};"
+                " build the codebook with the encoder in use"
+            )

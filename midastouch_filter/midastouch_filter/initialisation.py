@@ -1,0 +1,27 @@
+"""Where the particles start (paper section 4.3, "Initialization")."""
+
+from __future__ import annotations
+
+import numpy as np
+from midastouch_perception import se3
+
+
+def uniform_entries(n_entries: int, n: int, rng: np.random.Generator) -> np.ndarray:
+    """n codebook entries (n,) over the whole surface, which the codebook covers evenly.
+
+    Stratified: no entry is drawn once more than another.
+    """
+    rounds = -(-n // n_entries)
+    return np.concatenate([rng.permutation(n_entries) for _ in range(rounds)])[:n]
+
+
+def gaussian_poses(
+    centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, rng: np.random.Generator
+) -> np.ndarray:
+    """n poses (n, 4, 4) around `centre` (4, 4): sigma_t [m] and sigma_r [rad] per axis (paper section 4.3).
+
+    They lie off the surface; the paper then replaces each by the nearest pose of the codebook.
+    """
+    noise = np.concatenate([sigma_t * rng.standard_normal((n, 3)), sigma_r * rng.standard_normal((n, 3))], axis=1)
+    rotations = se3.exp(noise * [0, 0, 0, 1, 1, 1])[:, :3, :3]
+    return se3.make(centre[:3, :3] @ rotations, centre[:3, 3] + noise[:, :3])

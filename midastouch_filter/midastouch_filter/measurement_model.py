@@ -1,0 +1,140 @@
+"""Measurement model: what a tactile code says about each particle (paper equation 2, calibrated).
+
+The paper weighs particles by a softmax of cosines, whose ratios never exceed e^2. Here the similarity s of the
+measured code to a codebook entry becomes a log-likelihood ratio against a random touch of the same object,
+
+    l = log((1 - outlier) exp(s / T) / mean over the book(exp(s / T)) + outlier),
+
+with temperature T and outlier share fitted when the network was trained (an InfoNCE-trained similarity is such a
+ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): it speaks fully against.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numba
+import numpy as np
+from midastouch_perception.errors import InputError
+
+from .config import FilterConfig
+from .lookup import PoseLookup, squared_distance
+from .particles import Particles
+from .workers import Workers
+
+if TYPE_CHECKING:
+    from midastouch_perception.codebook import Codebook
+
+_SAMPLE = 2048  # codebook entries that stand for the rest of the book while only occupied entries are scored
+
+
+class MeasurementModel:
+    """Scores codebook entries by a measured code and hands the scores to particles.
+
+    Attributes: log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
+    """
+
+    def __init__(self, codebook: Codebook, lookup: PoseLookup, config: FilterConfig, workers: Workers):
+        self._codes = np.ascontiguousarray(codebook.codes, np.float32)
+        if not np.isfinite(self._codes).all():
+            raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
+        self._temperature = config.temperature or float(codebook.meta["temperature"])
+        self.outlier = config.outlier or float(codebook.meta["outlier"])
+        if not (self._temperature > 0 and 0 < self.outlier < 1):
+            raise InputError(
+                f"codebook: temperature {self._temperature} and outlier share {self.outlier} are not a calibration;"
+                " build it again or set the parameters `temperature` and `outlier`"
+            )
+        self._lookup, self._workers = lookup, workers
+        self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
+        self._sample = np.arange(0, len(self._codes), max(len(self._codes) // _SAMPLE, 1))
+        self._sample_codes = self._codes[self._sample]
+        self._is_occupied = np.zeros(len(self._codes), bool)
+        self.log_ratio = np.zeros(len(self._codes), np.float32)
+
+    @property
+    def dimension(self) -> int:
+        """Length of the codes."""
+        return self._codes.shape[1]
+
+    def unit_code(self, code: np.ndarray | None) -> np.ndarray:
+        """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
+        if code is None:
+            raise ValueError("no code in a touch")
+        code = np.asarray(code, np.float32).ravel()
+        if len(code) != self.dimension:
+            raise ValueError(f"code of length {len(code)} instead of {self.dimension}")
+        norm = np.linalg.norm(code.astype(float))
+        if not np.isfinite(norm):
+            raise ValueError("code is not finite")
+        if norm < 1e-6:
+            raise ValueError("code is zero")
+        return (code / norm).astype(np.float32)
+
+    def score_book(self, code: np.ndarray) -> None:
+        """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,)."""
+        likelihood = self._relative_likelihood(self._codes @ code)
+        self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
+
+    def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
+        """Set `log_ratio` only where particles need it.
+
+        The book's mean is then the exact sum over these entries plus a fixed sample's for the rest.
+        """
+        occupied = self._is_occupied
+        occupied[:] = False
+        occupied[particles.entries] = True
+        if self._smoothing:
+            occupied[self._lookup.neighbours[particles.entries, : self._smoothing]] = True
+        rows = np.flatnonzero(occupied)
+        scores = np.concatenate([self._codes[rows] @ code, self._sample_codes @ code])
+        likelihood = self._relative_likelihood(scores)
+        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :][~occupied[self._sample]]
+        rest = elsewhere.mean(dtype=float) * (len(occupied) - len(rows)) if len(elsewhere) else 0.0
+        self._set(rows, here, (here.sum(dtype=float) + rest) / len(occupied))
+
+    def _relative_likelihood(self, scores: np.ndarray) -> np.ndarray:
+
+        return np.exp((scores - scores.max()) * np.float32(1 / self._temperature))
+
+    def _set(self, rows: np.ndarray | slice, likelihood: np.ndarray, mean: float) -> None:
+        likelihood *= np.float32((1 - self.outlier) / mean)
+        likelihood += np.float32(self.outlier)
+        self.log_ratio[rows] = np.log(likelihood, out=likelihood)
+
+    def log_likelihood(self, particles: Particles) -> np.ndarray:
+        """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
+        if not self._smoothing:
+            return self.log_ratio[particles.entries]
+        out = np.empty(len(particles), np.float32)
+        self._workers.run(
+            len(particles),
+            lambda low, high, _: _interpolate(
+                low, high, particles.positions, particles.quaternions, particles.entries, self._lookup.records,
+                self._lookup.neighbours, self._smoothing, np.float32(-0.5 / self._lookup.spacing**2), self.log_ratio, out,
+            ),
+        )  # fmt: skip
+        return out
+
+    def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """n entries (n,) int32 drawn by their likelihood; needs `score_book` for the same code before."""
+        share = np.cumsum(np.exp(self.log_ratio, dtype=float))
+        return np.searchsorted(share, rng.random(n) * share[-1], side="right").astype(np.int32)
+
+
+@numba.njit(cache=True, nogil=True)
+def _interpolate(low, high, positions, quaternions, entries, records, neighbours, k, rate, log_ratio, out):
+    for i in range(low, high):
+        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
+        qx, qy, qz, qw = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
+        entry = entries[i]
+        nearest = squared_distance(x, y, z, qx, qy, qz, qw, records[entry])
+        total, weighted = np.float32(1.0), log_ratio[entry]
+        for j in range(k):
+            other = neighbours[entry, j]
+            d = squared_distance(x, y, z, qx, qy, qz, qw, records[other])
+            # relative to the nearest entry, so that a particle far from all of them still gets a weight
+            w = np.exp(rate * (d - nearest))
+            total += w
+            weighted += w * log_ratio[other]
+        out[i] = weighted / total

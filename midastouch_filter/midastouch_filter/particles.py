@@ -1,0 +1,61 @@
+"""The particle set: sensor poses on the object with log-weights (paper section 4.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from midastouch_perception import se3
+
+
+@dataclass
+class Particles:
+    """N weighted hypotheses `T_obj_gel`.
+
+    positions (N, 3) float32 m; quaternions (N, 4) float32 xyzw, unit; log_weights (N,) float64, normalised so
+    that the weights sum to 1; entries (N,) int32, the codebook entry nearest to each particle.
+    """
+
+    positions: np.ndarray
+    quaternions: np.ndarray
+    log_weights: np.ndarray
+    entries: np.ndarray
+
+    @classmethod
+    def from_poses(cls, poses: np.ndarray, entries: np.ndarray) -> Particles:
+        """Equally weighted particles from poses `T_obj_gel` (N, 4, 4) and their codebook entries (N,)."""
+        rows = se3.to_xyzquat(poses)
+        return cls(
+            np.ascontiguousarray(rows[:, :3], np.float32),
+            np.ascontiguousarray(rows[:, 3:], np.float32),
+            np.full(len(rows), -np.log(len(rows))),
+            np.ascontiguousarray(entries, np.int32),
+        )
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """(N, 4, 4) float64 `T_obj_gel`."""
+        return se3.from_xyzquat(np.concatenate([self.positions, self.quaternions], axis=1))
+
+    @property
+    def weights(self) -> np.ndarray:
+        """(N,) float64, sum 1."""
+        return np.exp(self.log_weights)
+
+    def select(self, ancestors: np.ndarray) -> Particles:
+        """Copies of the particles at indices `ancestors` (n,), equally weighted."""
+        return Particles(
+            self.positions[ancestors],
+            self.quaternions[ancestors],
+            np.full(len(ancestors), -np.log(len(ancestors))),
+            self.entries[ancestors],
+        )
+
+    def replace(self, where: np.ndarray, other: Particles) -> None:
+        """Put `other`'s poses in place of the particles at indices `where`; weights stay."""
+        self.positions[where] = other.positions
+        self.quaternions[where] = other.quaternions
+        self.entries[where] = other.entries

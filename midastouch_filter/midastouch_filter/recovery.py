@@ -1,0 +1,46 @@
+"""Recovery from a wrong belief: watch the unnormalised likelihood, inject particles when it collapses.
+
+As in augmented Monte Carlo localisation (Thrun, Burgard and Fox 2005, section 8.3.5), but on calibrated
+log-likelihood ratios, which have an absolute zero (chance) and an absolute worst, log(outlier).
+"""
+
+from __future__ import annotations
+
+import math
+
+from .config import FilterConfig
+
+_COLLAPSE = 0.45  # share of log(outlier) beyond which the short average counts as collapsed
+
+
+class LikelihoodTrend:
+    """Long and short running averages of the log-likelihood ratio that the particles predicted.
+
+    Attributes: short, long [nats]; 0 is what particles spread at random would predict.
+    """
+
+    def __init__(self, config: FilterConfig, outlier: float):
+        self._config, self._worst = config, math.log(outlier)
+        self.short = self.long = 0.0
+
+    def update(self, log_likelihood: float, share: float) -> None:
+        """Add one touch, counted as `share` of an independent one; -inf counts as the worst ratio twice over."""
+        value = max(log_likelihood, 2 * self._worst)
+        self.short += self._config.recovery_alpha_fast * share * (value - self.short)
+        self.long += self._config.recovery_alpha_slow * share * (value - self.long)
+
+    @property
+    def support(self) -> float:
+        """Short average as a share of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""
+        return self.short / self._worst
+
+    @property
+    def injection(self) -> float:
+        """Share of particles to inject, in [0, recovery_share]: 0 unless the short average has collapsed.
+
+        It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
+        unlike the training's) are no reason to go on guessing.
+        """
+        if not self._config.recovery or self.support < _COLLAPSE or self.short > self.long:
+            return 0.0
+        return self._config.recovery_share * (1.0 - math.exp(self.short - self.long))

@@ -1,0 +1,46 @@
+"""Weights in the log domain, effective sample size and systematic resampling (paper section 4.3)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+def log_sum_exp(values: np.ndarray) -> float:
+    """log(sum(exp(values))) of values (N,), without overflow; -inf if all are -inf; NaN if any is NaN."""
+    top = values.max()
+    if not np.isfinite(top):
+        return float(top)
+    return float(top + np.log(np.exp(values - top).sum()))
+
+
+def effective_size(weights: np.ndarray) -> float:
+    """Effective number of particles, 1 / sum(w^2), of weights (N,) with sum 1; between 1 and N."""
+    return float(1.0 / np.dot(weights, weights))
+
+
+def systematic(weights: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Low-variance resampling: n ancestors (n,) int64, ascending, from weights (N,) >= 0 with a positive sum.
+
+    A particle of normalised weight w is drawn floor(n w) or ceil(n w) times, one of weight 0 never
+    (Thrun, Burgard and Fox 2005, table 4.4: the paper's reference 67).
+    """
+    return _systematic(weights, n, rng.random())
+
+
+@numba.njit(cache=True, nogil=True)
+def _systematic(weights, n, offset):
+    last = weights.size - 1
+    while last > 0 and weights[last] == 0:
+        last -= 1
+    total = weights.sum()
+    out = np.empty(n, np.int64)
+    j = 0
+    cumulative = weights[0]
+    for i in range(n):
+        target = (i + offset) / n * total
+        while cumulative <= target and j < last:
+            j += 1
+            cumulative += weights[j]
+        out[i] = j
+    return out

@@ -1,0 +1,98 @@
+"""Whether the filter's answer may be trusted: one state and the reason for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from .config import FilterConfig
+
+UNINITIALISED = "uninitialised"
+NO_CONTACT = "no_contact"
+AMBIGUOUS = "ambiguous"
+CONVERGED = "converged"
+LOST = "lost"
+STALE = "stale"
+STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE)
+
+# the short likelihood average as a share of the worst possible one, log(outlier): lost above, found again below
+_LOST, _FOUND = 0.6, 0.3
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of the filter after a step.
+
+    state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
+    mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
+    likelihood_trend: short average of the log-likelihood ratio against a random touch (below 0: the particles
+    explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per stage.
+    """
+
+    state: str
+    reason: str
+    n_particles: int = 0
+    ess: float = 0.0
+    n_modes: int = 0
+    mode_mass: float = 0.0
+    spread_t: float = 0.0
+    spread_r: float = 0.0
+    likelihood_trend: float = 0.0
+    skipped: dict[str, int] = field(default_factory=dict)
+    ms: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the state depends on; units as in `Status`. `support` is the trend over log(outlier): 1 is worst."""
+
+    initialised: bool = False
+    in_contact: bool = False
+    support: float = 0.0
+    restarted: str = ""
+    mode_mass: float = 0.0
+    spread_t: float = 0.0
+    spread_r: float = 0.0
+
+
+class StateMachine:
+    """Turns evidence into a state, with hysteresis so that it does not flicker at a limit."""
+
+    def __init__(self, config: FilterConfig):
+        self._config = config
+        self._lost = self._converged = False
+        self.state, self.reason = UNINITIALISED, "no start given yet"
+
+    def mark_stale(self, reason: str) -> None:
+        """Say from outside that input has stopped; holds until the next `update`."""
+        self.state, self.reason = STALE, reason
+
+    def update(self, evidence: Evidence) -> tuple[str, str]:
+        """Next state and its reason."""
+        self.state, self.reason = self._next(evidence)
+        return self.state, self.reason
+
+    def _next(self, e: Evidence) -> tuple[str, str]:
+        if not e.initialised:
+            self._lost = self._converged = False
+            return UNINITIALISED, "no start given yet"
+        self._lost = bool(e.restarted) or e.support > (_FOUND if self._lost else _LOST)
+        narrow, why_not = self._narrow(e)
+        self._converged = narrow and not self._lost
+        if not e.in_contact:
+            return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
+        if self._lost:
+            return LOST, e.restarted or "the touches contradict every particle; looking for better places"
+        if self._converged:
+            return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm"
+        return AMBIGUOUS, why_not
+
+    def _narrow(self, e: Evidence) -> tuple[bool, str]:
+        c = self._config
+        slack = c.hysteresis if self._converged else 1.0
+        if e.mode_mass < c.converged_mass / slack:
+            return False, f"the dominant mode holds {e.mode_mass:.0%} only"
+        if e.spread_t > c.converged_translation * slack:
+            return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
+        if e.spread_r > c.converged_rotation * slack:
+            return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
+        return True, ""
