@@ -1,0 +1,160 @@
+"""Everything the filter node says: estimate, modes, particles, status, the object's frame.
+
+The one place that guards against non-finite numbers: nothing that holds one leaves this module.
+"""
+
+from __future__ import annotations
+
+import array
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from geometry_msgs.msg import PoseArray, PoseWithCovariance, PoseWithCovarianceStamped, TransformStamped
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_perception.ros.parameters import Parameters
+
+from ..estimate import Estimate, Mode
+from ..filter import ParticleFilter
+from ..state import LOST, Status
+from . import markers
+
+
+class EstimatePublisher:
+    """Publishes what one filter node knows.
+
+    What is only looked at (particles, cloud, hypotheses) is built while somebody subscribes, at most
+    `view_rate` times per second of `clock` [s].
+    """
+
+    def __init__(self, node: Node, parameters: Parameters, clock: Callable[[], float]):
+        self._parameters, self._clock = parameters, clock
+        self._next_view = -math.inf
+        self.skipped = {"no_subscriber": 0, "view_rate": 0}
+        depth = parameters["queue_depth"]
+        latched, stream = qos.latched(depth), qos.stream_publisher(depth)
+        self._status = node.create_publisher(FilterStatus, "filter_status", latched)
+        self._pose = node.create_publisher(PoseWithCovarianceStamped, "pose", latched)
+        self._modes = node.create_publisher(PoseModes, "pose_modes", stream)
+        self._particles = node.create_publisher(PoseArray, "particles", stream)
+        self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
+        self._hypotheses = node.create_publisher(MarkerArray, "hypotheses", stream)
+        self._mesh = node.create_publisher(MarkerArray, "object_mesh", qos.latched())
+        self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
+
+    def show_object(self, mesh: str | Path) -> None:
+        """Show another mesh (a path or a package:// address) and remove what was drawn about the last one."""
+        header = Header(frame_id=self._parameters["object_frame_id"])
+        address = str(mesh) if "://" in str(mesh) else Path(mesh).resolve().as_uri()
+        self._hypotheses.publish(markers.cleared_hypotheses(header))
+        self._mesh.publish(markers.object_mesh(address, header))
+
+    def status(self, stamp: int, status: Status) -> None:
+        """Publish a status that stands for itself: no frame was processed."""
+        self._status.publish(_status_to_msg(status, self._header(stamp)))
+
+    def estimate(
+        self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None
+    ) -> None:
+        """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
+        header = self._header(stamp)
+        if not _finite(estimate):
+            # The status still goes out, so that whoever waits for the answer to this frame gets one.
+            reason = (
+                "the filter's result is not finite and was withheld; call reinitialize_global_localization"
+            )
+            self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
+            return
+        if estimate.modes:
+            pose = _pose_to_msg(estimate.modes[0])
+            self._pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
+        modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m)) for m in estimate.modes]
+        self._modes.publish(PoseModes(header=header, modes=modes))
+        if T_base_obj is not None and self._parameters["tf_broadcast"]:
+            self._broadcast(stamp, T_base_obj)
+        self._view(header, estimate, running)
+        # Last, so that everything else of this frame is out when a listener sees its status.
+        self.status(stamp, estimate.status)
+
+    def _header(self, stamp: int) -> Header:
+        return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
+
+    def _broadcast(self, stamp: int, T_base_obj: np.ndarray) -> None:
+        ahead = stamp + round(1e9 * self._parameters["transform_tolerance"])
+        header = Header(stamp=stamp_from_ns(ahead), frame_id=self._parameters["base_frame_id"])
+        child = self._parameters["object_frame_id"]
+        transform = transform_to_msg(T_base_obj)
+        self._tf.publish(
+            TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])
+        )
+
+    def _view(self, header: Header, estimate: Estimate, running: ParticleFilter) -> None:
+        viewed = [
+            p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0
+        ]
+        if not viewed:
+            self.skipped["no_subscriber"] += 1
+            return
+        rate, now = self._parameters["view_rate"], self._clock()
+        if rate > 0 and now < self._next_view:
+            self.skipped["view_rate"] += 1
+            return
+        period = 1.0 / rate if rate > 0 else 0.0
+        self._next_view = now + period
+        if self._hypotheses in viewed:
+            lifetime = max(3 * period, 1.0)
+            self._hypotheses.publish(markers.hypotheses(estimate.modes, header, lifetime))
+        if self._particles in viewed or self._cloud in viewed:
+            poses, weights = running.poses, running.weights
+            if not (np.isfinite(poses).all() and np.isfinite(weights).all()):
+                return
+            if self._particles in viewed:
+                self._particles.publish(markers.particle_poses(poses, weights, header))
+            if self._cloud in viewed:
+                self._cloud.publish(markers.particle_cloud(poses, weights, header))
+
+
+def _finite(estimate: Estimate) -> bool:
+    return all(
+        math.isfinite(m.weight) and np.isfinite(m.pose).all() and np.isfinite(m.covariance).all()
+        for m in estimate.modes
+    )
+
+
+def _pose_to_msg(mode: Mode) -> PoseWithCovariance:
+    return PoseWithCovariance(pose=pose_to_msg(mode.pose), covariance=mode.covariance.ravel().tolist())
+
+
+def _status_to_msg(status: Status, header: Header) -> FilterStatus:
+    number = {
+        name: value if math.isfinite(value := float(getattr(status, field))) else 0.0
+        for name, field in (
+            ("ess", "ess"),
+            ("mode_mass", "mode_mass"),
+            ("spread_translation", "spread_t"),
+            ("spread_rotation", "spread_r"),
+            ("likelihood_trend", "likelihood_trend"),
+        )
+    }
+    return FilterStatus(
+        header=header,
+        state=status.state,
+        reason=status.reason,
+        n_particles=status.n_particles,
+        n_modes=status.n_modes,
+        skipped_names=list(status.skipped),
+        skipped_counts=array.array("Q", status.skipped.values()),
+        stage_names=list(status.ms),
+        stage_ms=array.array("d", status.ms.values()),
+        **number,
+    )

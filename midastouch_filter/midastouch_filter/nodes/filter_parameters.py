@@ -1,0 +1,132 @@
+"""Parameters of the `particle_filter` node: its own, and one for every field of `FilterConfig`."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from midastouch_perception import se3
+from midastouch_perception.ros.parameters import QUEUE, Parameter, Parameters
+
+from ..config import FilterConfig
+from .localiser import Start
+
+_INITIAL_POSE = tuple(
+    Parameter(f"initial_pose.{name}", 0.0, text, unit=unit)
+    for name, text, unit in (
+        ("x", "Start of the gel frame in the object's frame, with init_mode pose", "m"),
+        ("y", "As initial_pose.x", "m"),
+        ("z", "As initial_pose.x", "m"),
+        ("roll", "Rotation about the object's fixed x, y, z axes, in this order", "rad"),
+        ("pitch", "As initial_pose.roll", "rad"),
+        ("yaw", "As initial_pose.roll", "rad"),
+    )
+)
+
+_NODE = (
+    Parameter(
+        "mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"
+    ),
+    Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`"),
+    Parameter(
+        "init_mode",
+        "uniform",
+        "Start: over the whole surface, at initial_pose, or not before a pose is given on initialpose",
+        choices=("uniform", "pose", "wait"),
+    ),
+    *_INITIAL_POSE,
+    Parameter(
+        "initial_pose.sigma_translation",
+        0.02,
+        "Spread of the start per axis, with init_mode pose",
+        unit="m",
+        minimum=0.0,
+        maximum=2.0,
+    ),
+    Parameter(
+        "initial_pose.sigma_rotation",
+        0.35,
+        "Spread of the start per axis, with init_mode pose",
+        unit="rad",
+        minimum=0.0,
+        maximum=3.15,
+    ),
+    Parameter("seed", 0, "Seed of the filter's random numbers", minimum=0, maximum=2**31 - 1),
+    Parameter("base_frame_id", "base_link", "Frame the object rests in: the arm's base"),
+    Parameter("object_frame_id", "object", "Frame of the object, the mesh's own"),
+    Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, moved by the arm"),
+    Parameter("tf_broadcast", True, "Broadcast base -> object while converged", read_only=False),
+    Parameter(
+        "transform_tolerance",
+        0.1,
+        "The broadcast transform is dated this far ahead, so that it can be looked up at the present time",
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
+        read_only=False,
+    ),
+    Parameter(
+        "transform_timeout",
+        1.0,
+        "A code whose transform has not come for so long is given up: state stale",
+        unit="s",
+        minimum=0.0,
+        maximum=600.0,
+        read_only=False,
+    ),
+    Parameter(
+        "input_timeout",
+        2.0,
+        "Without a code for so long the state is stale",
+        unit="s",
+        minimum=0.05,
+        maximum=3600.0,
+        read_only=False,
+    ),
+    Parameter(
+        "view_rate",
+        10.0,
+        "Particles, cloud and hypotheses are published at most so often; 0: with every code",
+        unit="Hz",
+        minimum=0.0,
+        maximum=1000.0,
+        read_only=False,
+    ),
+    *QUEUE,
+)
+
+
+def _of_field(field: dataclasses.Field) -> Parameter:
+    data = field.metadata
+    return Parameter(
+        field.name,
+        field.default,
+        data["doc"],
+        data["unit"],
+        minimum=data.get("low"),
+        maximum=data.get("high"),
+    )
+
+
+_CONFIG = tuple(_of_field(field) for field in dataclasses.fields(FilterConfig))
+
+PARAMETERS = _NODE + _CONFIG
+
+
+def config_of(parameters: Parameters) -> FilterConfig:
+    """The filter's settings; InputError where two of them contradict each other."""
+    return FilterConfig(**{parameter.name: parameters[parameter.name] for parameter in _CONFIG})
+
+
+def start_of(parameters: Parameters) -> Start | None:
+    """The start that `init_mode` and `initial_pose` describe; None: no pose is given."""
+    if parameters["init_mode"] != "pose":
+        return None
+    value = {name: parameters[f"initial_pose.{name}"] for name in ("x", "y", "z", "roll", "pitch", "yaw")}
+    rotation = Rotation.from_euler("xyz", [value["roll"], value["pitch"], value["yaw"]]).as_matrix()
+    pose = se3.make(rotation, np.array([value["x"], value["y"], value["z"]]))
+    return Start(
+        pose, parameters["initial_pose.sigma_translation"], parameters["initial_pose.sigma_rotation"]
+    )

@@ -1,0 +1,135 @@
+"""The filter on one object, with its start: what the node does between two messages, without ROS."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+from ..config import FilterConfig
+from ..estimate import Estimate
+from ..filter import Measurement, ParticleFilter
+from .pose_prior import spread_at_lever
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """A Gaussian start: T_obj_gel (4, 4), sigma_t [m], sigma_r [rad]."""
+
+    pose: np.ndarray
+    sigma_t: float
+    sigma_r: float
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadedObject:
+    """What the filter needs to know about one object."""
+
+    filter: ParticleFilter
+    diagonal: float
+    name: str
+
+
+def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
+    """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
+    mesh = ObjectMesh.load(mesh_path)
+    codebook = Codebook.load(codebook_path, mesh=mesh)
+    running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
+    return LoadedObject(running, mesh.diagonal, mesh.name)
+
+
+class Localiser:
+    """Owns the filter, the pose of the last frame it saw and the way it starts.
+
+    `first_start` is None for a start that spreads over the whole surface. With `wait` nothing starts before a
+    pose is given. Time that runs backwards starts the filter anew from the last given pose.
+    """
+
+    def __init__(self, first_start: Start | None, wait: bool):
+        self._start, self._wait = first_start, wait
+        self._object: LoadedObject | None = None
+        self._T_base_gel: np.ndarray | None = None
+        self._pending_prior: tuple[np.ndarray, float, float] | None = None
+        self._started = False
+        self.estimate: Estimate | None = None
+
+    @property
+    def object(self) -> LoadedObject | None:
+        """The object it localises on."""
+        return self._object
+
+    @property
+    def filter(self) -> ParticleFilter | None:
+        """The running filter; None before it has an object and a start."""
+        return self._object.filter if self._object is not None and self._started else None
+
+    @property
+    def waiting_for(self) -> str:
+        """Why no filter is running, in words; empty when one is."""
+        if self._object is None:
+            return "no object: set the parameters mesh and codebook or call set_object"
+        return "" if self._started else "waiting for initialpose or object_pose_prior (init_mode is wait)"
+
+    def set_object(self, loaded: LoadedObject) -> None:
+        """Localise on another object, from scratch: poses on the old one say nothing about it."""
+        if self._object is not None:
+            self._start = None
+        self._object = loaded
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all measurements and start as at first, or from the last pose that was given."""
+        self.estimate = None
+        self._T_base_gel = None
+        self._started = self._object is not None and not (self._wait and self._start is None)
+        if not self._started:
+            return
+        if self._start is None:
+            self._object.filter.initialise_uniform()
+        else:
+            self._object.filter.initialise_gaussian(
+                self._start.pose, self._start.sigma_t, self._start.sigma_r
+            )
+
+    def start_anywhere(self) -> None:
+        """Spread over the whole surface, now and at every later restart."""
+        self._start, self._wait = None, False
+        self.restart()
+
+    def start_at(self, start: Start) -> None:
+        """Start at a pose of the sensor on the object."""
+        self._start = start
+        self.restart()
+
+    def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        """Start at the next frame, from where the object is said to be in the robot's base frame."""
+        self._pending_prior = (T_base_obj, sigma_t, sigma_r)
+
+    def T_base_obj(self) -> np.ndarray | None:
+        """The object in the base frame (4, 4), while the filter is sure of it."""
+        if self._T_base_gel is None or self.estimate is None or self.estimate.status.state != "converged":
+            return None
+        return self._T_base_gel @ se3.inverse(self.estimate.pose)
+
+    def process(self, T_base_gel: np.ndarray, measurement: Measurement) -> Estimate | None:
+        """One frame: the sensor's pose (4, 4) and what it felt. None while no filter runs.
+
+        Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
+        """
+        if self._pending_prior is not None and self._object is not None:
+            T_base_obj, sigma_t, sigma_r = self._pending_prior
+            self._pending_prior = None
+            T_obj_gel = se3.inverse(T_base_obj) @ T_base_gel
+            lever = float(np.linalg.norm(T_obj_gel[:3, 3]))
+            self.start_at(Start(T_obj_gel, spread_at_lever(sigma_t, sigma_r, lever), sigma_r))
+        if self.filter is None:
+            return None
+        moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
+        self.estimate = self.filter.step(moved, measurement)
+        self._T_base_gel = T_base_gel
+        return self.estimate

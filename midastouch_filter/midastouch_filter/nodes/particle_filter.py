@@ -1,0 +1,252 @@
+"""Node `particle_filter`: codes and transforms -> where on the object the sensor is."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from std_srvs.srv import Empty
+
+from midastouch_msgs.msg import TactileCode
+from midastouch_msgs.srv import SetObject
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import diagnostics, qos, spin
+from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg, stamp_ns
+from midastouch_perception.ros.parameters import Parameters
+
+from ..filter import Measurement
+from ..state import STALE, UNINITIALISED, Status
+from ..transforms import TransformError
+from .estimate_publisher import EstimatePublisher
+from .filter_parameters import PARAMETERS, config_of, start_of
+from .localiser import LoadedObject, Localiser, Start, load_object
+from .pose_prior import spread_of
+from .resources import resolve
+from .transform_queue import TransformQueue
+from .transform_source import TransformSource, Wait
+
+# Stamps that run back by more than this are a new run (a looped bag); by less, a message out of order.
+_JUMP_NS = 500_000_000
+
+
+class ParticleFilterNode(Node):
+    """Every code is answered by one FilterStatus of its stamp (codes still waiting when time runs back are not).
+
+    A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh
+    and codebook; with `subscribe` false codes come through `on_code` from a stage in the same process.
+    """
+
+    def __init__(
+        self,
+        load: Callable[..., LoadedObject] = load_object,
+        subscribe: bool = True,
+        **node_options,
+    ):
+        super().__init__("particle_filter", **node_options)
+        self.parameters = Parameters(self, PARAMETERS)
+        self._config, self._load = config_of(self.parameters), load
+        simulated = self.get_parameter("use_sim_time").value
+        # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
+        self._clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        self._newest: int | None = None
+        self._last_arrival: float | None = None
+        self._silent = False
+        self._untouched = True
+        self._counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0}
+        self._status = Status(UNINITIALISED, "waiting for tactile/code")
+
+        self._out = EstimatePublisher(self, self.parameters, self._now)
+        self.diagnostics = diagnostics.Diagnostics(self, self._describe)
+        self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
+        self._transforms = TransformSource(
+            self,
+            on_update=self._process_queue,
+            on_jump=self._reset,
+            on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
+        )
+        base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
+        self._queue = TransformQueue(
+            lambda stamp: self._transforms.lookup(base, sensor, stamp),
+            self._now,
+            lambda: self.parameters["transform_timeout"],
+        )
+        if self.parameters["mesh"] or self.parameters["codebook"]:
+            self._set_object(self.parameters["mesh"], self.parameters["codebook"])
+        self._connect(subscribe)
+        self._say(self._now_ns(), UNINITIALISED, self._localiser.waiting_for or "waiting for tactile/code")
+
+    def _connect(self, subscribe: bool) -> None:
+        if subscribe:
+            profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+            self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)
+        for topic, use in (("initialpose", self._start_at), ("object_pose_prior", self._start_from_object)):
+            self.create_subscription(
+                PoseWithCovarianceStamped,
+                topic,
+                lambda msg, topic=topic, use=use: self._on_pose(topic, use, msg),
+                qos.COMMAND,
+            )
+        self.create_service(Empty, "reinitialize_global_localization", self._on_reinitialize)
+        self.create_service(Empty, "request_nomotion_update", self._on_nomotion_update)
+        self.create_service(SetObject, "set_object", self._on_set_object)
+        self.create_timer(0.05, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _now(self) -> float:
+        return 1e-9 * self._clock.now().nanoseconds
+
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    # --- codes
+
+    def _on_code_msg(self, msg: TactileCode) -> None:
+        code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
+        measurement = Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)
+        self.on_code(stamp_ns(msg.header.stamp), measurement)
+
+    def on_code(self, stamp: int, measurement: Measurement) -> None:
+        """Take one code, stamp in ns; it is answered when its transform is there."""
+        if self._newest is not None and stamp < self._newest - _JUMP_NS:
+            self._transforms.rewind(stamp)
+            self._reset()
+        elif self._newest is not None and stamp <= self._newest:
+            self._counts["out_of_order"] += 1
+            self._out.status(stamp, self._with_counts(self._status))
+            return
+        self._newest = stamp
+        self._last_arrival, self._silent = self._now(), False
+        self._queue.push(stamp, measurement)
+        self._process_queue()
+
+    def _process_queue(self) -> None:
+        while (ready := self._queue.pop()) is not None:
+            if ready.transform is None:
+                self._counts["transform_timeout"] += 1
+                self._say(ready.stamp, STALE, f"no transform of the sensor: {ready.reason}")
+            else:
+                self._process(ready.stamp, ready.transform, ready.payload)
+
+    def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
+        self._untouched = False
+        try:
+            estimate = self._localiser.process(T_base_gel, measurement)
+        except InputError as error:
+            self.diagnostics.problem("bad_codes", f"tactile/code: {error}")
+            self._say(stamp, STALE, f"code refused: {error}")
+            return
+        if estimate is None:
+            self._say(stamp, UNINITIALISED, self._localiser.waiting_for)
+            return
+        estimate = dataclasses.replace(estimate, status=self._with_counts(estimate.status))
+        self._status = estimate.status
+        self._out.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
+
+    def _with_counts(self, status: Status) -> Status:
+        skipped = {**status.skipped, **self._counts, **self._out.skipped}
+        return dataclasses.replace(status, skipped=skipped)
+
+    def _say(self, stamp: int, state: str, reason: str) -> None:
+        """Publish a state that no step of the filter made; its other numbers are those of the last step."""
+        self._status = self._with_counts(dataclasses.replace(self._status, state=state, reason=reason, ms={}))
+        self._out.status(stamp, self._status)
+
+    def _reset(self) -> None:
+        """Time ran backwards. TF and codes may both tell of the same jump, so it counts once."""
+        self._queue.clear()
+        self._newest = None
+        if self._untouched:
+            return
+        self._untouched = True
+        self._counts["time_jumps"] += 1
+        self.get_logger().warning("time ran backwards (a looped bag?): starting again")
+        self._localiser.restart()
+
+    def _on_timer(self) -> None:
+        self._process_queue()
+        timeout = self.parameters["input_timeout"]
+        if self._last_arrival is None or self._silent or self._queue:
+            return
+        if (silence := self._now() - self._last_arrival) > timeout:
+            self._silent = True
+            self._say(self._now_ns(), STALE, f"no tactile/code for {silence:.1f} s: is the sensor running?")
+
+    # --- starts
+
+    def _on_pose(self, topic: str, use: Callable, msg: PoseWithCovarianceStamped) -> None:
+        try:
+            if self._localiser.object is None:
+                raise InputError(self._localiser.waiting_for)
+            covariance = covariance_from_msg(msg.pose.covariance)
+            spread = spread_of(covariance, self._localiser.object.diagonal)
+            use(msg.header.frame_id, pose_from_msg(msg.pose.pose), *spread)
+        except (InputError, TransformError) as error:
+            self.diagnostics.problem(f"bad_{topic}", f"{topic}: {error}")
+
+    def _start_at(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        if frame != self.parameters["object_frame_id"]:
+            T_base_obj = self._localiser.T_base_obj()
+            if T_base_obj is None:
+                raise InputError(
+                    f"pose in frame '{frame}', but where the object is, is not known (not converged); "
+                    f"give it in frame '{self.parameters['object_frame_id']}'"
+                )
+            pose = se3.inverse(T_base_obj) @ self._in_base(frame) @ pose
+        self._localiser.start_at(Start(pose, sigma_t, sigma_r))
+        spread = f"{1e3 * sigma_t:.1f} mm, {math.degrees(sigma_r):.0f} deg"
+        self.get_logger().info(f"initialpose: starting within {spread}")
+
+    def _start_from_object(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        self._localiser.expect_object_at(self._in_base(frame) @ pose, sigma_t, sigma_r)
+
+    def _in_base(self, frame: str) -> np.ndarray:
+        """T_base_frame, the newest: stamps of hand-made poses are often of another clock."""
+        found = self._transforms.lookup(self.parameters["base_frame_id"], frame, None)
+        if isinstance(found, Wait):
+            raise InputError(found.reason)
+        return found
+
+    # --- services
+
+    def _on_reinitialize(self, _: Empty.Request, response: Empty.Response) -> Empty.Response:
+        self._localiser.start_anywhere()
+        return response
+
+    def _on_nomotion_update(self, _: Empty.Request, response: Empty.Response) -> Empty.Response:
+        if self._localiser.filter is not None:
+            self._localiser.filter.force_update()
+        return response
+
+    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
+        try:
+            self._set_object(request.mesh_path, request.codebook_path)
+            response.success = True
+        except InputError as error:
+            response.message = str(error)
+        return response
+
+    def _set_object(self, mesh: str, codebook: str) -> None:
+        paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
+        self._localiser.set_object(self._load(*paths, self._config, self.parameters["seed"]))
+        self._out.show_object(mesh if "://" in mesh else paths[0])
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        s = self._status
+        level = diagnostics.WARN if s.state in ("stale", "lost", "uninitialised") else diagnostics.OK
+        values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
+        values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
+        return level, f"{s.state}: {s.reason}", values
+
+
+def main(args=None) -> int:
+    """Entry point of the executable `particle_filter`."""
+    return spin.run(lambda: [ParticleFilterNode()], args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,73 @@
+"""What arrives before its transform waits here, in order: the work of tf2's message filter."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from midastouch_perception.errors import InputError
+
+from ..transforms import TransformError
+from .transform_source import Wait
+
+
+@dataclass(frozen=True)
+class Ready:
+    """What left the queue: stamp [ns], what was put in, and its transform (4, 4), or None and the reason."""
+
+    stamp: int
+    payload: Any
+    transform: np.ndarray | None
+    reason: str = ""
+
+
+class TransformQueue:
+    """First in, first out; the first one waits for its transform or for the time-out.
+
+    lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError when there is no hope.
+    now, timeout: functions that return seconds.
+    """
+
+    def __init__(
+        self,
+        lookup: Callable[[int], np.ndarray | Wait],
+        now: Callable[[], float],
+        timeout: Callable[[], float],
+    ):
+        self._lookup, self._now, self._timeout = lookup, now, timeout
+        self._items: deque[tuple[int, Any, float]] = deque()
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def push(self, stamp: int, payload: Any) -> None:
+        """Queue `payload` until its transform at `stamp` [ns] is there."""
+        self._items.append((stamp, payload, self._now()))
+
+    def clear(self) -> None:
+        """Forget everything that waits."""
+        self._items.clear()
+
+    def pop(self) -> Ready | None:
+        """The first item if its wait is over, else None."""
+        if not self._items:
+            return None
+        stamp, payload, arrival = self._items[0]
+        try:
+            found = self._lookup(stamp)
+        except (TransformError, InputError) as error:
+            ready = Ready(stamp, payload, None, str(error))
+        else:
+            waited = self._now() - arrival
+            if not isinstance(found, Wait):
+                ready = Ready(stamp, payload, found)
+            elif waited < self._timeout():
+                return None
+            else:
+                ready = Ready(stamp, payload, None, f"{found.reason} (waited {waited:.1f} s)")
+        self._items.popleft()
+        return ready

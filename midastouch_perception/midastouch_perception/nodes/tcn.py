@@ -1,0 +1,102 @@
+"""Node `tcn`: cloud of contact points -> code of the touch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from midastouch_msgs.msg import TactileCode
+
+from ..errors import InputError
+from ..pointcloud import penetration_from_cloud
+from ..ros import diagnostics, qos, spin
+from ..ros.conversions import float32_to_msg, points_from_msg
+from ..ros.parameters import QUEUE, Parameter, Parameters
+from ..sensor_model import SensorModel
+from ..tcn import load_tcn
+from .stages import Code, CodeStage, Depth
+
+PARAMETERS = (
+    Parameter("tcn", "fast", "Code network: a shipped one by name, or the path of its ONNX file"),
+    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
+    *QUEUE,
+)
+
+
+class TcnNode(Node):
+    """Every valid cloud yields one TactileCode of the same stamp and frame; an empty cloud one without code.
+
+    `tcn` replaces the network that the parameters name. When all stages run in one process, `on_depth` takes
+    the place of the cloud (`subscribe` false) and `sink`, called with the header and the code of each frame,
+    that of the code on the way to the filter.
+    """
+
+    def __init__(
+        self,
+        tcn=None,
+        sink: Callable[[Header, Code], None] | None = None,
+        subscribe: bool = True,
+        **node_options,
+    ):
+        super().__init__("tcn", **node_options)
+        self.parameters = Parameters(self, PARAMETERS)
+        self._sensor = SensorModel.load(self.parameters["sensor_model"]).scaled(0.5)
+        self._stage = CodeStage(tcn or load_tcn(self.parameters["tcn"]))
+        self._sink = sink
+        depth = self.parameters["queue_depth"]
+        self._codes = self.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(depth))
+        if subscribe:
+            self.create_subscription(
+                PointCloud2,
+                "tactile/points",
+                self._on_points,
+                qos.stream_subscriber(depth, self.parameters["reliable"]),
+            )
+        self._rate = diagnostics.Rate()
+        self.diagnostics = diagnostics.Diagnostics(self, self._describe)
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        started = time.perf_counter()
+        try:
+            points = points_from_msg(msg)
+            penetration = penetration_from_cloud(points, self._sensor)
+        except InputError as error:
+            self.diagnostics.problem("bad_clouds", f"tactile/points: {error}")
+            return
+        self._encode(msg.header, penetration, len(points) * self._sensor.pixel_area, started)
+
+    def on_depth(self, header: Header, depth: Depth) -> None:
+        """The depth stage's result, handed over in one process."""
+        self._encode(header, depth.penetration, depth.contact.area_m2, time.perf_counter())
+
+    def _encode(self, header: Header, penetration: np.ndarray, area: float, started: float) -> None:
+        code = self._stage.process(penetration, area)
+        self._codes.publish(
+            TactileCode(
+                header=header,
+                in_contact=code.in_contact,
+                contact_area=float(code.area_m2),
+                code=float32_to_msg(code.values),
+                network_id=code.network_id,
+            )
+        )
+        if self._sink is not None:
+            self._sink(header, code)
+        self._rate.add(time.perf_counter() - started)
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        return diagnostics.OK, "", {**self._rate.values(), **self._stage.skipped}
+
+
+def main(args=None) -> int:
+    """Entry point of the executable `tcn`."""
+    return spin.run(lambda: [TcnNode()], args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,194 @@
+"""Node `tdn`: tactile images -> penetration map, contact and the cloud of contact points."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from midastouch_msgs.msg import TactileContact
+
+from ..contact import ContactDetector
+from ..errors import InputError
+from ..pointcloud import cloud_from_penetration
+from ..ros import diagnostics, qos, spin
+from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
+from ..ros.parameters import QUEUE, Parameter, Parameters
+from ..sensor_model import SensorModel
+from ..tdn import load_tdn
+from ..tdn.background import estimate_background
+from .background import BackgroundCapture, RunningBackground, read_background
+from .stages import Depth, DepthStage
+
+PARAMETERS = (
+    Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
+    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
+    Parameter("background", "", "No-contact image of this sensor; empty: estimated from the first images"),
+    Parameter(
+        "background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000
+    ),
+    Parameter(
+        "still_threshold",
+        2.0,
+        "capture_background refuses images of which a 16 x 16 block changes by more than this",
+        unit="grey levels",
+        minimum=0.0,
+        maximum=255.0,
+        read_only=False,
+    ),
+    Parameter(
+        "capture_timeout",
+        5.0,
+        "capture_background gives up when its images have not come within this time",
+        unit="s",
+        minimum=0.1,
+        maximum=600.0,
+        read_only=False,
+    ),
+    Parameter("sensor_frame_id", "digit_gel_frame", "Frame of the cloud: the gel frame"),
+    *QUEUE,
+)
+
+
+class TdnNode(Node):
+    """Every valid image yields one cloud (empty without contact) and one TactileContact of the same stamp.
+
+    `tdn` and `detector` replace the network and the contact detector that the parameters name. When both run
+    in one process, `sink`, called with the header and the depth of each frame, takes the place of the cloud
+    on the way to the next stage; the cloud is then published for other subscribers only.
+    """
+
+    def __init__(
+        self,
+        tdn=None,
+        detector: ContactDetector | None = None,
+        sink: Callable[[Header, Depth], None] | None = None,
+        **node_options,
+    ):
+        super().__init__("tdn", **node_options)
+        self.parameters = Parameters(self, PARAMETERS)
+        self._sensor = SensorModel.load(self.parameters["sensor_model"])
+        self._map_sensor = self._sensor.scaled(0.5)
+        self._stage = DepthStage(
+            tdn or load_tdn(self.parameters["tdn"]), detector or ContactDetector(self._map_sensor)
+        )
+        self._sink = sink
+        self._running: RunningBackground | None = None
+        self._capture: BackgroundCapture | None = None
+        self._captured: Future | None = None
+        self._load_background()
+
+        depth = self.parameters["queue_depth"]
+        out = qos.stream_publisher(depth)
+        self._points = self.create_publisher(PointCloud2, "tactile/points", out)
+        self._penetration = self.create_publisher(Image, "tactile/penetration", out)
+        self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
+        self.create_subscription(
+            Image, "image_raw", self._on_image, qos.stream_subscriber(depth, self.parameters["reliable"])
+        )
+        self.create_service(Trigger, "capture_background", self._on_capture)
+        self._rate = diagnostics.Rate()
+        self._skipped = {"image_unchanged": 0, "no_subscriber": 0}
+        self.diagnostics = diagnostics.Diagnostics(self, self._describe)
+
+    def _load_background(self) -> None:
+        path = self.parameters["background"]
+        if path:
+            self._background = read_background(path, self._sensor.height, self._sensor.width)
+            self._background_source = f"file {path}"
+        else:
+            self._running = RunningBackground(self.parameters["background_frames"], estimate_background)
+            self._background, self._background_source = None, "none yet"
+
+    def _on_image(self, msg: Image) -> None:
+        started = time.perf_counter()
+        try:
+            image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
+        except InputError as error:
+            self.diagnostics.problem("bad_images", f"image_raw: {error}")
+            return
+        self._observe_background(image)
+        depth = self._stage.process(image, self._background)
+        self._skipped["image_unchanged"] += depth.skipped
+        self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
+        self._rate.add(time.perf_counter() - started)
+
+    def _observe_background(self, image) -> None:
+        if self._running is not None:
+            self._running.add(image)
+            self._background = self._running.image
+            self._background_source = f"the first {self._running.count} images"
+        if self._capture is not None:
+            self._capture.add(image)
+            if self._capture.done:
+                self._finish_capture(self._capture.image, self._capture.refusal)
+
+    def _publish(self, header: Header, depth: Depth) -> None:
+        contact = depth.contact
+        self._contact.publish(
+            TactileContact(header=header, in_contact=contact.in_contact, area=float(contact.area_m2))
+        )
+        if self._sink is None or self._points.get_subscription_count() > 0:
+            points = cloud_from_penetration(depth.penetration, depth.penetration > 0, self._map_sensor)
+            self._points.publish(points_to_msg(points, header))
+        else:
+            self._skipped["no_subscriber"] += 1
+        if self._penetration.get_subscription_count() > 0:
+            self._penetration.publish(image_to_msg(depth.penetration, "32FC1", header))
+        if self._sink is not None:
+            self._sink(header, depth)
+
+    async def _on_capture(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._capture is not None:
+            response.success, response.message = False, "a capture is already under way"
+            return response
+        self._capture = BackgroundCapture(
+            self.parameters["background_frames"], self.parameters["still_threshold"]
+        )
+        self._captured = Future(executor=self.executor)
+        timeout = self.parameters["capture_timeout"]
+        timer = self.create_timer(
+            timeout,
+            lambda: self._finish_capture(None, f"fewer images than asked for came within {timeout:g} s"),
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        response.success, response.message = await self._captured
+        self.destroy_timer(timer)
+        return response
+
+    def _finish_capture(self, image, refusal: str) -> None:
+        if self._capture is None:
+            return
+        self._capture = None
+        if image is None:
+            self._captured.set_result((False, refusal))
+            return
+        self._running = None
+        self._background, self._background_source = image, "capture_background"
+        self._captured.set_result((True, ""))
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        values = {**self._rate.values(), "background": self._background_source, **self._skipped}
+        if self._running is not None and self._running.change > self.parameters["still_threshold"]:
+            return (
+                diagnostics.WARN,
+                "the background was estimated while the images changed; lift the finger and call "
+                "capture_background, or set the parameter background",
+                values,
+            )
+        return diagnostics.OK, "", values
+
+
+def main(args=None) -> int:
+    """Entry point of the executable `tdn`."""
+    return spin.run(lambda: [TdnNode()], args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

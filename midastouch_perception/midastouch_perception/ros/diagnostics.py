@@ -1,0 +1,82 @@
+"""A node's health on `/diagnostics` (REP 107)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Diagnostics:
+    """Publishes one status per period.
+
+    `describe` returns (level, message, values) when a status is due; counters are kept by the node itself.
+    Events reported through `problem` raise the next status to WARN and are named in it.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        describe: Callable[[], tuple[bytes, str, dict]],
+        hardware_id: str = "",
+        period: float = 1.0,
+    ):
+        self._node, self._describe, self._hardware_id = node, describe, hardware_id
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._problems: dict[str, int] = {}
+        self._recent = ""
+        # steady: a bag that is paused must not silence a node's health
+        node.create_timer(period, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def problem(self, kind: str, message: str) -> None:
+        """Count an event of bad input under `kind`, name it in the next status and log it, throttled."""
+        self._problems[kind] = self._problems.get(kind, 0) + 1
+        self._recent = message
+        self._node.get_logger().warning(message, throttle_duration_sec=5.0)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Problems since the start by kind."""
+        return dict(self._problems)
+
+    def publish(self) -> None:
+        """Publish the status now."""
+        level, message, values = self._describe()
+        if self._recent:
+            level, message = max(level, WARN), self._recent
+            self._recent = ""
+        status = DiagnosticStatus(
+            level=level,
+            name=f"{self._node.get_name()}: {self._node.get_fully_qualified_name()}",
+            message=message,
+            hardware_id=self._hardware_id,
+            values=[KeyValue(key=str(k), value=str(v)) for k, v in {**values, **self._problems}.items()],
+        )
+        out = DiagnosticArray(status=[status])
+        out.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(out)
+
+
+class Rate:
+    """Events per second over the time since it was last asked, and the mean time each one took."""
+
+    def __init__(self) -> None:
+        self._since, self._count, self._busy = time.monotonic(), 0, 0.0
+
+    def add(self, seconds: float) -> None:
+        """One event that took `seconds` of work."""
+        self._count += 1
+        self._busy += seconds
+
+    def values(self) -> dict[str, str]:
+        """`rate_hz` and `mean_ms` since the last call."""
+        now = time.monotonic()
+        rate = self._count / max(now - self._since, 1e-9)
+        mean = 1e3 * self._busy / max(self._count, 1)
+        self._since, self._count, self._busy = now, 0, 0.0
+        return {"rate_hz": f"{rate:.1f}", "mean_ms": f"{mean:.2f}"}

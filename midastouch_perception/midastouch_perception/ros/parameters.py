@@ -1,0 +1,142 @@
+"""ROS parameters as data: one table per node, from which declarations, checks and documentation follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+
+from ..errors import InputError
+
+# What rclpy itself lets a YAML file set on any node.
+_FOREIGN = ("use_sim_time", "start_type_description_service")
+_FOREIGN_PREFIX = "qos_overrides."
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node.
+
+    `default` fixes the type (bool, int, float, str or a list of one of them). `minimum` and `maximum` are
+    inclusive and hold for every element of a list; `choices` lists the only legal values. Only parameters
+    with `read_only=False` may change while the node runs.
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple = ()
+    read_only: bool = True
+
+    def problem(self, value: Any) -> str | None:
+        """Why `value` is illegal, in words; None if it is legal."""
+        expected = type(self.default)
+        if expected is list and not isinstance(value, str):
+            if len(value) != len(self.default):
+                return f"parameter '{self.name}' needs {len(self.default)} values, got {len(value)}"
+            problems = (self._problem_of(v, type(d)) for v, d in zip(value, self.default, strict=True))
+            return next((p for p in problems if p), None)
+        return self._problem_of(value, expected)
+
+    def _problem_of(self, value: Any, expected: type) -> str | None:
+        if type(value) is not expected:
+            hint = f"; write {float(value)}" if expected is float and type(value) is int else ""
+            return (
+                f"parameter '{self.name}' must be {expected.__name__}, "
+                f"got {type(value).__name__} {value!r}{hint}"
+            )
+        if expected is float and not math.isfinite(value):
+            return f"parameter '{self.name}' must be finite, got {value}"
+        if self.choices and value not in self.choices:
+            return (
+                f"parameter '{self.name}' must be one of {', '.join(map(str, self.choices))}, got {value!r}"
+            )
+        if expected in (int, float):
+            low = -math.inf if self.minimum is None else self.minimum
+            high = math.inf if self.maximum is None else self.maximum
+            if not low <= value <= high:
+                unit = f" {self.unit}" if self.unit else ""
+                return f"parameter '{self.name}' must be in [{low}, {high}]{unit}, got {value}"
+        return None
+
+    def descriptor(self) -> ParameterDescriptor:
+        """What `ros2 param describe` shows."""
+        text = f"{self.description} [{self.unit}]" if self.unit else self.description
+        out = ParameterDescriptor(name=self.name, description=text, read_only=self.read_only)
+        if self.choices:
+            out.additional_constraints = "one of " + ", ".join(map(str, self.choices))
+        if self.minimum is None and self.maximum is None:
+            return out
+        element = self.default[0] if isinstance(self.default, list) else self.default
+        if isinstance(element, int):
+            low = -(2**63) if self.minimum is None else int(self.minimum)
+            high = 2**63 - 1 if self.maximum is None else int(self.maximum)
+            out.integer_range = [IntegerRange(from_value=low, to_value=high, step=0)]
+        else:
+            low = -math.inf if self.minimum is None else float(self.minimum)
+            high = math.inf if self.maximum is None else float(self.maximum)
+            out.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+        return out
+
+
+class Parameters:
+    """Declares a table on a node and reads it back: `parameters["queue_depth"]`.
+
+    Raises InputError for a value of the wrong type or out of range, and for a name in the node's YAML file
+    or command line that the table does not hold, so that a misspelt name never goes unnoticed.
+    """
+
+    def __init__(self, node: Node, table: Iterable[Parameter]):
+        self._node = node
+        self.table = {parameter.name: parameter for parameter in table}
+        # rclpy keeps what the YAML file and the command line set in this attribute only
+        overrides = node._parameter_overrides
+        for name in overrides:
+            if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
+                raise InputError(
+                    f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}"
+                )
+        for name, parameter in self.table.items():
+            value = overrides[name].value if name in overrides else parameter.default
+            if problem := parameter.problem(value):
+                raise InputError(f"{node.get_name()}: {problem}")
+            try:
+                node.declare_parameter(name, parameter.default, parameter.descriptor())
+            except ParameterException as error:
+                raise InputError(f"{node.get_name()}: {error}") from error
+        node.add_on_set_parameters_callback(self._check)
+
+    def __getitem__(self, name: str) -> Any:
+        value = self._node.get_parameter(name).value
+        return list(value) if isinstance(self.table[name].default, list) else value
+
+    def _check(self, changes: list) -> SetParametersResult:
+        for change in changes:
+            if change.name in self.table and (problem := self.table[change.name].problem(change.value)):
+                return SetParametersResult(successful=False, reason=problem)
+        return SetParametersResult(successful=True)
+
+
+QUEUE = (
+    Parameter(
+        "queue_depth",
+        1,
+        "Messages kept while the node is busy; 1 drops all but the newest (live), replay wants more",
+        minimum=1,
+        maximum=10000,
+    ),
+    Parameter(
+        "reliable",
+        False,
+        "Ask the publisher to repeat lost messages (replay); false takes what comes (live)",
+    ),
+)
+"""Parameters that every node with a stream input has."""

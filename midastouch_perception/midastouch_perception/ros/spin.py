@@ -1,0 +1,39 @@
+"""Run nodes until the process is told to stop, and leave cleanly."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+from ..errors import InputError
+
+
+def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
+    """Spin the nodes that `make_nodes` returns in one executor; the exit code for the process.
+
+    `args` are the command line with its ROS arguments (None: the process' own). Bad input while the nodes are
+    made ends the process with one line and exit code 2. SIGINT and SIGTERM end it with 0.
+    """
+    rclpy.init(args=args)
+    executor = SingleThreadedExecutor()
+    nodes: Sequence[Node] = ()
+    try:
+        nodes = make_nodes()
+        for node in nodes:
+            executor.add_node(node)
+        executor.spin()
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
