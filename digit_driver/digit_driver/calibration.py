@@ -1,0 +1,90 @@
+"""Reads a camera calibration in the YAML format that ROS camera tools write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import yaml
+
+from .errors import InputError
+
+_MATRICES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Intrinsics of the portrait image, named as in sensor_msgs/CameraInfo.
+
+    Attributes:
+        width, height: pixels.
+        distortion_model: e.g. ``plumb_bob``; empty when uncalibrated.
+        d: distortion coefficients.
+        k: (9,) row-major; k[0] == 0 means uncalibrated.
+        r: (9,) row-major.
+        p: (12,) row-major.
+    """
+
+    width: int
+    height: int
+    distortion_model: str = ""
+    d: tuple[float, ...] = ()
+    k: tuple[float, ...] = (0.0,) * 9
+    r: tuple[float, ...] = (0.0,) * 9
+    p: tuple[float, ...] = (0.0,) * 12
+
+
+def load_calibration(url: str, size: tuple[int, int]) -> Calibration:
+    """Reads ``file:///path/to.yaml`` or a plain path; an empty ``url`` means uncalibrated.
+
+    Args:
+        url: where it is.
+        size: width and height of the images it must be for, pixels.
+
+    Raises:
+        InputError: it cannot be read, is not a camera calibration, or is one for images of another size.
+    """
+    if not url:
+        return Calibration(*size)
+    calibration = _read(url)
+    if (calibration.width, calibration.height) != size:
+        raise InputError(
+            f"camera_info_url: {url} is for {calibration.width}x{calibration.height} images, "
+            f"the driver gives {size[0]}x{size[1]}; calibrate at this resolution"
+        )
+    return calibration
+
+
+def _read(url: str) -> Calibration:
+    parsed = urlparse(url)
+    if parsed.scheme not in ("", "file"):
+        raise InputError(f"camera_info_url: {url}: only file:// URLs and plain paths can be read")
+    path = Path(unquote(parsed.path))
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"camera_info_url: {path} cannot be read: {error}") from error
+    try:
+        k, r, p = (_numbers(content[name]["data"], count) for name, count in _MATRICES.items())
+        return Calibration(
+            width=int(content["image_width"]),
+            height=int(content["image_height"]),
+            distortion_model=str(content["distortion_model"]),
+            d=_numbers(content["distortion_coefficients"]["data"]),
+            k=k,
+            r=r,
+            p=p,
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"camera_info_url: {path} is not a camera calibration ({error!r}); "
+            "write it with camera_calibration or camera_info_manager"
+        ) from error
+
+
+def _numbers(values: list, count: int | None = None) -> tuple[float, ...]:
+    numbers = tuple(float(value) for value in values)
+    if count is not None and len(numbers) != count:
+        raise ValueError(f"{len(numbers)} numbers instead of {count}")
+    return numbers

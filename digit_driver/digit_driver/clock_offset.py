@@ -1,0 +1,82 @@
+"""Maps the kernel's monotonic clock to wall (ROS) time, again and again.
+
+Camera buffers carry ``CLOCK_MONOTONIC``; TF and everything else on the robot carry wall time. The distance
+between the two is not constant: NTP slews it by up to 500 ppm and sometimes steps it. An error of 0.15 s, as
+seen in drivers that measure it once or badly, is 4.5 mm of travel at 30 mm/s.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+PAIRS = 5
+
+
+class ClockOffset:
+    """Running estimate of wall time minus monotonic time, nanoseconds.
+
+    One measurement reads the wall clock between two readings of the monotonic clock, ``PAIRS`` times, and
+    keeps the tightest: its error is at most half the bracket. Measurements are low-passed, as a preempted
+    process measures badly; a distance beyond ``step_ns`` is a step of the wall clock and is adopted at once.
+
+    Args:
+        time_constant: of the low-pass, seconds. Under a slew of 500 ppm the estimate lags by 0.5 ms for each
+            of them, which must stay below ``step_ns``.
+        step_ns: smallest deviation (beyond the measurement's own uncertainty) taken for a step.
+        monotonic_ns, wall_ns: the two clocks.
+    """
+
+    def __init__(
+        self,
+        time_constant: float = 2.0,
+        step_ns: int = 5_000_000,
+        monotonic_ns: Callable[[], int] = time.monotonic_ns,
+        wall_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._time_constant_ns = time_constant * 1e9
+        self._step_ns = step_ns
+        self._monotonic_ns = monotonic_ns
+        self._wall_ns = wall_ns
+        self._offset_ns, _, self._updated_ns = self._measure()
+        # The part of the estimate below one nanosecond; without it small corrections would be rounded away.
+        self._residue = 0.0
+        self.steps = 0
+        self.last_step_ns = 0
+
+    @property
+    def offset_ns(self) -> int:
+        """Wall time minus monotonic time."""
+        return self._offset_ns
+
+    def update(self) -> None:
+        """Takes one measurement; cheap enough (a few microseconds) for every frame."""
+        measured, uncertainty, now = self._measure()
+        deviation = measured - self._offset_ns
+        if abs(deviation) > self._step_ns + uncertainty:
+            self._offset_ns, self._residue = measured, 0.0
+            self.steps += 1
+            self.last_step_ns = deviation
+        else:
+            gain = 1.0 - math.exp(-max(0, now - self._updated_ns) / self._time_constant_ns)
+            correction = gain * deviation + self._residue
+            whole = math.floor(correction)
+            self._offset_ns += whole
+            self._residue = correction - whole
+        self._updated_ns = now
+
+    def to_wall_ns(self, monotonic_ns: int) -> int:
+        """Wall time of a moment on the monotonic clock."""
+        return monotonic_ns + self._offset_ns
+
+    def _measure(self) -> tuple[int, int, int]:
+        """From the tightest of ``PAIRS`` readings: offset, its greatest possible error, monotonic time."""
+        readings = []
+        for _ in range(PAIRS):
+            before = self._monotonic_ns()
+            wall = self._wall_ns()
+            after = self._monotonic_ns()
+            readings.append((after - before, wall - (before + after) // 2, after))
+        width, offset, after = min(readings)
+        return offset, (width + 1) // 2, after

@@ -1,0 +1,20 @@
+"""What can go wrong between a camera and its user, by who has to act."""
+
+
+class InputError(ValueError):
+    """The user asked for something that cannot be had; trying again does not help.
+
+    The message names the file or parameter, says what is wrong and how to mend it.
+    """
+
+
+class DeviceError(RuntimeError):
+    """The camera is absent, busy, unplugged or misbehaves; trying again may help."""
+
+
+class CorruptFrameError(RuntimeError):
+    """One frame was damaged on its way; the next one may be good."""
+
+
+class EndOfStreamError(RuntimeError):
+    """A recording has been played to its end."""

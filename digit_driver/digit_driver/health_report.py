@@ -1,0 +1,111 @@
+"""One verdict on the stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from .clock_offset import ClockOffset
+from .image_health import ImageReport
+from .reader import ReaderState, ReaderStatus
+
+_SLOW = 0.9
+_SILENCE_S = 3.0
+
+
+class Level(IntEnum):
+    """Numbers of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class HealthReport:
+    """What to publish.
+
+    Attributes:
+        level: the worst of all findings.
+        message: the findings, worst first.
+        values: figures by name, as text.
+    """
+
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the verdict rests on.
+
+    Attributes:
+        reader: the reader's counters.
+        rate: measured frames per second, None while that is not known.
+        backward: stamps that did not advance.
+        image: state of the newest image, None before the first.
+    """
+
+    reader: ReaderStatus
+    rate: float | None
+    backward: int
+    image: ImageReport | None
+
+
+def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
+    """The verdict on one moment."""
+    findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
+    level = findings[0][0] if findings else Level.OK
+    message = "; ".join(text for _, text in findings) or _quiet_message(evidence.reader.state)
+    return HealthReport(level, message, _values(evidence, clock))
+
+
+def _quiet_message(state: ReaderState) -> str:
+    return {ReaderState.STOPPED: "capture is off", ReaderState.ENDED: "recording played to its end"}.get(
+        state, state.value
+    )
+
+
+def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
+    reader = evidence.reader
+    if reader.silent_s > _SILENCE_S:
+        return [(Level.ERROR, f"the device driver hangs since {reader.silent_s:.0f} s; replug the sensor")]
+    if reader.state in (ReaderState.CONNECTING, ReaderState.DISCONNECTED, ReaderState.FAILED):
+        return [(Level.ERROR, f"{reader.state.value}: {reader.last_error or 'opening the source'}")]
+    if reader.state is not ReaderState.STREAMING:
+        return []
+    findings = [(Level.WARN, warning) for warning in reader.info.warnings]
+    if evidence.rate is not None and evidence.rate < _SLOW * reader.info.fps:
+        findings.append((Level.WARN, f"{evidence.rate:.1f} frames/s instead of {reader.info.fps:g}"))
+    if evidence.backward:
+        findings.append((Level.WARN, f"{evidence.backward} time stamps did not advance"))
+    if evidence.image is not None and evidence.image.problem:
+        findings.append((Level.WARN, evidence.image.problem))
+    return findings
+
+
+def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
+    reader = evidence.reader
+    values = {
+        "state": reader.state.value,
+        "frames": str(reader.frames),
+        "lost_frames": str(reader.lost),
+        "corrupt_frames": str(reader.corrupt),
+        "overwritten_frames": str(reader.overwritten),
+        "reconnects": str(reader.reconnects),
+        "last_error": reader.last_error,
+        "clock_offset_s": f"{clock.offset_ns * 1e-9:.6f}",
+        "clock_steps": str(clock.steps),
+        "last_clock_step_s": f"{clock.last_step_ns * 1e-9:.6f}",
+    }
+    if reader.info is not None:
+        values["source"] = reader.info.name
+        values["expected_fps"] = f"{reader.info.fps:g}"
+    if evidence.rate is not None:
+        values["fps"] = f"{evidence.rate:.2f}"
+    if evidence.image is not None:
+        values["image_mean"] = f"{evidence.image.mean:.1f}"
+        values["image_saturated"] = f"{evidence.image.saturated:.3f}"
+        values["image_repeats"] = str(evidence.image.repeats)
+    return values

@@ -1,0 +1,66 @@
+"""From the bytes of one camera buffer to a portrait RGB image."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from .errors import CorruptFrameError, InputError
+from .frame_source import PORTRAIT_SHAPE
+from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
+
+_JPEG_END = b"\xff\xd9"
+
+
+def decode(data: bytes, pixel_format: int, width: int, height: int) -> np.ndarray:
+    """(height, width, 3) uint8 RGB image of one buffer.
+
+    Args:
+        data: the used part of the buffer.
+        pixel_format: ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``.
+        width, height: size of the camera's (landscape) image.
+
+    Raises:
+        CorruptFrameError: the buffer does not hold one whole image.
+    """
+    if pixel_format == PIX_FMT_YUYV:
+        if len(data) != 2 * width * height:
+            raise CorruptFrameError(f"{len(data)} bytes instead of {2 * width * height}")
+        packed = np.frombuffer(data, np.uint8).reshape(height, width, 2)
+        return cv2.cvtColor(packed, cv2.COLOR_YUV2RGB_YUYV)
+    if pixel_format == PIX_FMT_MJPEG:
+        # The decoder fills the missing part of a cut-off JPEG with grey, which a net would take for a touch.
+        if not data.rstrip(b"\0").endswith(_JPEG_END):
+            raise CorruptFrameError(f"JPEG of {len(data)} bytes has no end")
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        if image is None or image.shape != (height, width, 3):
+            raise CorruptFrameError(f"JPEG of {len(data)} bytes is not a {width}x{height} image")
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    raise ValueError(f"pixel format {pixel_format:#x}")
+
+
+def to_portrait(image: np.ndarray) -> np.ndarray:
+    """Turns the sensor's landscape image by 90 degrees counter-clockwise, as all DIGIT tools do."""
+    return cv2.rotate(image, cv2.ROTATE_90_COUNTERCLOCKWISE)
+
+
+def recorded_portrait(image: np.ndarray | None, name: str) -> np.ndarray:
+    """(320, 240, 3) RGB image of one recorded BGR image, scaled if the recording was made larger or smaller.
+
+    Raises:
+        CorruptFrameError: ``image`` is None: it could not be decoded.
+        InputError: it is not a portrait image with the DIGIT's 3:4 sides.
+    """
+    if image is None:
+        raise CorruptFrameError(f"{name} cannot be decoded")
+    height, width = image.shape[:2]
+    rows, columns, _ = PORTRAIT_SHAPE
+    if height * columns != width * rows:
+        raise InputError(
+            f"{name} is {width} wide and {height} high; DIGIT images are portrait, {columns}x{rows}. "
+            "Turn images in the sensor's own landscape order by 90 degrees counter-clockwise."
+        )
+    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    if (height, width) == (rows, columns):
+        return rgb
+    return cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)

@@ -1,0 +1,259 @@
+"""Reads a source in a thread of its own, keeps the newest frame, and brings the source back when it fails."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+from .errors import CorruptFrameError, DeviceError, EndOfStreamError, InputError
+from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
+
+_POLL_S = 0.1
+_PATIENCE_FRAMES = 5
+
+
+class ReaderState(Enum):
+    """What the reader is doing."""
+
+    STOPPED = "stopped"
+    CONNECTING = "connecting"
+    STREAMING = "streaming"
+    DISCONNECTED = "disconnected"
+    ENDED = "ended"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class ReaderTiming:
+    """Seconds.
+
+    Attributes:
+        wait_for_device: how long to wait for a source that is not there at the start; negative: for ever.
+        reconnect: pause between attempts to open it.
+        stall: without a good frame for so long (or five frame periods, if longer) the source is opened anew.
+    """
+
+    wait_for_device: float = -1.0
+    reconnect: float = 1.0
+    stall: float = 1.0
+
+
+@dataclass(frozen=True)
+class ReaderStatus:
+    """Counters since ``start``.
+
+    Attributes:
+        state: see ReaderState.
+        info: the source, once it has been open.
+        frames: good frames read.
+        lost: frames that the source produced and nobody could read (gaps in its numbering).
+        corrupt: damaged frames, not passed on.
+        overwritten: good frames replaced by a newer one before they were taken.
+        reconnects: times the source came back.
+        last_error: why it failed last; kept after it came back.
+        silent_s: time since the thread last gave a sign of life; more than a second means a call that hangs.
+    """
+
+    state: ReaderState = ReaderState.STOPPED
+    info: SourceInfo | None = None
+    frames: int = 0
+    lost: int = 0
+    corrupt: int = 0
+    overwritten: int = 0
+    reconnects: int = 0
+    last_error: str = ""
+    silent_s: float = 0.0
+
+
+class FrameReader:
+    """Owns ``source`` and the thread that reads it.
+
+    Args:
+        source: used by the thread alone, except for ``set_leds``.
+        on_event: called in the thread after every frame and every change of state; must return quickly.
+        timing: see there.
+        clock: the host's monotonic clock.
+    """
+
+    def __init__(
+        self,
+        source: FrameSource,
+        on_event: Callable[[], None],
+        timing: ReaderTiming | None = None,
+        clock: MonotonicClock | None = None,
+    ) -> None:
+        self._source = source
+        self._on_event = on_event
+        self._timing = timing or ReaderTiming()
+        self._clock = clock or MonotonicClock()
+        self._lock = threading.Lock()
+        self._status = ReaderStatus()
+        self._alive_ns = 0
+        self._newest: Frame | None = None
+        self._stopping = threading.Event()
+        self._settled = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begins reading; a no-op if it already does.
+
+        Raises:
+            DeviceError: a thread that was stopped earlier still hangs in the device driver.
+        """
+        if self._thread is not None and self._thread.is_alive():
+            if self._stopping.is_set():
+                raise DeviceError("the device driver hangs since the last stop; replug the sensor")
+            return
+        self._stopping.clear()
+        self._settled.clear()
+        self._newest = None
+        self._alive_ns = self._clock.now_ns()
+        self._status = ReaderStatus(state=ReaderState.CONNECTING)
+        self._thread = threading.Thread(target=self._run, name="digit_reader", daemon=True)
+        self._thread.start()
+
+    def stop(self, timeout: float = 2.0) -> bool:
+        """Ends reading and closes the source. False if the thread did not end within ``timeout`` seconds.
+
+        Such a thread hangs in the kernel; it is left alone, closes the source when it gets free, and does not
+        keep the process from ending.
+        """
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(timeout)
+            if self._thread.is_alive():
+                return False
+        self._update(state=ReaderState.STOPPED)
+        return True
+
+    def wait_settled(self, timeout: float) -> bool:
+        """Waits until the first attempt to open the source has ended, well or badly."""
+        return self._settled.wait(timeout)
+
+    def take(self) -> Frame | None:
+        """The newest frame that was not taken yet."""
+        with self._lock:
+            frame, self._newest = self._newest, None
+        return frame
+
+    def status(self) -> ReaderStatus:
+        """The counters now."""
+        with self._lock:
+            running = self._thread is not None and self._thread.is_alive()
+            silent_s = (self._clock.now_ns() - self._alive_ns) * 1e-9 if running else 0.0
+            return replace(self._status, silent_s=silent_s)
+
+    def _run(self) -> None:
+        try:
+            self._connect_and_stream()
+        except InputError as error:
+            self._settle(ReaderState.FAILED, str(error))
+        except EndOfStreamError:
+            self._settle(ReaderState.ENDED)
+        except DeviceError as error:
+            self._settle(ReaderState.FAILED, str(error))
+        except Exception as error:
+            self._settle(ReaderState.FAILED, f"internal error: {error!r}")
+            raise
+        finally:
+            self._source.close()
+
+    def _connect_and_stream(self) -> None:
+        """Until stopped: opens, reads until it fails, closes, waits, again.
+
+        Raises:
+            InputError, EndOfStreamError: the end of it.
+            DeviceError: the source never appeared within the time given for it.
+        """
+        started_ns = self._clock.now_ns()
+        opened_before = False
+        while not self._stopping.is_set():
+            self._sign_of_life()
+            try:
+                info = self._source.open()
+                self._connected(info, opened_before)
+                opened_before = True
+                self._stream(info)
+            except (DeviceError, InputError) as error:
+                # What worked once may work again, whatever the reason now; e.g. another camera on our number.
+                if isinstance(error, InputError) and not opened_before:
+                    raise
+                self._source.close()
+                if not opened_before and self._waited_too_long(started_ns):
+                    raise
+                state = ReaderState.DISCONNECTED if opened_before else ReaderState.CONNECTING
+                self._settle(state, str(error))
+                self._pause()
+
+    def _stream(self, info: SourceInfo) -> None:
+        """Reads until stopped. Raises what ``read`` raises, and DeviceError when good frames cease."""
+        stall = max(self._timing.stall, _PATIENCE_FRAMES / info.fps)
+        last_good_ns = self._clock.now_ns()
+        previous: int | None = None
+        corrupt_since = 0
+        while not self._stopping.is_set():
+            self._sign_of_life()
+            try:
+                frame = self._source.read(_POLL_S)
+            except CorruptFrameError as error:
+                corrupt_since += 1
+                self._count_corrupt(str(error))
+                frame = None
+            if frame is not None:
+                gap = 0 if previous is None else max(0, frame.sequence - previous - 1 - corrupt_since)
+                previous, corrupt_since = frame.sequence, 0
+                last_good_ns = self._clock.now_ns()
+                self._put(frame, gap)
+            elif (self._clock.now_ns() - last_good_ns) * 1e-9 > stall:
+                raise DeviceError(f"{info.name}: no good frame for {stall:g} s")
+
+    def _waited_too_long(self, started_ns: int) -> bool:
+        limit = self._timing.wait_for_device
+        return 0.0 <= limit <= (self._clock.now_ns() - started_ns) * 1e-9
+
+    def _pause(self) -> None:
+        """Sleeps before the next attempt, waking up often enough to show that the thread lives."""
+        remaining = self._timing.reconnect
+        while remaining > 0.0 and not self._stopping.wait(min(_POLL_S, remaining)):
+            remaining -= _POLL_S
+            self._sign_of_life()
+
+    def _sign_of_life(self) -> None:
+        self._alive_ns = self._clock.now_ns()
+
+    def _put(self, frame: Frame, lost: int) -> None:
+        with self._lock:
+            overwritten = self._newest is not None
+            self._newest = frame
+            status = self._status
+            self._status = replace(
+                status,
+                frames=status.frames + 1,
+                lost=status.lost + lost,
+                overwritten=status.overwritten + overwritten,
+            )
+        self._notify()
+
+    def _count_corrupt(self, reason: str) -> None:
+        with self._lock:
+            self._status = replace(self._status, corrupt=self._status.corrupt + 1, last_error=reason)
+
+    def _connected(self, info: SourceInfo, again: bool) -> None:
+        self._update(state=ReaderState.STREAMING, info=info, reconnects=self._status.reconnects + again)
+        self._settled.set()
+        self._notify()
+
+    def _settle(self, state: ReaderState, error: str | None = None) -> None:
+        self._update(state=state, last_error=self._status.last_error if error is None else error)
+        self._settled.set()
+        self._notify()
+
+    def _update(self, **changes: object) -> None:
+        with self._lock:
+            self._status = replace(self._status, **changes)
+
+    def _notify(self) -> None:
+        if not self._stopping.is_set():
+            self._on_event()

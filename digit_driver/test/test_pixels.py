@@ -1,0 +1,49 @@
+import cv2
+import numpy as np
+import pytest
+from fake_kernel import picture
+
+from digit_driver.errors import CorruptFrameError, InputError
+from digit_driver.pixels import decode, recorded_portrait, to_portrait
+from digit_driver.videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
+
+
+def jpeg(width: int = 320, height: int = 240) -> bytes:
+    bgr = np.zeros((height, width, 3), np.uint8)
+    bgr[: height // 2, width // 2 :] = (0, 0, 255)
+    return cv2.imencode(".jpg", bgr)[1].tobytes()
+
+
+@pytest.mark.parametrize(("data", "kind"), [(picture(0), PIX_FMT_YUYV), (jpeg(), PIX_FMT_MJPEG)])
+def test_portrait_is_turned_counter_clockwise_and_rgb(data, kind) -> None:
+    image = to_portrait(decode(data, kind, 320, 240))
+    assert image.shape == (320, 240, 3)
+    assert image.flags.c_contiguous
+    # The landscape image's red top right quarter comes to lie at the top left.
+    red = image[..., 0].astype(int) - image[..., 2] > 50
+    assert red[5:155, 5:115].all()
+    assert not red[165:].any()
+    assert not red[:, 125:].any()
+
+
+def test_yuyv_of_wrong_length_is_corrupt() -> None:
+    with pytest.raises(CorruptFrameError, match="153600"):
+        decode(picture(0)[:-2], PIX_FMT_YUYV, 320, 240)
+
+
+@pytest.mark.parametrize("data", [b"", jpeg()[:-200], jpeg(640, 480), b"\xff\xd8rubbish\xff\xd9"])
+def test_bad_jpeg_is_corrupt(data) -> None:
+    with pytest.raises(CorruptFrameError):
+        decode(data, PIX_FMT_MJPEG, 320, 240)
+
+
+def test_padding_after_a_jpeg_is_harmless() -> None:
+    assert decode(jpeg() + bytes(64), PIX_FMT_MJPEG, 320, 240).shape == (240, 320, 3)
+
+
+def test_recorded_images_are_scaled_but_not_bent() -> None:
+    assert recorded_portrait(np.zeros((640, 480, 3), np.uint8), "a.png").shape == (320, 240, 3)
+    with pytest.raises(InputError, match=r"a.png is 320 wide and 240 high.*portrait"):
+        recorded_portrait(np.zeros((240, 320, 3), np.uint8), "a.png")
+    with pytest.raises(CorruptFrameError, match=r"a.png"):
+        recorded_portrait(None, "a.png")

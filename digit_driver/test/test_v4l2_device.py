@@ -1,0 +1,237 @@
+import errno
+import threading
+
+import pytest
+from fake_kernel import FakeDigit
+
+from digit_driver import videodev2 as v4l2
+from digit_driver.errors import CorruptFrameError, DeviceError, InputError
+from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+
+
+@pytest.fixture
+def device(kernel, find):
+    """Makes devices and closes them at the end."""
+    made = []
+
+    def make(**settings) -> V4l2Digit:
+        made.append(V4l2Digit(V4l2Settings(**settings), kernel, find))
+        return made[-1]
+
+    yield make
+    for digit in made:
+        digit.close()
+    assert kernel.descriptors == {}, "descriptors left open"
+
+
+def test_streams_portrait_frames_with_the_kernels_time(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit())
+    digit = device()
+    info = digit.open()
+    assert (info.name, info.serial, info.width, info.height, info.fps) == (
+        "/dev/video0",
+        "D20001",
+        240,
+        320,
+        60,
+    )
+    assert info.live
+    assert info.warnings == ()
+    assert camera.requested_fps == 60
+    frames = [digit.read(1.0) for _ in range(10)]
+    assert [frame.sequence for frame in frames] == list(range(10))
+    assert frames[-1].stamp_monotonic_ns == camera.last_stamp_ns
+    assert frames[0].image.shape == (320, 240, 3)
+    assert frames[0].image.mean() < frames[9].image.mean()
+
+
+def test_vga(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit())
+    camera.picture = bytes(2 * 640 * 480)
+    digit = device(resolution="VGA", fps=30)
+    assert digit.open().height == 640
+    assert digit.read(1.0).image.shape == (640, 480, 3)
+
+
+@pytest.mark.parametrize(("resolution", "fps"), [("QVGA", 15), ("VGA", 60), ("HD", 30)])
+def test_impossible_modes_are_refused(resolution, fps) -> None:
+    with pytest.raises(InputError, match=r"resolution|fps"):
+        V4l2Settings(resolution=resolution, fps=fps)
+
+
+def test_metadata_node_is_skipped_even_if_it_comes_first(kernel, device) -> None:
+    kernel.plug(FakeDigit(number=4), metadata_first=True)
+    assert device().open().name == "/dev/video5"
+
+
+def test_metadata_node_given_by_hand_is_refused(kernel, device) -> None:
+    kernel.plug(FakeDigit())
+    with pytest.raises(DeviceError, match="metadata node"):
+        device(video_device="/dev/video1").open()
+
+
+def test_video_device_overrides_the_search(kernel, device) -> None:
+    kernel.plug(FakeDigit("D1", "1-1", number=0))
+    kernel.plug(FakeDigit("D2", "1-2", number=2))
+    info = device(video_device="/dev/video2").open()
+    assert (info.name, info.serial) == ("/dev/video2", "D2")
+
+
+def test_leds_are_packed_and_survive_a_replug(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit())
+    digit = device(leds=(15, 8, 0))
+    digit.open()
+    digit.set_leds((1, 2, 3))
+    assert camera.led_values == [0xF80, 0x123]
+    digit.close()
+    digit.set_leds((0, 0, 9))
+    assert camera.led_values == [0xF80, 0x123]
+    digit.open()
+    assert camera.led_values[-1] == 0x009
+
+
+def test_old_firmware_gets_one_brightness_and_a_warning(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit(revision="0150"))
+    info = device(leds=(3, 12, 5)).open()
+    assert camera.led_values == [12]
+    assert "firmware 150" in info.warnings[0]
+
+
+def test_leds_that_cannot_be_set_do_not_stop_the_images(kernel, device) -> None:
+    kernel.plug(FakeDigit(errors={v4l2.VIDIOC_S_CTRL: errno.EINVAL}))
+    digit = device()
+    assert "setting the LEDs failed" in digit.open().warnings[0]
+    assert digit.read(1.0) is not None
+    with pytest.raises(DeviceError, match="LEDs"):
+        digit.set_leds((1, 1, 1))
+
+
+def test_other_frame_rate_than_asked_for_is_told(kernel, device) -> None:
+    kernel.plug(FakeDigit(granted_fps=30))
+    info = device().open()
+    assert info.fps == 30
+    assert "30 frames per second instead of 60" in info.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [({"size": (1280, 720)}, "1280x720 instead of 320x240"), ({"pixel_format": v4l2.fourcc("H264")}, "YUYV")],
+)
+def test_a_camera_that_is_no_digit_is_refused(kernel, device, fault, message) -> None:
+    kernel.plug(FakeDigit(**fault))
+    with pytest.raises(InputError, match=message):
+        device().open()
+
+
+@pytest.mark.parametrize("step", ["S_FMT", "S_PARM", "REQBUFS", "QUERYBUF", "QBUF", "STREAMON"])
+def test_failure_at_any_step_of_opening_leaves_nothing_open(kernel, device, step) -> None:
+    camera = kernel.plug(FakeDigit(errors={getattr(v4l2, f"VIDIOC_{step}"): errno.EIO}))
+    digit = device()
+    with pytest.raises(DeviceError, match="/dev/video0"):
+        digit.open()
+    assert kernel.descriptors == {}
+    camera.errors.clear()
+    digit.open()
+    assert digit.read(1.0) is not None
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"), [(errno.EACCES, "udev rule"), (errno.ENOENT, "No such file"), (errno.ENXIO, "video0")]
+)
+def test_node_that_cannot_be_opened_says_why(kernel, device, code, hint) -> None:
+    kernel.plug(FakeDigit(open_error=code))
+    with pytest.raises(DeviceError, match=hint):
+        device().open()
+
+
+def test_busy_camera_says_so(kernel, device) -> None:
+    kernel.plug(FakeDigit(errors={v4l2.VIDIOC_S_FMT: errno.EBUSY}))
+    with pytest.raises(DeviceError, match="another program"):
+        device().open()
+
+
+@pytest.mark.parametrize("fault", ["damaged", "short"])
+def test_corrupt_frames_are_reported_and_their_buffers_returned(kernel, device, fault) -> None:
+    camera = kernel.plug(FakeDigit())
+    digit = device()
+    digit.open()
+    setattr(camera, fault, True)
+    for _ in range(10):  # More often than there are buffers.
+        with pytest.raises(CorruptFrameError):
+            digit.read(1.0)
+    setattr(camera, fault, False)
+    assert digit.read(1.0).sequence == 10
+
+
+def test_no_frame_within_the_timeout(kernel, device) -> None:
+    kernel.plug(FakeDigit(stalled=True))
+    digit = device()
+    digit.open()
+    assert digit.read(0.001) is None
+
+
+def test_reading_an_unplugged_camera_fails_and_a_renumbered_one_is_found_by_serial(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit("D7", number=0))
+    digit = device()
+    digit.open()
+    kernel.unplug(camera)
+    with pytest.raises(DeviceError, match="unplugged"):
+        digit.read(1.0)
+    with pytest.raises(DeviceError, match="no DIGIT D7"):
+        digit.open()
+    # Another one takes its place; it must wait for its own.
+    kernel.plug(FakeDigit("D8", "1-7", number=0))
+    with pytest.raises(DeviceError, match="no DIGIT D7"):
+        digit.open()
+    camera.number = 6
+    kernel.plug(camera)
+    assert digit.open().name == "/dev/video6"
+    assert digit.read(1.0) is not None
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        {"stamp_flags": 0},
+        {"stamp_shift_ns": -(10**12)},
+        {"stamp_shift_ns": 10**12},
+    ],
+    ids=["unknown clock", "ancient", "future"],
+)
+def test_incredible_time_stamps_are_replaced_by_the_time_of_reading(kernel, device, fault) -> None:
+    camera = kernel.plug(FakeDigit(**fault))
+    digit = device()
+    digit.open()
+    stamp = digit.read(1.0).stamp_monotonic_ns
+    assert 3_000_000 <= stamp - camera.last_stamp_ns < 1_000_000_000
+
+
+def test_buffer_time_stamps_can_be_switched_off(kernel, device) -> None:
+    camera = kernel.plug(FakeDigit())
+    digit = device(use_buffer_timestamps=False)
+    digit.open()
+    assert digit.read(1.0).stamp_monotonic_ns - camera.last_stamp_ns >= 3_000_000
+
+
+def test_leds_may_be_set_while_the_device_is_opened_and_closed(kernel, device) -> None:
+    kernel.plug(FakeDigit())
+    digit = device()
+    done = threading.Event()
+    failures = []
+
+    def light() -> None:
+        while not done.is_set():
+            try:
+                digit.set_leds((1, 2, 3))
+            except Exception as error:
+                failures.append(error)
+
+    thread = threading.Thread(target=light)
+    thread.start()
+    for _ in range(50):
+        digit.open()
+        digit.read(0.01)
+        digit.close()
+    done.set()
+    thread.join()
+    assert failures == []
