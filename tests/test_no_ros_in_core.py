@@ -1,0 +1,100 @@
+"""ROS stays in the nodes: everything else is plain Python that runs, and is tested, without it."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+# The two folders of a package that may know ROS: nodes, and the glue that several nodes share.
+ROS_FOLDERS = {"nodes", "ros"}
+ROS = re.compile(
+    r"(rclpy|rcl_interfaces|rosidl\w*|tf2\w*|launch|launch_\w+|message_filters|cv_bridge|diagnostic_updater"
+    r"|ament_index_python|builtin_interfaces|\w+_msgs|\w+_srvs|sensor_msgs_py|rosbag2_py)(\.|$)"
+)
+LEARNING = re.compile(r"(torch|torchvision|onnx|onnxruntime|onnxscript|openvino|tensorflow|jax)(\.|$)")
+
+
+def core_files(package: str) -> list[Path]:
+    top = ROOT / package / package
+    return [p for p in sorted(top.rglob("*.py")) if not ROS_FOLDERS & set(p.relative_to(top).parts)]
+
+
+def imports(path: Path) -> list[tuple[int, str]]:
+    """(line, absolute module name) of every import in a file, at whatever depth of the code."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(), str(path))):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            found.append((node.lineno, node.module))
+    return found
+
+
+def offences(package: str, forbidden: re.Pattern) -> list[str]:
+    return [
+        f"{path.relative_to(ROOT)}:{line}: imports {module}"
+        for path in core_files(package)
+        for line, module in imports(path)
+        if forbidden.match(module)
+    ]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_core_imports_no_ros(package):
+    assert core_files(package)
+    assert offences(package, ROS) == []
+
+
+def test_filter_imports_no_deep_learning_framework():
+    assert offences("midastouch_filter", LEARNING) == []
+
+
+def test_driver_depends_on_no_other_package():
+    files = sorted((ROOT / "digit_driver" / "digit_driver").rglob("*.py"))
+    ours = re.compile(r"midastouch_\w+")
+    assert [(str(p), module) for p in files for _, module in imports(p) if ours.match(module)] == []
+
+
+def test_dependencies_between_packages_point_inward():
+    order = ["midastouch_msgs", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: imports {module}"
+        for position, package in enumerate(order[1:], 1)
+        for path in sorted((ROOT / package / package).rglob("*.py"))
+        for line, module in imports(path)
+        if module.split(".")[0] in order[position + 1 :]
+    ]
+    assert wrong == []
+
+
+def test_filter_runs_without_ros_and_without_learning_framework():
+    """What the scan cannot see: an import of an import."""
+    names = [
+        ".".join(p.relative_to(ROOT / "midastouch_filter").with_suffix("").parts)
+        for p in core_files("midastouch_filter")
+        if p.name not in ("__init__.py", "__main__.py")
+    ]
+    code = (
+        "import importlib, sys\n"
+        f"for name in {names}: importlib.import_module(name)\n"
+        "print(*sorted({name.split('.')[0] for name in sys.modules}))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = done.stdout.split()
+    assert "numpy" in loaded
+    assert [name for name in loaded if ROS.match(name) or LEARNING.match(name)] == []
+
+
+def test_the_scan_sees_what_it_should(tmp_path):
+    source = tmp_path / "core.py"
+    source.write_text(
+        "import numpy\nfrom sensor_msgs.msg import Image\n"
+        "def late():\n    import tf2_ros.buffer\n    from . import msgs\n"
+    )
+    assert [line for line, module in imports(source) if ROS.match(module)] == [2, 4]
+    assert not ROS.match("midastouch_filter")

@@ -1,0 +1,109 @@
+"""package.xml, setup.py and setup.cfg: what rosdep, colcon and `ros2 run` need, and no more."""
+
+import ast
+import importlib.metadata
+import sys
+import xml.etree.ElementTree as ElementTree
+from configparser import ConfigParser
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PYTHON_PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+PACKAGES = ["midastouch_msgs", *PYTHON_PACKAGES]
+
+# Imported module -> rosdep key, for modules whose key is not their own name.
+ROSDEP_KEYS = {
+    "cv2": "python3-opencv",
+    "matplotlib": "python3-matplotlib",
+    "numba": "python3-numba",
+    "numpy": "python3-numpy",
+    "onnxruntime": "python3-onnxruntime-pip",
+    "PIL": "python3-pil",
+    "pyudev": "python3-pyudev",
+    "scipy": "python3-scipy",
+    "sklearn": "python3-sklearn",
+    "tf2_ros": "tf2_ros_py",
+    "tqdm": "python3-tqdm",
+    "trimesh": "python3-trimesh-pip",
+    "yaml": "python3-yaml",
+}
+# rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
+PIP_ONLY = {"mcap", "mcap_ros2", "pykdtree", "rosbags"}
+# Extras, imported where they are used and said to be missing there.
+OPTIONAL = {"dask", "onnx", "onnxscript", "openvino", "rtde_receive", "safetensors", "torch"}
+SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}
+
+
+def manifest(package: str) -> ElementTree.Element:
+    return ElementTree.parse(ROOT / package / "package.xml").getroot()
+
+
+def texts(element: ElementTree.Element, *tags: str) -> list[str]:
+    return [child.text for tag in tags for child in element.findall(tag)]
+
+
+def imported_modules(package: str) -> set[str]:
+    """Top-level names that a package imports from outside the standard library and itself."""
+    names = set()
+    for path in [*(ROOT / package / package).rglob("*.py"), *(ROOT / package).glob("launch/*.py")]:
+        for node in ast.walk(ast.parse(path.read_text(), str(path))):
+            if isinstance(node, ast.Import):
+                names |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                names.add(node.module.split(".")[0])
+    return names - set(sys.stdlib_module_names) - {package}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_manifest_is_complete(package):
+    root = manifest(package)
+    assert root.get("format") == "3"
+    assert texts(root, "name") == [package]
+    assert texts(root, "license") == ["MIT"]
+    assert texts(root, "version") == texts(manifest("midastouch_msgs"), "version")
+    assert root.find("maintainer").get("email")
+    build_type = root.find("export/build_type").text
+    assert build_type == ("ament_cmake" if package == "midastouch_msgs" else "ament_python")
+    dependencies = texts(root, "depend", "exec_depend")
+    assert dependencies == sorted(set(dependencies)) or package == "midastouch_msgs"
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_every_import_is_declared_and_every_declaration_used(package):
+    declared = set(texts(manifest(package), "exec_depend")) - SYSTEM_KEYS
+    imported = imported_modules(package) - PIP_ONLY - OPTIONAL
+    assert {ROSDEP_KEYS.get(name, name) for name in imported} == declared
+
+
+def test_message_package_belongs_to_the_interface_group():
+    assert texts(manifest("midastouch_msgs"), "member_of_group") == ["rosidl_interface_packages"]
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_colcon_finds_marker_and_scripts(package):
+    assert (ROOT / package / "resource" / package).is_file()
+    config = ConfigParser()
+    config.read(ROOT / package / "setup.cfg")
+    assert config["develop"]["script_dir"] == f"$base/lib/{package}"
+    assert config["install"]["install_scripts"] == f"$base/lib/{package}"
+
+
+def test_wheel_build_is_hidden_from_a_system_ros():
+    assert (ROOT / "tools" / "ros_wheels" / "COLCON_IGNORE").is_file()
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_executables_exist(package):
+    scripts = importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
+    assert scripts
+    for script in scripts:
+        assert callable(script.load()), script
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_share_folder_is_found(package):
+    from ament_index_python.packages import get_package_share_directory
+
+    assert (Path(get_package_share_directory(package)) / "package.xml").is_file()

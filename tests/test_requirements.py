@@ -1,0 +1,40 @@
+"""The requirement files and the lock that set-up installs agree."""
+
+import pytest
+
+SUPPORTED = ["3.10", "3.11", "3.12", "3.13"]
+SOURCES = ["ros_wheels/run.txt", "ros_wheels/build.txt", "requirements/base.txt", "requirements/dev.txt"]
+
+
+def pins(path, python: str) -> dict[str, str]:
+    """{normalised name: version} of the lines that hold for a Python version."""
+    requirements = pytest.importorskip("packaging.requirements")
+    utils = pytest.importorskip("packaging.utils")
+    found = {}
+    for line in path.read_text().splitlines():
+        if not line or line.startswith(("#", "--")):
+            continue
+        requirement = requirements.Requirement(line)
+        if requirement.marker and not requirement.marker.evaluate({"python_version": python}):
+            continue
+        (specifier,) = requirement.specifier
+        assert specifier.operator == "==", line
+        name = utils.canonicalize_name(requirement.name)
+        assert name not in found, f"{name} twice for Python {python} in {path.name}"
+        found[name] = specifier.version
+    return found
+
+
+@pytest.mark.parametrize("python", SUPPORTED)
+@pytest.mark.parametrize("source", SOURCES)
+def test_lock_holds_every_pin(root, source, python):
+    wanted = pins(root / "tools" / source, python)
+    locked = pins(root / "tools" / "requirements" / "lock.txt", python)
+    assert wanted
+    assert wanted.items() <= locked.items()
+
+
+@pytest.mark.parametrize("python", SUPPORTED)
+def test_base_install_has_no_torch(root, python):
+    locked = pins(root / "tools" / "requirements" / "lock.txt", python)
+    assert not {"torch", "open3d"} & locked.keys()
