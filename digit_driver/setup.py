@@ -25,6 +25,7 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Driver of the DIGIT tactile sensor.",
     license="MIT",
+    extras_require={"test": ["pytest"]},
     entry_points={
         "console_scripts": [
             "digit_driver = digit_driver.nodes.digit_driver:main",

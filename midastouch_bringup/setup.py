@@ -37,7 +37,7 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Launch, configuration, datasets, evaluation and the midastouch command.",
     license="MIT",
-    extras_require={"ur": ["ur-rtde"]},
+    extras_require={"test": ["pytest"], "ur": ["ur-rtde"]},
     entry_points={
         "console_scripts": [
             "all_in_one = midastouch_bringup.nodes.all_in_one:main",

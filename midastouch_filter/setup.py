@@ -19,6 +19,7 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Particle filter over the pose of the sensor on a known object.",
     license="MIT",
+    extras_require={"test": ["hypothesis", "pytest"]},
     entry_points={
         "console_scripts": [
             "particle_filter = midastouch_filter.nodes.particle_filter:main",

@@ -34,7 +34,10 @@ setup(
     maintainer_email="maintainers@example.org",
     description="From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training.",
     license="MIT",
-    extras_require={"train": ["onnx", "onnxscript", "safetensors", "torch"]},
+    extras_require={
+        "test": ["hypothesis", "pytest"],
+        "train": ["onnx", "onnxscript", "safetensors", "torch"],
+    },
     entry_points={
         "console_scripts": [
             "tdn = midastouch_perception.nodes.tdn:main",
