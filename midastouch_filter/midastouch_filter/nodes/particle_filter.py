@@ -36,7 +36,7 @@ _JUMP_NS = 500_000_000
 
 
 class ParticleFilterNode(Node):
-    """Every code is answered by one FilterStatus of its stamp (codes still waiting when time runs back are not).
+    """Every code is answered by one FilterStatus of its stamp, unless time runs back while it waits.
 
     A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh
     and codebook; with `subscribe` false codes come through `on_code` from a stage in the same process.

@@ -1,0 +1,114 @@
+"""A companion for node tests: nodes under test and the test's own publishers and listeners in one executor.
+
+The test itself spins, so that nothing happens between two of its lines, and waits for events, never for time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+
+from . import qos
+
+_TIMEOUT = 20.0
+
+
+class Graph:
+    """The ROS graph of one test. `companion` is the test's own node."""
+
+    def __init__(self) -> None:
+        self._executor = SingleThreadedExecutor()
+        self._nodes: list[Node] = []
+        self.companion = self.add(Node, node_name="companion")
+
+    def add(
+        self, make_node: Callable[..., Node], parameters: dict[str, Any] | None = None, **options
+    ) -> Node:
+        """A node made by `make_node`, with parameter values as from a YAML file."""
+        if parameters is not None:
+            options["parameter_overrides"] = [Parameter(name, value=v) for name, v in parameters.items()]
+        node = make_node(**options)
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def adopt(self, nodes: list[Node]) -> None:
+        """Spin nodes that were made elsewhere, and destroy them at the end."""
+        for node in nodes:
+            self._nodes.append(node)
+            self._executor.add_node(node)
+
+    def publisher(
+        self, kind: type, topic: str, profile: QoSProfile | None = None, latched: bool = False
+    ) -> Publisher:
+        """A publisher that is already connected to a subscriber."""
+        profile = qos.latched(10) if latched else profile or qos.stream_publisher(100)
+        publisher = self.companion.create_publisher(kind, topic, profile)
+        self.spin_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
+        return publisher
+
+    def listen(self, kind: type, topic: str, latched: bool = False) -> list:
+        """The list into which messages of a topic arrive; its publisher is already connected."""
+        received: list = []
+        profile = qos.latched(100) if latched else qos.stream_subscriber(100, reliable=True)
+        subscription = self.companion.create_subscription(kind, topic, received.append, profile)
+        self.spin_until(lambda: self.companion.count_publishers(topic) > 0, f"a publisher of {topic}")
+        publishers = self.companion.get_publishers_info_by_topic(subscription.topic_name)
+        owners = {node.get_name(): node for node in self._nodes}
+        for info in publishers:
+            if (owner := owners.get(info.node_name)) is not None:
+                matching = [p for p in owner.publishers if p.topic_name == subscription.topic_name]
+                self.spin_until(
+                    lambda matching=matching: all(p.get_subscription_count() > 0 for p in matching),
+                    f"the publisher of {topic} to see its listener",
+                )
+        return received
+
+    def call(self, kind: type, name: str, request: Any) -> Any:
+        """A service's response."""
+        client = self.companion.create_client(kind, name)
+        self.spin_until(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.spin_until(future.done, f"the response of {name}")
+        return future.result()
+
+    def spin_until(self, done: Callable[[], bool], what: str = "the awaited event") -> None:
+        """Spin until `done()`; AssertionError naming `what` if it does not come."""
+        deadline = time.monotonic() + _TIMEOUT
+        while not done():
+            assert time.monotonic() < deadline, f"{what} did not come within {_TIMEOUT:.0f} s"
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def spin_for(self, seconds: float) -> None:
+        """Spin for a while, to show that something does not happen."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def close(self) -> None:
+        """Destroy all nodes."""
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+
+
+@contextlib.contextmanager
+def open_graph() -> Iterator[Graph]:
+    """A graph for one test, on a DDS domain that no robot uses (unless ROS_DOMAIN_ID names one)."""
+    rclpy.init(args=[], domain_id=int(os.environ.get("ROS_DOMAIN_ID", "44")))
+    graph = Graph()
+    try:
+        yield graph
+    finally:
+        graph.close()
+        rclpy.try_shutdown()

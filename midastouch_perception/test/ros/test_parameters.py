@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import pytest
+from rcl_interfaces.srv import SetParameters
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros.parameters import Parameter, Parameters
+
+pytestmark = pytest.mark.dds
+
+TABLE = (
+    Parameter("rate", 10.0, "How often", unit="Hz", minimum=0.0, maximum=100.0, read_only=False),
+    Parameter("depth", 1, "How deep", minimum=1, maximum=10),
+    Parameter("mode", "fast", "Which way", choices=("fast", "slow"), read_only=False),
+    Parameter("axis", [0.0, 0.0, 1.0], "Direction", minimum=-1.0, maximum=1.0),
+    Parameter("enabled", True, "Whether"),
+)
+
+
+class _Node(Node):
+    def __init__(self, **options):
+        super().__init__("parametrised", **options)
+        self.parameters = Parameters(self, TABLE)
+
+
+def test_values_come_from_the_table_or_the_overrides(graph):
+    node = graph.add(_Node, {"depth": 7, "axis": [1.0, 0.0, 0.0], "use_sim_time": False})
+    assert node.parameters["depth"] == 7
+    assert node.parameters["axis"] == [1.0, 0.0, 0.0]
+    assert node.parameters["rate"] == 10.0
+    assert node.parameters["enabled"] is True
+
+
+@pytest.mark.parametrize(
+    ("overrides", "complaint"),
+    [
+        ({"dpeth": 3}, "no parameter 'dpeth'.*depth"),
+        ({"depth": 0}, r"'depth' must be in \[1, 10\]"),
+        ({"rate": 5}, "'rate' must be float, got int 5; write 5.0"),
+        ({"rate": float("nan")}, "'rate' must be finite"),
+        ({"rate": 101.0}, "in .*Hz, got 101"),
+        ({"mode": "warp"}, "one of fast, slow"),
+        ({"axis": [0.0, 1.0]}, "needs 3 values"),
+        ({"axis": [0.0, 1.0, 1.5]}, r"\[-1.0, 1.0\]"),
+        ({"enabled": 1}, "must be bool"),
+    ],
+)
+def test_illegal_overrides_fail_at_start_with_a_reason(graph, overrides, complaint):
+    with pytest.raises(InputError, match=complaint):
+        graph.add(_Node, overrides)
+
+
+def test_changes_while_running(graph):
+    node = graph.add(_Node)
+
+    def change(name, value):
+        request = SetParameters.Request(parameters=[RosParameter(name, value=value).to_parameter_msg()])
+        return graph.call(SetParameters, "/parametrised/set_parameters", request).results[0]
+
+    assert change("rate", 20.0).successful
+    assert node.parameters["rate"] == 20.0
+    rejected = change("rate", 200.0)
+    assert not rejected.successful
+    assert "rate" in rejected.reason
+    rejected = change("mode", "warp")
+    assert not rejected.successful
+    assert "fast, slow" in rejected.reason
+    assert not change("depth", 2).successful, "read-only"
+    assert (node.parameters["rate"], node.parameters["mode"], node.parameters["depth"]) == (20.0, "fast", 1)
+
+
+def test_descriptor_tells_description_unit_and_range():
+    descriptor = TABLE[0].descriptor()
+    assert descriptor.description == "How often [Hz]"
+    assert (descriptor.floating_point_range[0].from_value, descriptor.floating_point_range[0].to_value) == (
+        0,
+        100,
+    )
+    assert TABLE[1].descriptor().integer_range[0].to_value == 10
+    assert TABLE[1].descriptor().read_only
+    assert "fast" in TABLE[2].descriptor().additional_constraints
