@@ -1,0 +1,295 @@
+"""rosbag2 files (MCAP): write a sequence or a recording, read one back frame by frame. Needs no ROS.
+
+A path that ends in `.mcap` is one file; any other is a rosbag2 folder with its `metadata.yaml`. `ros2 bag`
+reads both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import mcap.reader
+import numpy as np
+import yaml
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from midastouch_filter.transforms import (
+    Insertion,
+    TransformBuffer,
+    TransformError,
+)
+from midastouch_perception.errors import InputError
+
+from .datasets import Sequence
+from .messages import (
+    BASE_FRAME,
+    GEL_FRAME,
+    IMAGE_TOPIC,
+    IMAGE_TYPE,
+    TF_STATIC_TOPIC,
+    TF_TOPIC,
+    TRUTH_FRAME,
+    TRUTH_GEL_FRAME,
+    Message,
+    header_stamp_ns,
+    sequence_messages,
+    typestore,
+)
+
+_COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
+_FOREVER_S = 1e9
+_UNSET = QosTime(0, 0)
+
+
+class BagWriter:
+    """Writes messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
+
+    The bag appears at `path`, replacing an older one, when the block ends well; if it fails nothing is left.
+    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if something that is no bag
+    is at `path`.
+    """
+
+    def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
+        self._path = Path(path)
+        self._metadata = metadata or {}
+        self._connections: dict[str, Connection] = {}
+        if self._path.exists() and not is_bag(self._path):
+            raise InputError(f"{self._path}: exists and is not a bag; choose another name")
+
+    def __enter__(self) -> BagWriter:
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.ExitStack() as cleanup:
+            folder = cleanup.enter_context(
+                tempfile.TemporaryDirectory(prefix=f".{self._path.name}.", dir=self._path.parent)
+            )
+            # the writer names the file inside after its folder, so the folder has the final name
+            self._writer = Writer(
+                Path(folder) / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP
+            )
+            self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+            for key, value in self._metadata.items():
+                self._writer.set_custom_data(key, value)
+            self._writer.open()
+            self._cleanup = cleanup.pop_all()
+        return self
+
+    def write(self, message: Message) -> None:
+        """Append a message; its topic is added when it first comes."""
+        connection = self._connections.get(message.topic)
+        if connection is None:
+            connection = self._connections[message.topic] = self._writer.add_connection(
+                message.topic,
+                message.type_name,
+                typestore=typestore(),
+                offered_qos_profiles=[_offered_qos(message.latched)],
+            )
+        self._writer.write(connection, message.stamp_ns, message.data)
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with self._cleanup:
+            if kind is not None:
+                self._writer.abort()
+                return
+            self._writer.close()
+            written = self._writer.path
+            if self._path.suffix == ".mcap":
+                (written / f"{written.name}.mcap").replace(self._path)
+                return
+            if self._path.exists():
+                shutil.rmtree(self._path)
+            written.replace(self._path)
+
+
+def _offered_qos(latched: bool) -> Qos:
+    """What the recorded publisher offered; `ros2 bag play` offers the same."""
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else 10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=_UNSET,
+        lifespan=_UNSET,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_UNSET,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+def write_bag(sequence: Sequence, path: str | Path) -> None:
+    """Convert a sequence to a bag at `path`: image, camera info, transforms, ground truth on its frame."""
+    metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+    with BagWriter(path, metadata) as bag:
+        for message in sequence_messages(sequence):
+            bag.write(message)
+
+
+def is_bag(path: str | Path) -> bool:
+    """Whether `path` looks like a bag: an .mcap or .db3 file, or a folder with `metadata.yaml`."""
+    path = Path(path)
+    return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix in (".mcap", ".db3"))
+
+
+def bag_metadata(path: str | Path) -> dict[str, str]:
+    """The custom data of a bag, such as `object` and `sequence`; empty for a bag that has none."""
+    path = Path(path)
+    with _readable(path):
+        if path.is_dir():
+            content = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+            return content.get("custom_data") or {}
+        with path.open("rb") as stream:
+            for record in mcap.reader.make_reader(stream).iter_metadata():
+                if record.name == "rosbag2":
+                    return yaml.safe_load(record.metadata["serialized_metadata"]).get("custom_data") or {}
+    return {}
+
+
+class BagFrame(NamedTuple):
+    """One image of a bag with the poses at its stamp.
+
+    stamp_ns: of the image's header; image: (320, 240, 3) uint8 RGB; base_from_gel: T_base_gel (4, 4);
+    object_from_gel_true: T_obj_gel (4, 4) from the ground truth frames, None if the bag has none.
+    """
+
+    stamp_ns: int
+    image: np.ndarray
+    base_from_gel: np.ndarray
+    object_from_gel_true: np.ndarray | None
+
+
+def read_bag(
+    path: str | Path,
+    image_topic: str = IMAGE_TOPIC,
+    base_frame: str = BASE_FRAME,
+    gel_frame: str = GEL_FRAME,
+) -> Iterator[BagFrame]:
+    """Every image of a bag whose stamp the transforms span, in recorded order, deterministically.
+
+    All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
+    which images and transforms were recorded. Images before the first or after the last transform are left
+    out. Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if its time runs
+    backwards.
+    """
+    path = Path(path)
+    transforms = _all_transforms(path)
+    used, reason = False, "it is empty"
+    for message in bag_messages(path, {image_topic}):
+        with _readable(path):
+            stamp = header_stamp_ns(message.data)
+        try:
+            pose = transforms.lookup(base_frame, gel_frame, stamp)
+        except TransformError as error:
+            reason = str(error)
+            continue
+        used = True
+        yield BagFrame(stamp, _decode_image(message, path), pose, _true_pose(transforms, stamp))
+    if not used:
+        raise InputError(
+            f"{path}: no image on {image_topic} has a pose ({reason}); record /tf and /tf_static"
+        )
+
+
+def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Message]:
+    """The messages of a bag on some topics (all if none is named) in order of recording.
+
+    Raises InputError if the bag cannot be read or has none of the topics.
+    """
+    path = Path(path)
+    with _readable(path), AnyReader([path]) as reader:
+        chosen = [c for c in reader.connections if not topics or c.topic in topics]
+        if not chosen:
+            present = ", ".join(sorted({c.topic for c in reader.connections})) or "nothing"
+            raise InputError(f"{path}: has no {', '.join(sorted(topics))}; it has {present}")
+        for connection, stamp, data in reader.messages(chosen):
+            yield Message(connection.topic, connection.msgtype, stamp, bytes(data), _was_latched(connection))
+
+
+def _was_latched(connection: Connection) -> bool:
+    profiles = connection.ext.offered_qos_profiles
+    return bool(profiles) and all(q.durability is QosDurability.TRANSIENT_LOCAL for q in profiles)
+
+
+@contextlib.contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Any failure of the reading libraries on the bag's bytes as an InputError."""
+    if not is_bag(path):
+        raise InputError(f"{path}: not a bag; give an .mcap file or a folder with metadata.yaml")
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"{path}: cannot be read as a bag ({error}); record it again or try 'ros2 bag reindex'"
+        ) from error
+
+
+def _all_transforms(path: Path) -> TransformBuffer:
+    buffer = TransformBuffer(history_s=_FOREVER_S)
+    store = typestore()
+    for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
+        with _readable(path):
+            content = store.deserialize_cdr(message.data, message.type_name)
+        for item in content.transforms:
+            stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
+            t, q = item.transform.translation, item.transform.rotation
+            try:
+                outcome = buffer.insert(
+                    item.header.frame_id,
+                    item.child_frame_id,
+                    stamp,
+                    np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]),
+                    static=message.topic == TF_STATIC_TOPIC,
+                )
+            except TransformError as error:
+                raise InputError(f"{path}: {error}") from error
+            if outcome is Insertion.TIME_JUMP:
+                raise InputError(f"{path}: time runs backwards at {stamp / 1e9:.3f} s; split the bag there")
+    return buffer
+
+
+def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
+    try:
+        return transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
+    except TransformError:
+        return None
+
+
+def _decode_image(message: Message, path: Path) -> np.ndarray:
+    """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage."""
+    with _readable(path):
+        content = typestore().deserialize_cdr(message.data, message.type_name)
+    what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
+    if message.type_name == _COMPRESSED_TYPE:
+        pixels = cv2.imdecode(np.asarray(content.data), cv2.IMREAD_COLOR_RGB)
+        if pixels is None:
+            raise InputError(f"{what} cannot be decompressed; record it again")
+    elif message.type_name == IMAGE_TYPE and content.encoding in ("rgb8", "bgr8"):
+        if content.step < 3 * content.width or content.data.size != content.step * content.height:
+            raise InputError(f"{what} has {content.data.size} bytes for its size; record it again")
+        rows = content.data.reshape(content.height, content.step)[:, : 3 * content.width]
+        pixels = rows.reshape(content.height, content.width, 3)
+        pixels = pixels[..., ::-1] if content.encoding == "bgr8" else pixels
+    else:
+        kind = content.encoding if message.type_name == IMAGE_TYPE else message.type_name
+        raise InputError(f"{what} is {kind}; record rgb8, bgr8 or compressed images")
+    if pixels.shape != (320, 240, 3):
+        raise InputError(
+            f"{what} is {pixels.shape[1]} x {pixels.shape[0]}, expected a portrait DIGIT image of 240 x 320"
+        )
+    return np.ascontiguousarray(pixels)

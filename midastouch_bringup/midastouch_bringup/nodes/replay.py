@@ -1,0 +1,253 @@
+"""Node `replay`: plays a YCB-Slide sequence or a bag on the topics of a live sensor and arm."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import threading
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMsg
+from std_srvs.srv import Trigger
+
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
+from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
+from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.ros.spin import run
+
+from ..messages import IMAGE_TOPIC, TF_STATIC_TOPIC, TF_TOPIC, Message, header_stamp_ns
+from ..playback import Playback
+from ..replay_source import INPUT_TOPICS, is_image, replay_messages
+
+PARAMETERS = (
+    Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    Parameter("rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0),
+    Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
+    Parameter("loop", False, "Start again at the end; time jumps back"),
+    Parameter("start_paused", False, "Wait for the service resume or step"),
+    Parameter("start_offset", 0.0, "Leave out this much of the beginning", "s", minimum=0.0, maximum=1e6),
+    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
+    Parameter(
+        "ack_topic",
+        "",
+        "FilterStatus topic that acknowledges frames by their stamp: the next frame waits for it, so that "
+        "none is lost however slow the filter is; empty: do not wait",
+    ),
+    Parameter("ack_timeout", 5.0, "Send a frame again after this long", "s", minimum=0.05, maximum=3600.0),
+    Parameter("ack_attempts", 6, "Give a frame up after so many times", minimum=1, maximum=1000),
+    Parameter("topics", "", "Topics of a bag to play, separated by spaces; empty: the pipeline's inputs"),
+)
+
+RCLError = rclpy_implementation.RCLError
+_LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
+
+
+class Replay(Node):
+    """Publishes images, camera info, TF and ground truth; `start()` begins, `finished` is set at the end.
+
+    `on_end` is called from the playing thread when all was sent or the source failed, `error` then says why.
+    """
+
+    def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
+        super().__init__("replay", **kwargs)
+        self._settings = Parameters(self, PARAMETERS)
+        if not self._settings["source"]:
+            raise InputError("replay: parameter 'source' is empty; give a sequence folder or a bag")
+        self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
+        self._on_end = on_end
+        self.finished = threading.Event()
+        self.error: InputError | None = None
+        self.frames_sent = self.frames_repeated = self.frames_lost = 0
+
+        self._outputs: dict[str, Publisher] = {}
+        self._image = self._publisher_of(IMAGE_TOPIC, "sensor_msgs/msg/Image", False)
+        self._clock_output = (
+            self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
+        )
+        if self._settings["ack_topic"]:
+            self.create_subscription(
+                FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50)
+            )
+        self.create_service(Trigger, "~/pause", self._pause)
+        self.create_service(Trigger, "~/resume", self._resume)
+        self.create_service(Trigger, "~/step", self._step)
+        Diagnostics(self, self._describe)
+        self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
+
+    def start(self) -> None:
+        """Begin to play, in a thread of its own; the node must be spun meanwhile."""
+        self._thread.start()
+
+    def destroy_node(self) -> None:
+        """Stop playing, then destroy the node."""
+        self._playback.stop()
+        if self._thread.is_alive():
+            self._thread.join()
+        super().destroy_node()
+
+    def _play(self) -> None:
+        try:
+            self._wait_for_listeners()
+            while not self._playback.stopped:
+                self._playback.rewind()
+                self._play_once()
+                if not self._settings["loop"]:
+                    break
+            for publisher in self._outputs.values():
+                publisher.wait_for_all_acked(Duration(seconds=2))
+            self.get_logger().info(
+                f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
+            )
+        except InputError as error:
+            self.error = error
+        except RCLError:
+            if self.context.ok():
+                raise  # otherwise the process was told to stop in the middle of a call
+        finally:
+            self.finished.set()
+            self._on_end()
+
+    def _play_once(self) -> None:
+        frame: list[Message] = []
+        for message in self._messages():
+            if not self._playback.wait_until_due(message.stamp_ns, self._tick):
+                return
+            frame.append(message)
+            self._send(message)
+            if is_image(message):
+                self._until_acknowledged(frame)
+                self._playback.frame_sent()
+                self.frames_sent += 1
+                frame = []
+
+    def _messages(self):
+        topics = self._settings["topics"].split() or INPUT_TOPICS
+        lead = _LEAD_NS if self._settings["ack_topic"] else 0
+        start = None
+        for message in replay_messages(self._settings["source"], topics, lead):
+            start = message.stamp_ns + self._settings["start_offset"] * 1e9 if start is None else start
+            if message.latched or message.stamp_ns >= start:
+                yield message
+
+    def _send(self, message: Message) -> None:
+        self._tick(message.stamp_ns)
+        publisher = self._publisher_of(message.topic, message.type_name, message.latched)
+        publisher.publish(message.data)
+
+    def _until_acknowledged(self, frame: list[Message]) -> None:
+        """Hold the next frame back; repeat this one, transforms included, while no status answers it."""
+        if not self._settings["ack_topic"]:
+            return
+        stamp = header_stamp_ns(frame[-1].data)
+        timeout = self._settings["ack_timeout"]
+        for attempt in range(1, self._settings["ack_attempts"] + 1):
+            if self._playback.wait_for_acknowledgement(stamp, timeout) or self._playback.stopped:
+                return
+            self.get_logger().warning(
+                f"no {self._settings['ack_topic']} for the frame at {stamp / 1e9:.3f} s after {timeout} s "
+                f"(attempt {attempt})"
+            )
+            if attempt < self._settings["ack_attempts"]:
+                self.frames_repeated += 1
+                for message in frame:
+                    self._send(message)
+        self.frames_lost += 1
+
+    def _publisher_of(self, topic: str, type_name: str, latched: bool) -> Publisher:
+        if topic not in self._outputs:
+            # names relative to the node's namespace, as the live nodes use them; /tf is global by custom
+            name = topic if topic in (TF_TOPIC, TF_STATIC_TOPIC) else topic.lstrip("/")
+            self._outputs[topic] = self.create_publisher(
+                _message_class(type_name), name, _profile(topic, latched)
+            )
+        return self._outputs[topic]
+
+    def _wait_for_listeners(self) -> None:
+        """Until as many as asked for listen; of a filter that acknowledges, until it listens to TF too."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        ack_topic = self._settings["ack_topic"]
+        while not self._playback.stopped:
+            missing = self._settings["wait_for_subscribers"] - self._image.get_subscription_count()
+            waits_for = [f"{missing} more subscribers of {self._image.topic_name}"] if missing > 0 else []
+            if ack_topic and not self.count_publishers(ack_topic):
+                waits_for.append(f"a publisher of {ack_topic}")
+            if ack_topic and not self.count_subscribers(TF_TOPIC):
+                waits_for.append(f"a subscriber of {TF_TOPIC}")
+            if not waits_for:
+                return
+            self.get_logger().info(f"waiting for {', '.join(waits_for)}", throttle_duration_sec=5.0)
+            steady.sleep_for(Duration(seconds=0.02))
+
+    def _tick(self, recorded_ns: int) -> None:
+        if self._clock_output is not None:
+            self._clock_output.publish(ClockMsg(clock=stamp_from_ns(recorded_ns)))
+
+    def _on_status(self, status: FilterStatus) -> None:
+        self._playback.acknowledge(stamp_ns(status.header.stamp))
+
+    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._playback.pause()
+        response.success, response.message = True, "paused"
+        return response
+
+    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._playback.resume()
+        response.success, response.message = True, "playing"
+        return response
+
+    def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._playback.step()
+        response.message = "one frame" if response.success else "not paused; call pause first"
+        return response
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        values = {"sent": self.frames_sent, "repeated": self.frames_repeated, "lost": self.frames_lost}
+        if self.error is not None:
+            return WARN, str(self.error), values
+        if self.frames_lost:
+            return WARN, f"{self.frames_lost} frames were never acknowledged", values
+        return OK, "finished" if self.finished.is_set() else "playing", values
+
+
+def _message_class(type_name: str) -> type:
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise InputError(f"message type {type_name} is not installed; install {package}") from error
+
+
+def _profile(topic: str, latched: bool) -> QoSProfile:
+    if latched:
+        return qos.latched(depth=100)  # several publishers' static transforms, one message each
+    return qos.TF if topic == TF_TOPIC else qos.stream_publisher()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Entry point of the executable; ends when all was sent."""
+    nodes: list[Replay] = []
+
+    def make() -> list[Replay]:
+        nodes.append(Replay(on_end=rclpy.try_shutdown))
+        nodes[0].start()
+        return nodes
+
+    code = run(make, args)
+    if nodes and nodes[0].error is not None:
+        print(nodes[0].error, file=sys.stderr)
+        return 2
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

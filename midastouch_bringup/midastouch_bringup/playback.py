@@ -1,0 +1,118 @@
+"""When the next frame of a replay may go out: pace, pause, single steps, one frame in flight at a time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+_SECOND = 1_000_000_000
+
+
+class Playback:
+    """Shared by the thread that plays and by whoever controls it; every method may be called from any thread.
+
+    Args:
+        rate: seconds of recorded time per second; 0 plays as fast as the consumer takes it.
+        paused: start in pause.
+        now: monotonic clock in seconds.
+    """
+
+    def __init__(
+        self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._rate = rate
+        self._now = now
+        self._paused = paused
+        self._steps = 0
+        self._stopped = False
+        self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
+        self._acknowledged: set[int] = set()
+        self._changed = threading.Condition()
+
+    def pause(self) -> None:
+        """Hold back everything not yet sent."""
+        with self._changed:
+            self._paused = True
+            self._steps = 0
+            self._changed.notify_all()
+
+    def resume(self) -> None:
+        """Go on from where the pause began; the time in pause is not caught up."""
+        with self._changed:
+            self._paused = False
+            self._changed.notify_all()
+
+    def step(self) -> bool:
+        """Let one frame through; False, and nothing happens, if playback is not paused."""
+        with self._changed:
+            if not self._paused:
+                return False
+            self._steps += 1
+            self._changed.notify_all()
+            return True
+
+    def stop(self) -> None:
+        """End every wait, now and later."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+
+    @property
+    def stopped(self) -> bool:
+        with self._changed:
+            return self._stopped
+
+    def rewind(self) -> None:
+        """Stamps start again from an earlier one."""
+        with self._changed:
+            self._anchor = None
+
+    def wait_until_due(
+        self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02
+    ) -> bool:
+        """Wait until a message of this stamp may go out; False if playback was stopped.
+
+        While time passes `on_tick` is called every `tick_s` with the recorded time reached, in nanoseconds.
+        """
+        while True:
+            with self._changed:
+                if self._stopped:
+                    return False
+                if self._paused and self._steps == 0:
+                    self._anchor = None
+                    self._changed.wait()
+                    continue
+                if self._paused or self._rate == 0:
+                    return True
+                now = self._now()
+                if self._anchor is None:
+                    self._anchor = (now, stamp_ns)
+                since, first = self._anchor
+                remaining = (stamp_ns - first) / _SECOND / self._rate - (now - since)
+                if remaining <= 0:
+                    return True
+                self._changed.wait(min(remaining, tick_s))
+                reached = first + round((self._now() - since) * self._rate * _SECOND)
+            if on_tick is not None:
+                on_tick(min(reached, stamp_ns))
+
+    def frame_sent(self) -> None:
+        """A whole frame went out: it uses up a step."""
+        with self._changed:
+            self._steps = max(0, self._steps - 1)
+
+    def acknowledge(self, stamp_ns: int) -> None:
+        """The consumer has finished the frame of this stamp."""
+        with self._changed:
+            self._acknowledged.add(stamp_ns)
+            self._changed.notify_all()
+
+    def wait_for_acknowledgement(self, stamp_ns: int, timeout_s: float) -> bool:
+        """Wait until the frame of this stamp is acknowledged; False after `timeout_s` or when stopped."""
+        with self._changed:
+            done = self._changed.wait_for(lambda: self._stopped or stamp_ns in self._acknowledged, timeout_s)
+            done = done and not self._stopped
+            if done:
+                self._acknowledged.clear()
+            return done
