@@ -214,22 +214,22 @@ class DigitDriver(RobustLifecycleNode):
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
     rclpy.init(args=args)
+    node = None
     try:
         node = DigitDriver()
-    except InputError:  # The node has logged it.
-        rclpy.try_shutdown()
-        return 2
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
         while rclpy.ok() and not node.failure:
             executor.spin_once()
+    except InputError:  # The node has logged it.
+        return 2
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        node.destroy_node()
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
-    return 1 if node.failure else 0
+    return 1 if node is not None and node.failure else 0
 
 
 if __name__ == "__main__":

@@ -1,0 +1,143 @@
+"""Rate, image health and the verdict for /diagnostics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from digit_driver.clock_offset import ClockOffset
+from digit_driver.frame_source import Frame, MonotonicClock, SourceInfo
+from digit_driver.health_report import Evidence, Level, assess
+from digit_driver.image_health import ImageHealth, ImageReport
+from digit_driver.rate_monitor import RateMonitor
+from digit_driver.reader import ReaderState, ReaderStatus
+from digit_driver.stream_monitor import StreamMonitor
+
+SECOND = 1_000_000_000
+INFO = SourceInfo("/dev/video0", "D20001", 240, 320, 60.0, live=True)
+STREAMING = ReaderStatus(ReaderState.STREAMING, INFO)
+GOOD = ImageReport(mean=90.0, saturated=0.0, repeats=0, problem="")
+NORMAL = Evidence(STREAMING, 60.0, 0, GOOD)
+
+
+def test_rate_is_known_after_one_window_and_falls_when_frames_cease() -> None:
+    monitor = RateMonitor(60.0, now_ns=0)
+    for i in range(1, 121):
+        monitor.add(i * SECOND // 60)
+        if i == 30:
+            assert monitor.rate(SECOND // 2) is None
+    assert monitor.rate(2 * SECOND) == pytest.approx(60.0)
+    assert monitor.rate(2 * SECOND + SECOND // 2) == pytest.approx(30.0, abs=1.0)
+    assert monitor.rate(4 * SECOND) == 0.0
+    assert monitor.backward == 0
+
+
+def test_slow_sources_get_a_longer_window() -> None:
+    monitor = RateMonitor(0.5, now_ns=0)
+    for i in range(10):
+        monitor.add(i * 2 * SECOND)
+    assert monitor.rate(9 * SECOND) is None
+    assert monitor.rate(18 * SECOND) == pytest.approx(0.5)
+
+
+def test_stamps_that_do_not_advance_are_counted() -> None:
+    monitor = RateMonitor(60.0, now_ns=0)
+    for stamp in (5, 5, 4, 6):
+        monitor.add(stamp)
+    assert monitor.backward == 2
+
+
+def noisy(rng: np.random.Generator, mean: int = 90) -> np.ndarray:
+    return rng.integers(mean - 5, mean + 5, (320, 240, 3)).astype(np.uint8)
+
+
+def test_good_black_and_saturated_images() -> None:
+    rng = np.random.default_rng(1)
+    health = ImageHealth(frozen_after=60)
+    assert health.update(noisy(rng)).problem == ""
+    assert "black" in health.update(np.zeros((320, 240, 3), np.uint8)).problem
+    report = health.update(np.full((320, 240, 3), 255, np.uint8))
+    assert "saturated" in report.problem
+    assert report.saturated == 1.0
+    glint = noisy(rng)
+    glint[:40] = 255  # An eighth of the image: a reflection, not a fault.
+    assert health.update(glint).problem == ""
+
+
+def test_frozen_stream_is_told_and_forgotten() -> None:
+    rng = np.random.default_rng(2)
+    health = ImageHealth(frozen_after=3)
+    image = noisy(rng)
+    problems = [health.update(image).problem for _ in range(4)]
+    assert problems[:3] == ["", "", ""]
+    assert "frozen" in problems[3]
+    assert health.update(noisy(rng)).problem == ""
+
+
+def test_recordings_may_repeat() -> None:
+    health = ImageHealth(frozen_after=None)
+    image = noisy(np.random.default_rng(3))
+    assert [health.update(image).problem for _ in range(200)] == [""] * 200
+
+
+def test_healthy_stream_is_ok_with_its_figures() -> None:
+    report = assess(NORMAL, ClockOffset())
+    assert (report.level, report.message) == (Level.OK, "streaming")
+    assert report.values["fps"] == "60.00"
+    assert report.values["source"] == "/dev/video0"
+    assert float(report.values["clock_offset_s"]) != 0.0
+    assert all(isinstance(value, str) for value in report.values.values())
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "words"),
+    [
+        ({"rate": 53.0}, Level.WARN, "53.0 frames/s instead of 60"),
+        ({"rate": 55.0}, Level.OK, "streaming"),
+        ({"rate": None}, Level.OK, "streaming"),
+        ({"backward": 2}, Level.WARN, "did not advance"),
+        ({"image": replace(GOOD, problem="image black")}, Level.WARN, "image black"),
+        (
+            {"reader": replace(STREAMING, info=replace(INFO, warnings=("firmware 150",)))},
+            Level.WARN,
+            "firmware",
+        ),
+        ({"reader": replace(STREAMING, silent_s=10.0)}, Level.ERROR, "hangs since 10 s"),
+        (
+            {"reader": ReaderStatus(ReaderState.DISCONNECTED, INFO, last_error="unplugged")},
+            Level.ERROR,
+            "disconnected: unplugged",
+        ),
+        ({"reader": ReaderStatus(ReaderState.CONNECTING)}, Level.ERROR, "opening"),
+        ({"reader": ReaderStatus(ReaderState.FAILED, last_error="why")}, Level.ERROR, "why"),
+        ({"reader": ReaderStatus(ReaderState.STOPPED, INFO), "rate": 0.0}, Level.OK, "capture is off"),
+        ({"reader": ReaderStatus(ReaderState.ENDED, INFO), "rate": 0.0}, Level.OK, "to its end"),
+    ],
+)
+def test_verdicts(changes, level, words) -> None:
+    report = assess(replace(NORMAL, **changes), ClockOffset())
+    assert report.level == level
+    assert words in report.message
+
+
+def test_monitor_stamps_in_wall_time_and_forgets_at_reconnection() -> None:
+    class Clock(MonotonicClock):
+        now = 10 * SECOND
+
+        def now_ns(self) -> int:
+            return self.now
+
+    clock = Clock()
+    offset = ClockOffset(monotonic_ns=clock.now_ns, wall_ns=lambda: clock.now + 1234 * SECOND)
+    monitor = StreamMonitor(clock, offset)
+    assert monitor.report(ReaderStatus()).level == Level.OK
+    monitor.opened(INFO)
+    rng = np.random.default_rng(4)
+    for i in range(61):
+        clock.now = 10 * SECOND + i * SECOND // 60
+        assert monitor.stamp(Frame(noisy(rng), clock.now, i)) == clock.now + 1234 * SECOND
+    assert monitor.report(STREAMING).values["fps"] == "60.00"
+    clock.now += 5 * SECOND
+    assert monitor.report(STREAMING).level == Level.WARN
+    monitor.opened(INFO)
+    assert monitor.report(STREAMING).level == Level.OK

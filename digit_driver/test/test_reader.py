@@ -1,0 +1,256 @@
+"""The reader thread over a fake kernel, with every fault a cable or a camera can show."""
+
+import errno
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+from fake_kernel import FakeDigit
+
+from digit_driver import videodev2 as v4l2
+from digit_driver.errors import DeviceError
+from digit_driver.image_folder import ImageFolder
+from digit_driver.reader import FrameReader, ReaderState, ReaderStatus, ReaderTiming
+from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+
+FAST = ReaderTiming(reconnect=0.02, stall=0.1)
+
+
+class Watched:
+    """A reader whose events wake the test."""
+
+    def __init__(self, source, timing: ReaderTiming = FAST) -> None:
+        self._changed = threading.Condition()
+        self.reader = FrameReader(source, self._wake, timing)
+
+    def _wake(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    def wait_for(self, predicate: Callable[[ReaderStatus], bool]) -> ReaderStatus:
+        deadline = time.monotonic() + 10.0
+        with self._changed:
+            while not predicate(status := self.reader.status()):
+                # Corrupt frames are counted without an event, hence the short wait.
+                assert time.monotonic() < deadline, status
+                self._changed.wait(0.02)
+        return status
+
+
+@pytest.fixture
+def watch(kernel, find):
+    """Starts readers on the fake machine and stops them at the end."""
+    watched = []
+
+    def start(timing: ReaderTiming = FAST, **settings) -> Watched:
+        watched.append(Watched(V4l2Digit(V4l2Settings(**settings), kernel, find), timing))
+        watched[-1].reader.start()
+        return watched[-1]
+
+    yield start
+    for item in watched:
+        assert item.reader.stop()
+    assert kernel.descriptors == {}, "descriptors left open"
+
+
+def streaming(frames: int) -> Callable[[ReaderStatus], bool]:
+    return lambda status: status.state is ReaderState.STREAMING and status.frames >= frames
+
+
+def test_keeps_the_newest_frame_and_counts_those_replaced(kernel, watch) -> None:
+    kernel.plug(FakeDigit())
+    watched = watch()
+    watched.wait_for(streaming(20))
+    frame = watched.reader.take()
+    assert frame.sequence >= 19
+    status = watched.reader.status()
+    assert (status.lost, status.corrupt, status.reconnects, status.last_error) == (0, 0, 0, "")
+    assert status.overwritten >= 19
+    watched.reader.stop()
+    watched.reader.take()
+    assert watched.reader.take() is None
+
+
+def test_device_may_come_late(kernel, watch) -> None:
+    watched = watch()
+    assert watched.reader.wait_settled(5.0)
+    status = watched.wait_for(lambda status: status.last_error)
+    assert status.state is ReaderState.CONNECTING
+    assert "no DIGIT" in status.last_error
+    kernel.plug(FakeDigit())
+    assert watched.wait_for(streaming(3)).reconnects == 0
+
+
+def test_patience_at_the_start_has_an_end(watch) -> None:
+    watched = watch(ReaderTiming(wait_for_device=0.05, reconnect=0.02))
+    status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
+    assert "no DIGIT" in status.last_error
+
+
+def test_unusable_request_fails_at_once(kernel, watch) -> None:
+    kernel.plug(FakeDigit("D1", "1-1", number=0))
+    kernel.plug(FakeDigit("D2", "1-2", number=2))
+    watched = watch()
+    assert watched.reader.wait_settled(5.0)
+    status = watched.reader.status()
+    assert status.state is ReaderState.FAILED
+    assert "Set `serial`" in status.last_error
+
+
+def test_unplugged_and_replugged_under_another_number(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit("D5", number=0))
+    watched = watch()
+    before = watched.wait_for(streaming(3)).frames
+    kernel.unplug(camera)
+    status = watched.wait_for(lambda status: status.state is ReaderState.DISCONNECTED)
+    assert status.last_error
+    # Someone else takes the number meanwhile; without a pinned serial the reader would take it.
+    kernel.plug(FakeDigit("D6", "1-6", number=0))
+    camera.number = 8
+    kernel.plug(camera)
+    status = watched.wait_for(streaming(before + 3))
+    assert (status.info.name, status.info.serial, status.reconnects) == ("/dev/video8", "D5", 1)
+
+
+def test_foreign_camera_on_our_device_node_is_waited_out(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch(video_device="/dev/video0")
+    watched.wait_for(streaming(1))
+    kernel.unplug(camera)
+    foreign = kernel.plug(FakeDigit(size=(1280, 720)))
+    watched.wait_for(lambda status: "1280x720" in status.last_error)
+    kernel.unplug(foreign)
+    kernel.plug(camera)
+    assert watched.wait_for(lambda status: status.reconnects == 1).state is ReaderState.STREAMING
+
+
+def test_stalled_stream_is_opened_anew(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch()
+    before = watched.wait_for(streaming(3)).frames
+    camera.stalled = True
+    status = watched.wait_for(lambda status: "no good frame" in status.last_error)
+    camera.stalled = False
+    status = watched.wait_for(streaming(before + 3))
+    assert status.reconnects >= 1
+    assert camera.opened >= 2
+
+
+@pytest.mark.parametrize("fault", ["damaged", "short"])
+def test_some_corrupt_frames_are_counted_and_not_called_lost(kernel, watch, fault) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch(ReaderTiming(reconnect=0.02, stall=5.0))
+    before = watched.wait_for(streaming(3)).frames
+    setattr(camera, fault, True)
+    watched.wait_for(lambda status: status.corrupt >= 3)
+    setattr(camera, fault, False)
+    status = watched.wait_for(streaming(before + 5))
+    assert (status.lost, status.reconnects) == (0, 0)
+
+
+def test_only_corrupt_frames_count_as_a_stall(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch()
+    watched.wait_for(streaming(1))
+    camera.damaged = True
+    watched.wait_for(lambda status: "no good frame" in status.last_error)
+
+
+def test_gaps_in_the_numbering_are_lost_frames(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch()
+    watched.wait_for(streaming(1))
+    camera.skip_sequence = 2
+    status = watched.wait_for(lambda status: status.lost >= 6)
+    assert status.lost % 2 == 0
+
+
+def test_failing_ioctl_while_streaming_is_survived(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch()
+    before = watched.wait_for(streaming(2)).frames
+    camera.errors[v4l2.VIDIOC_DQBUF] = errno.EIO
+    watched.wait_for(lambda status: "fetching a frame failed" in status.last_error)
+    camera.errors.clear()
+    watched.wait_for(streaming(before + 2))
+
+
+def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:
+    release = threading.Event()
+    camera = kernel.plug(FakeDigit())
+    watched = Watched(V4l2Digit(V4l2Settings(), kernel, find))
+    reader = watched.reader
+    reader.start()
+    watched.wait_for(streaming(1))
+    camera.hanging = release
+    # The sign of life is renewed at every read, so that silence means the call has begun to hang.
+    watched.wait_for(lambda status: status.silent_s > 0.2)
+    started = time.monotonic()
+    assert not reader.stop(timeout=0.1)
+    assert time.monotonic() - started < 1.0
+    with pytest.raises(DeviceError, match="hangs"):
+        reader.start()
+    camera.hanging = None
+    release.set()
+    assert reader.stop(timeout=5.0)
+    assert kernel.descriptors == {}
+    reader.start()
+    watched.wait_for(streaming(1))
+    assert reader.stop()
+
+
+def test_stop_is_quick_while_waiting_for_a_device(watch) -> None:
+    watched = watch(ReaderTiming(reconnect=60.0))
+    watched.wait_for(lambda status: status.last_error)
+    started = time.monotonic()
+    assert watched.reader.stop()
+    assert time.monotonic() - started < 1.0
+    assert watched.reader.status().state is ReaderState.STOPPED
+
+
+def test_start_twice_and_start_again(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit())
+    watched = watch()
+    watched.wait_for(streaming(1))
+    watched.reader.start()
+    assert camera.opened == 1
+    watched.reader.stop()
+    watched.reader.start()
+    assert watched.wait_for(streaming(1)).frames < 1000
+    assert camera.opened == 2
+
+
+def test_recording_ends_and_the_reader_says_so(tmp_path) -> None:
+    import cv2
+    import numpy as np
+
+    for i in range(3):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros((320, 240, 3), np.uint8))
+    watched = Watched(ImageFolder(tmp_path, fps=500.0, loop=False))
+    watched.reader.start()
+    status = watched.wait_for(lambda status: status.state is ReaderState.ENDED)
+    assert status.frames == 3
+    assert watched.reader.take().sequence == 2
+
+
+def test_bad_recording_fails_with_its_reason(tmp_path) -> None:
+    watched = Watched(ImageFolder(tmp_path))
+    watched.reader.start()
+    status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
+    assert "holds no images" in status.last_error
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find) -> None:
+    class Broken(V4l2Digit):
+        def read(self, timeout):
+            raise ZeroDivisionError("surprise")
+
+    kernel.plug(FakeDigit())
+    watched = Watched(Broken(V4l2Settings(), kernel, find))
+    watched.reader.start()
+    status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
+    assert "surprise" in status.last_error
+    watched.reader._thread.join()
+    assert kernel.descriptors == {}
