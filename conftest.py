@@ -1,7 +1,7 @@
 """Imports the packages before any test does.
 
-In pytest's importlib mode `midastouch_filter/test/x.py` is the module `midastouch_filter.test.x`, whose parent
-would be the folder in the workspace, not the package of the same name inside it, unless that is loaded already.
+In importlib mode pytest calls `midastouch_filter/test/x.py` the module `midastouch_filter.test.x`: its parent
+would be the folder in the workspace, not the package of that name inside it, unless that is loaded already.
 """
 
 import digit_driver  # noqa: F401

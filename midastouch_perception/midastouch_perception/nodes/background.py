@@ -1,24 +1,40 @@
-"""The sensor's no-contact image: read from a file, captured on request, or estimated while images arrive.
+"""The sensor's no-contact image: read from files, captured on request, or estimated while images arrive.
 
 ROS-free: the node feeds images in and asks for the current background.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from ..errors import InputError
+from ..tdn.background import estimate_background
 
 _BLOCK = 16
+_MOST_FILES = 200
 
 
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
-    """RGB image (height, width, 3) uint8 of a file; InputError if it is none or of another size."""
-    if not Path(path).is_file():
+    """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
+
+    Raises InputError: no such path, no images in it, not an image, another size.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return _read_image(path, height, width)
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    if not files:
+        raise InputError(f"{path}: no PNG or JPEG images in this folder to estimate a background from")
+    chosen = files[:: -(-len(files) // _MOST_FILES)]
+    return estimate_background([_read_image(file, height, width) for file in chosen])
+
+
+def _read_image(path: Path, height: int, width: int) -> np.ndarray:
+    if not path.is_file():
         raise InputError(f"{path}: no such background image; leave the parameter empty to estimate one")
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
@@ -42,7 +58,7 @@ def largest_change(images: Sequence[np.ndarray]) -> float:
 
 
 class BackgroundCapture:
-    """Collects `frames` images; then `image` holds their median, or `refusal` says why there is none."""
+    """Collects `frames` images; then `image` is the background, or `refusal` says why there is none."""
 
     def __init__(self, frames: int, still_threshold: float):
         self._frames, self._still_threshold = frames, still_threshold
@@ -67,39 +83,30 @@ class BackgroundCapture:
                 f"(limit {self._still_threshold:.1f}); lift the finger off, hold it still and try again"
             )
         else:
-            self.image = np.median(np.stack(self._images), axis=0).astype(np.uint8)
+            self.image = estimate_background(self._images)
 
 
 class RunningBackground:
     """Background from the first images of a stream: good from the start where those show no contact.
 
-    It is estimated anew after 1, 2, 4, ... images, up to `frames` of them, by the function `estimate`
-    (images -> background).
+    It is estimated anew after 1, 2, 4, ... images, up to `frames` of them.
     """
 
-    def __init__(self, frames: int, estimate: Callable[[Sequence[np.ndarray]], np.ndarray]):
-        self._frames, self._estimate = frames, estimate
+    def __init__(self, frames: int):
+        self._frames = frames
         self._images: list[np.ndarray] = []
+        self.count = 0
         self.image: np.ndarray | None = None
         self.change = 0.0
 
-    @property
-    def count(self) -> int:
-        """Images it is made of; once complete the images themselves are dropped."""
-        return self._frames if self._complete else len(self._images)
-
-    @property
-    def _complete(self) -> bool:
-        return self.image is not None and not self._images
-
     def add(self, image: np.ndarray) -> None:
         """One more image (H, W, 3) uint8."""
-        if self._complete:
+        if self.count == self._frames:
             return
         self._images.append(image)
-        n = len(self._images)
-        if n == self._frames or n & (n - 1) == 0:
-            self.image = self._estimate(self._images)
+        self.count += 1
+        if self.count == self._frames or self.count & (self.count - 1) == 0:
+            self.image = estimate_background(self._images)
             self.change = largest_change(self._images)
-        if n == self._frames:
-            self._images = []
+        if self.count == self._frames:
+            self._images.clear()

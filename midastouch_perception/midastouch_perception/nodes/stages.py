@@ -6,46 +6,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact import Contact, ContactDetector
+from ..pipeline import DepthStage
+from ..tcn import TactileCodeNet
 
 
 @dataclass(frozen=True)
 class Depth:
-    """Result of the depth stage for one image.
+    """What is known of one image: in_contact, area_m2, penetration (H, W) float32 m, 0 outside contact."""
 
-    contact; penetration (H, W) float32 [m], zero outside the contact; skipped: the image was the last one
-    again, so that the last result was taken.
+    in_contact: bool
+    area_m2: float
+    penetration: np.ndarray
+
+
+class ImageStage:
+    """Image and background -> penetration in the contact. An unchanged image costs one comparison.
+
+    `skipped` counts the frames that each gate kept from the network.
     """
 
-    contact: Contact
-    penetration: np.ndarray
-    skipped: bool
-
-
-class DepthStage:
-    """Image and background -> penetration in the contact. An unchanged image costs one comparison."""
-
-    def __init__(self, tdn, detector: ContactDetector):
-        self._tdn, self._detector = tdn, detector
+    def __init__(self, depth: DepthStage):
+        self._depth = depth
         self._image: np.ndarray | None = None
         self._background: np.ndarray | None = None
         self._last: Depth | None = None
+        self._unchanged = 0
+
+    @property
+    def skipped(self) -> dict[str, int]:
+        """Frames by the gate that spared them the network."""
+        return {"image_unchanged": self._unchanged, "no_contact": self._depth.skipped}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Depth:
         """`image`, `background` (H, W, 3) uint8 RGB of the sensor's full size."""
-        if self._last is not None and background is self._background and np.array_equal(image, self._image):
-            return Depth(self._last.contact, self._last.penetration, skipped=True)
-        penetration = self._tdn.predict(image, background)
-        contact = self._detector.update(penetration)
+        same_background = background is self._background
+        if self._last is not None and same_background and np.array_equal(image, self._image):
+            self._unchanged += 1
+            return self._last
+        penetration, contact = self._depth.process(image, background)
         self._image, self._background = image, background
-        touching = contact.mask & contact.in_contact
-        self._last = Depth(contact, np.where(touching, penetration, np.float32(0)), skipped=False)
+        if contact.in_contact:
+            masked = np.where(contact.mask, penetration, np.float32(0))
+            self._last = Depth(True, contact.area_m2, masked)
+        else:
+            self._last = Depth(False, 0.0, np.zeros_like(penetration))
         return self._last
 
 
 @dataclass(frozen=True)
 class Code:
-    """Result of the code stage: `values` (D,) float32, L2-normalised; empty without contact."""
+    """What is known of one touch: `values` (D,) float32, L2-normalised; empty without contact."""
 
     in_contact: bool
     area_m2: float
@@ -56,10 +66,10 @@ class Code:
 class CodeStage:
     """Penetration in the contact -> code. No contact and an unchanged map cost nothing but their test.
 
-    `skipped` counts both gates.
+    `skipped` counts the frames that each gate kept from the network.
     """
 
-    def __init__(self, tcn):
+    def __init__(self, tcn: TactileCodeNet):
         self._tcn = tcn
         self._penetration: np.ndarray | None = None
         self._values = np.zeros(0, np.float32)

@@ -19,6 +19,7 @@ from ..ros.conversions import float32_to_msg, points_from_msg
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
+from ..tdn.inputs import SCALE
 from .stages import Code, CodeStage, Depth
 
 PARAMETERS = (
@@ -45,8 +46,9 @@ class TcnNode(Node):
     ):
         super().__init__("tcn", **node_options)
         self.parameters = Parameters(self, PARAMETERS)
-        self._sensor = SensorModel.load(self.parameters["sensor_model"]).scaled(0.5)
-        self._stage = CodeStage(tcn or load_tcn(self.parameters["tcn"]))
+        sensor = SensorModel.load(self.parameters["sensor_model"])
+        self._stage = CodeStage(tcn or load_tcn(self.parameters["tcn"], sensor))
+        self._map_sensor = sensor.scaled(SCALE)
         self._sink = sink
         depth = self.parameters["queue_depth"]
         self._codes = self.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(depth))
@@ -64,15 +66,15 @@ class TcnNode(Node):
         started = time.perf_counter()
         try:
             points = points_from_msg(msg)
-            penetration = penetration_from_cloud(points, self._sensor)
+            penetration = penetration_from_cloud(points, self._map_sensor)
         except InputError as error:
             self.diagnostics.problem("bad_clouds", f"tactile/points: {error}")
             return
-        self._encode(msg.header, penetration, len(points) * self._sensor.pixel_area, started)
+        self._encode(msg.header, penetration, len(points) * self._map_sensor.pixel_area, started)
 
     def on_depth(self, header: Header, depth: Depth) -> None:
         """The depth stage's result, handed over in one process."""
-        self._encode(header, depth.penetration, depth.contact.area_m2, time.perf_counter())
+        self._encode(header, depth.penetration, depth.area_m2, time.perf_counter())
 
     def _encode(self, header: Header, penetration: np.ndarray, area: float, started: float) -> None:
         code = self._stage.process(penetration, area)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
@@ -14,22 +15,26 @@ from std_srvs.srv import Trigger
 
 from midastouch_msgs.msg import TactileContact
 
-from ..contact import ContactDetector
 from ..errors import InputError
+from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
-from ..tdn.background import estimate_background
+from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
-from .stages import Depth, DepthStage
+from .stages import Depth, ImageStage
 
 PARAMETERS = (
     Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
-    Parameter("background", "", "No-contact image of this sensor; empty: estimated from the first images"),
+    Parameter(
+        "background",
+        "",
+        "No-contact image of this sensor, or a folder of its images; empty: estimated from the first ones",
+    ),
     Parameter(
         "background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000
     ),
@@ -59,25 +64,23 @@ PARAMETERS = (
 class TdnNode(Node):
     """Every valid image yields one cloud (empty without contact) and one TactileContact of the same stamp.
 
-    `tdn` and `detector` replace the network and the contact detector that the parameters name. When both run
-    in one process, `sink`, called with the header and the depth of each frame, takes the place of the cloud
-    on the way to the next stage; the cloud is then published for other subscribers only.
+    `depth` replaces the network that the parameters name. When the next stage runs in the same process,
+    `sink`, called with the header and the depth of each frame, takes the place of the cloud on the way to it;
+    the cloud is then published for other subscribers only.
     """
 
     def __init__(
         self,
-        tdn=None,
-        detector: ContactDetector | None = None,
+        depth: DepthStage | None = None,
         sink: Callable[[Header, Depth], None] | None = None,
         **node_options,
     ):
         super().__init__("tdn", **node_options)
         self.parameters = Parameters(self, PARAMETERS)
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._map_sensor = self._sensor.scaled(0.5)
-        self._stage = DepthStage(
-            tdn or load_tdn(self.parameters["tdn"]), detector or ContactDetector(self._map_sensor)
-        )
+        depth = depth or DepthStage(load_tdn(self.parameters["tdn"], self._sensor))
+        self._stage = ImageStage(depth)
+        self._map_sensor = self._sensor.scaled(SCALE)
         self._sink = sink
         self._running: RunningBackground | None = None
         self._capture: BackgroundCapture | None = None
@@ -92,9 +95,11 @@ class TdnNode(Node):
         self.create_subscription(
             Image, "image_raw", self._on_image, qos.stream_subscriber(depth, self.parameters["reliable"])
         )
-        self.create_service(Trigger, "capture_background", self._on_capture)
+        # In a group of its own: while it waits for images, they must get through.
+        group = ReentrantCallbackGroup()
+        self.create_service(Trigger, "capture_background", self._on_capture, callback_group=group)
         self._rate = diagnostics.Rate()
-        self._skipped = {"image_unchanged": 0, "no_subscriber": 0}
+        self._unseen_clouds = 0
         self.diagnostics = diagnostics.Diagnostics(self, self._describe)
 
     def _load_background(self) -> None:
@@ -103,7 +108,7 @@ class TdnNode(Node):
             self._background = read_background(path, self._sensor.height, self._sensor.width)
             self._background_source = f"file {path}"
         else:
-            self._running = RunningBackground(self.parameters["background_frames"], estimate_background)
+            self._running = RunningBackground(self.parameters["background_frames"])
             self._background, self._background_source = None, "none yet"
 
     def _on_image(self, msg: Image) -> None:
@@ -115,7 +120,6 @@ class TdnNode(Node):
             return
         self._observe_background(image)
         depth = self._stage.process(image, self._background)
-        self._skipped["image_unchanged"] += depth.skipped
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
         self._rate.add(time.perf_counter() - started)
 
@@ -130,15 +134,13 @@ class TdnNode(Node):
                 self._finish_capture(self._capture.image, self._capture.refusal)
 
     def _publish(self, header: Header, depth: Depth) -> None:
-        contact = depth.contact
-        self._contact.publish(
-            TactileContact(header=header, in_contact=contact.in_contact, area=float(contact.area_m2))
-        )
+        area = float(depth.area_m2)
+        self._contact.publish(TactileContact(header=header, in_contact=depth.in_contact, area=area))
         if self._sink is None or self._points.get_subscription_count() > 0:
             points = cloud_from_penetration(depth.penetration, depth.penetration > 0, self._map_sensor)
             self._points.publish(points_to_msg(points, header))
         else:
-            self._skipped["no_subscriber"] += 1
+            self._unseen_clouds += 1
         if self._penetration.get_subscription_count() > 0:
             self._penetration.publish(image_to_msg(depth.penetration, "32FC1", header))
         if self._sink is not None:
@@ -174,7 +176,8 @@ class TdnNode(Node):
         self._captured.set_result((True, ""))
 
     def _describe(self) -> tuple[bytes, str, dict]:
-        values = {**self._rate.values(), "background": self._background_source, **self._skipped}
+        values = {**self._rate.values(), "background": self._background_source, **self._stage.skipped}
+        values["no_subscriber"] = self._unseen_clouds
         if self._running is not None and self._running.change > self.parameters["still_threshold"]:
             return (
                 diagnostics.WARN,
