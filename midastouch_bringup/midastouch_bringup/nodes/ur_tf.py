@@ -59,7 +59,7 @@ class UrTf(Node):
         self._joints = [prefix + name for name in JOINT_NAMES]
         self._tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self._joint_states = self.create_publisher(JointState, "joint_states", qos.stream_publisher())
-        static = self.create_publisher(TFMessage, "/tf_static", qos.LATCHED)
+        static = self.create_publisher(TFMessage, "/tf_static", qos.latched())
         now = Header(stamp=self.get_clock().now().to_msg(), frame_id=prefix + "base_link")
         static.publish(TFMessage(transforms=[_stamped(now, self._base, BASE_LINK_FROM_BASE)]))
 

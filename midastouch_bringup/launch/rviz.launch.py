@@ -1,0 +1,26 @@
+"""RViz with our view; closing it ends the launch."""
+
+from launch import LaunchDescription
+from launch.actions import Shutdown
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from midastouch_bringup.ros.launch_parts import declare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """RViz in the namespace, so that the relative topics of the configuration are the namespace's."""
+    return LaunchDescription(
+        [
+            *declare("namespace", "use_sim_time", "rviz_config"),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                namespace=LaunchConfiguration("namespace"),
+                arguments=["-d", LaunchConfiguration("rviz_config")],
+                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+                output="screen",
+                on_exit=Shutdown(reason="RViz was closed"),
+            ),
+        ]
+    )

@@ -1,0 +1,60 @@
+"""Parameter files of several nodes: laid over each other, changed, and moved into a namespace."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import yaml
+
+from midastouch_perception.errors import InputError
+
+
+def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
+    """Parameters by node name of a ROS parameter file, names of nested ones joined by dots.
+
+    Raises InputError for a file that is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text())
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; check params_file") from error
+    except yaml.YAMLError as error:
+        raise InputError(f"{path}: not YAML: {error}") from error
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: holds no nodes; write NODE: {{ros__parameters: {{NAME: VALUE}}}}")
+    nodes = {}
+    for node, content in document.items():
+        values = content.get("ros__parameters") if isinstance(content, dict) else None
+        if not isinstance(values, dict) or len(content) != 1:
+            raise InputError(f"{path}: node '{node}' must hold ros__parameters and nothing else")
+        nodes[str(node).lstrip("/")] = _flat(values)
+    return nodes
+
+
+def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:
+    """Parameters by node, later layers over earlier ones."""
+    result: dict[str, dict] = {}
+    for layer in layers:
+        for node, values in layer.items():
+            result.setdefault(node, {}).update(values)
+    return result
+
+
+def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
+    """The parameter file of nodes in `namespace`: keys are full names, as rclpy wants them there."""
+    prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
+    return yaml.safe_dump(
+        {prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
+    )
+
+
+def _flat(values: Mapping, prefix: str = "") -> dict:
+    flat = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            flat.update(_flat(value, f"{prefix}{name}."))
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat

@@ -1,0 +1,62 @@
+"""The parameter files against what the nodes declare."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+from midastouch_bringup.parameter_files import merged, read_parameters
+
+CONFIG = Path(__file__).parents[1] / "config"
+TABLES = {
+    "digit_driver": "digit_driver.nodes.parameters",
+    "tdn": "midastouch_perception.nodes.tdn",
+    "tcn": "midastouch_perception.nodes.tcn",
+    "particle_filter": "midastouch_filter.nodes.filter_parameters",
+    "replay": "midastouch_bringup.nodes.replay",
+    "ur_tf": "midastouch_bringup.nodes.ur_tf",
+}
+
+
+def declared(node):
+    """Default values by name, from the node's own table."""
+    return {one.name: one.default for one in importlib.import_module(TABLES[node]).PARAMETERS}
+
+
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml"])
+def test_keys_are_nodes_and_parameters_that_exist(name):
+    for node, values in read_parameters(CONFIG / name).items():
+        assert set(values) <= set(declared(node)), node
+
+
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml"])
+def test_types_are_those_declared(name):
+    """rclpy refuses 1 where it declared 1.0."""
+    for node, values in read_parameters(CONFIG / name).items():
+        for parameter, value in values.items():
+            assert type(value) is type(declared(node)[parameter]), f"{node}: {parameter}"
+
+
+def test_the_live_file_holds_defaults():
+    nodes = read_parameters(CONFIG / "midastouch.yaml")
+    assert set(nodes) == set(TABLES) - {"replay"}
+    for node, values in nodes.items():
+        for parameter, value in values.items():
+            assert value == declared(node)[parameter], f"{node}: {parameter}"
+
+
+def test_the_overlay_changes_something_and_drops_nothing():
+    live, overlay = read_parameters(CONFIG / "midastouch.yaml"), read_parameters(CONFIG / "replay.yaml")
+    for node, values in overlay.items():
+        defaults = declared(node)
+        assert all(defaults[parameter] != value for parameter, value in values.items()), node
+    both = merged([live, overlay])
+    for node in ("tdn", "tcn", "particle_filter"):
+        assert both[node]["reliable"]
+        assert both[node]["queue_depth"] > 1
+
+
+@pytest.mark.parametrize("node", TABLES)
+def test_every_parameter_is_described(node):
+    for one in importlib.import_module(TABLES[node]).PARAMETERS:
+        assert len(one.description) > 3, one.name

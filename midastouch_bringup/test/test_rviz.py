@@ -1,0 +1,101 @@
+"""The RViz view and the Foxglove layout against the nodes' topics and QoS. No window is opened here."""
+
+import json
+import math
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+PACKAGE = Path(__file__).parents[1]
+VIEW = yaml.safe_load((PACKAGE / "rviz" / "midastouch.rviz").read_text())["Visualization Manager"]
+LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
+SOURCES = "".join(
+    path.read_text()
+    for package in ("midastouch_perception", "midastouch_filter", "digit_driver")
+    for path in (PACKAGE.parent / package / package / "nodes").glob("*.py")
+)
+PUBLISHED = {topic: kind for kind, topic in re.findall(r'create_publisher\(\s*(\w+), "([\w/]+)"', SOURCES)}
+LATCHED = {
+    topic
+    for topic, profile in re.findall(r'create_publisher\(\s*\w+, "([\w/]+)", ([\w.]+)', SOURCES)
+    if "latched" in profile
+}
+MESSAGE_OF = {
+    "Image": "Image",
+    "MarkerArray": "MarkerArray",
+    "PointCloud2": "PointCloud2",
+    "PoseArray": "PoseArray",
+    "PoseWithCovariance": "PoseWithCovarianceStamped",
+}
+DISPLAYS = {one["Topic"]["Value"]: one for one in VIEW["Displays"] if "Topic" in one}
+
+
+def test_everything_worth_seeing_is_shown():
+    assert set(DISPLAYS) == {
+        "object_mesh",
+        "particles",
+        "particles/cloud",
+        "hypotheses",
+        "pose",
+        "tactile/points",
+        "tactile/penetration",
+        "image_raw",
+    }
+    assert any(one["Class"] == "rviz_default_plugins/TF" for one in VIEW["Displays"])
+
+
+@pytest.mark.parametrize("topic", DISPLAYS)
+def test_topics_are_published_with_the_message_the_display_reads(topic):
+    assert PUBLISHED[topic] == MESSAGE_OF[DISPLAYS[topic]["Class"].rpartition("/")[2]]
+
+
+@pytest.mark.parametrize("topic", DISPLAYS)
+def test_latched_topics_are_read_as_such(topic):
+    """A volatile display misses what was published before it opened; the reverse never connects."""
+    wanted = "Transient Local" if topic in LATCHED else "Volatile"
+    assert DISPLAYS[topic]["Topic"]["Durability Policy"] == wanted
+
+
+def test_the_mesh_and_the_pose_are_latched():
+    assert {"object_mesh", "pose"} <= LATCHED
+
+
+def test_particles_stand_still_in_the_objects_frame():
+    assert VIEW["Global Options"]["Fixed Frame"] == "object"
+
+
+def test_the_cloud_is_coloured_by_a_field_it_has():
+    display = DISPLAYS["particles/cloud"]
+    assert display["Color Transformer"] == "Intensity"
+    assert f"{display['Channel Name']}=" in SOURCES
+
+
+def test_names_are_unique():
+    names = [one["Name"] for one in VIEW["Displays"]]
+    assert len(set(names)) == len(names)
+
+
+def test_the_pose_tool_speaks_of_an_object_not_of_a_room():
+    (tool,) = (one for one in VIEW["Tools"] if one["Class"] == "rviz_default_plugins/SetInitialPose")
+    assert 0.005 <= math.sqrt(tool["Covariance x"]) <= 0.05
+    assert math.radians(10) <= math.sqrt(tool["Covariance yaw"]) <= math.radians(60)
+    assert tool["Topic"]["Value"] == "initialpose"
+
+
+def test_the_view_starts_at_the_distance_of_an_object():
+    assert VIEW["Views"]["Current"]["Distance"] <= 1.0
+
+
+def test_foxglove_panels_are_laid_out_and_read_topics_that_exist():
+    panels = LAYOUT["configById"]
+
+    def leaves(node):
+        return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
+
+    assert sorted(leaves(LAYOUT["layout"])) == sorted(panels)
+    known = {f"/{topic}" for topic in PUBLISHED} | {"/initialpose"}
+    topics = set(re.findall(r'"(/[a-z][a-z_]*(?:/[a-z_]+)*)[".]', json.dumps(LAYOUT)))
+    assert topics
+    assert topics <= known
