@@ -1,0 +1,235 @@
+"""The container files against the rules of ROS_CONVENTIONS and against the tree. Nothing is built here."""
+
+import importlib.util
+import re
+import shlex
+import subprocess
+import threading
+from pathlib import Path
+
+import pytest
+import rclpy
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+ROOT = Path(__file__).parents[2]
+DOCKER = ROOT / "docker"
+if not DOCKER.is_dir():
+    pytest.skip("the container files are only in the source tree", allow_module_level=True)
+FINAL = ("cpu", "dev", "gpu")
+
+
+def read_stages():
+    """Stage name -> (its base, [(instruction, argument)]), in order."""
+    text = re.sub(r"^\s*#.*\n", "", (DOCKER / "Dockerfile").read_text(), flags=re.M).replace("\\\n", " ")
+    defaults, stages, current = {}, {}, None
+    for line in filter(None, map(str.strip, text.splitlines())):
+        word, _, rest = line.partition(" ")
+        if word == "FROM":
+            base, name = re.fullmatch(r"(\S+) AS (\S+)", rest).groups()
+            base = re.sub(r"\$\{(\w+)\}", lambda m: defaults[m[1]], base)
+            current = stages.setdefault(name, (base, []))
+        elif current is None and word == "ARG":
+            name, _, value = rest.partition("=")
+            defaults[name] = value
+        else:
+            current[1].append((word, " ".join(rest.split())))
+    return stages
+
+
+STAGES = read_stages()
+COMPOSE = yaml.safe_load((DOCKER / "compose.yaml").read_text())
+GPU = yaml.safe_load((DOCKER / "compose.gpu.yaml").read_text())
+
+
+def history(stage):
+    """The instructions of a stage after those of its bases."""
+    base, own = STAGES[stage]
+    return (history(base) if base in STAGES else []) + own
+
+
+def commands(service):
+    command = service["command"]
+    if isinstance(command, str):
+        filled = re.sub(r"\$\{(\w+):-([^}]*)\}", r"\2", command)
+        filled = re.sub(r"\$\{(\w+):\+([^$}]*)\$\{\w+\}\}", r"\2value", filled)
+        return shlex.split(filled)
+    return command
+
+
+def test_the_wanted_targets_exist():
+    assert set(FINAL) <= STAGES.keys()
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_bases_are_stages_or_tagged_images(stage):
+    base, _ = STAGES[stage]
+    assert base in STAGES or re.fullmatch(r"ros:jazzy-ros-base-noble(@sha256:[0-9a-f]{64})?", base)
+
+
+@pytest.mark.parametrize("stage", FINAL)
+def test_final_images_run_as_a_user_who_is_not_root(stage):
+    users = [argument for word, argument in history(stage) if word == "USER"]
+    assert users[-1] not in ("root", "0")
+    assert any("useradd" in argument for word, argument in history(stage) if word == "RUN")
+
+
+@pytest.mark.parametrize("stage", ["cpu", "gpu"])
+def test_final_images_report_their_health(stage):
+    checks = [argument for word, argument in history(stage) if word == "HEALTHCHECK"]
+    assert "healthcheck.py" in checks[-1]
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_apt_leaves_nothing_behind(stage):
+    for word, argument in STAGES[stage][1]:
+        if word == "RUN" and "apt-get" in argument:
+            assert argument.startswith("apt-get update && ")
+            assert "rm -rf /var/lib/apt/lists/*" in argument
+            assert all(
+                "--no-install-recommends" in part for part in re.findall(r"apt-get install[^&]*", argument)
+            )
+            assert "upgrade" not in argument
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_no_remote_files_no_sudo_no_shell_form(stage):
+    for word, argument in STAGES[stage][1]:
+        assert word not in ("ADD", "MAINTAINER")
+        assert not re.search(r"\b(sudo|curl|wget)\b", argument)
+        if word in ("CMD", "ENTRYPOINT"):
+            assert argument.startswith("[")
+
+
+@pytest.mark.parametrize("name", ["requirements.txt", "requirements-gpu.txt", "constraints.txt"])
+def test_python_packages_are_pinned(name):
+    lines = [line for line in (DOCKER / name).read_text().splitlines() if line and not line.startswith("#")]
+    assert lines
+    assert all(re.fullmatch(r"[\w.-]+(\[[\w,]+\])?==[\w.]+", line) for line in lines)
+
+
+def test_pins_are_those_the_tests_run_with():
+    base = (ROOT / "tools" / "requirements" / "base.txt").read_text().splitlines()
+    tested = {line.split(" ;")[0] for line in base if "python_version < " not in line}
+    pins = (DOCKER / "requirements.txt").read_text().splitlines()
+    assert {line for line in pins if "==" in line} <= tested
+
+
+def packages():
+    return sorted(path.parent.name for path in ROOT.glob("*/package.xml"))
+
+
+def test_every_package_is_resolved_and_built():
+    sources = {
+        stage: " ".join(a for w, a in STAGES[stage][1] if w == "COPY") for stage in ("manifests", "build")
+    }
+    for package in packages():
+        assert f"{package}/package.xml {package}/" in sources["manifests"]
+        assert f"{package} src/{package}" in sources["build"]
+
+
+def test_what_is_copied_exists_and_is_in_the_build_context():
+    kept = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    for _, own in STAGES.values():
+        for word, argument in own:
+            parts = [part for part in argument.split() if not part.startswith("--")]
+            if word == "COPY" and "--from" not in argument:
+                for source in parts[:-1]:
+                    assert (ROOT / source).exists(), source
+                    assert source.split("/")[0] in kept, source
+
+
+def test_scripts_are_executable_and_the_entrypoint_becomes_the_command():
+    for name in ("entrypoint.sh", "healthcheck.py"):
+        assert (DOCKER / name).stat().st_mode & 0o111
+    subprocess.run(["bash", "-n", DOCKER / "entrypoint.sh"], check=True)
+    assert (DOCKER / "entrypoint.sh").read_text().endswith('exec "$@"\n')
+
+
+def test_compose_services_build_stages_that_exist():
+    version = re.search(r'version="([^"]+)"', (ROOT / "midastouch_bringup" / "setup.py").read_text())[1]
+    assert {"demo", "live", "dev"} == COMPOSE["services"].keys()
+    for name, service in COMPOSE["services"].items():
+        assert service["profiles"] == [name]
+        target = service["build"]["target"]
+        assert target in FINAL
+        assert service["image"] == f"midastouch:{version}-{target}"
+        assert (DOCKER / service["build"]["context"] / service["build"]["dockerfile"]).is_file()
+
+
+def test_compose_gives_no_more_rights_than_needed():
+    for service in COMPOSE["services"].values():
+        assert not service.get("privileged", False)
+        assert service["cap_drop"] == ["ALL"]
+        assert "no-new-privileges:true" in service["security_opt"]
+        assert service["network_mode"] == service["ipc"] == "host"
+
+
+def test_live_survives_unplugging_the_camera():
+    live = COMPOSE["services"]["live"]
+    assert "devices" not in live
+    assert live["device_cgroup_rules"] == ["c 81:* rmw"]
+    assert {"/dev:/dev", "/run/udev:/run/udev:ro"} <= set(live["volumes"])
+
+
+def test_gpu_override_changes_services_that_exist():
+    assert GPU["services"].keys() <= COMPOSE["services"].keys()
+    for service in GPU["services"].values():
+        assert service["build"]["target"] == "gpu"
+        (device,) = service["deploy"]["resources"]["reservations"]["devices"]
+        assert (device["driver"], device["capabilities"]) == ("nvidia", ["gpu"])
+
+
+def test_commands_are_ours():
+    from midastouch_bringup.cli import build_parser
+
+    programs = 0
+    for service in COMPOSE["services"].values():
+        if "command" not in service:
+            continue
+        program, *arguments = commands(service)
+        if program == "midastouch":
+            build_parser().parse_args(arguments)
+        else:
+            assert [program, *arguments[:2]] == ["ros2", "launch", "midastouch_bringup"]
+            launch_file = ROOT / "midastouch_bringup" / "launch" / arguments[2]
+            given = {argument.partition(":=")[0] for argument in arguments[3:]}
+            assert all(":=" in argument for argument in arguments[3:])
+            assert launch_file.is_file()
+            assert {"object", "serial", "robot_ip"} <= given
+        programs += 1
+    assert programs == 2
+
+
+@pytest.fixture
+def healthcheck():
+    spec = importlib.util.spec_from_file_location("healthcheck", DOCKER / "healthcheck.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.dds
+def test_health_is_whether_the_nodes_speak(healthcheck):
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=85)
+    node = rclpy.create_node("speaker", context=context)
+    publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+    names = ("tdn: /left/tdn", "left/digit_driver: stream")
+    message = DiagnosticArray(status=[DiagnosticStatus(name=name) for name in names])
+    stop = threading.Event()
+
+    def speak():
+        while not stop.wait(0.1):
+            publisher.publish(message)
+
+    thread = threading.Thread(target=speak)
+    thread.start()
+    try:
+        assert healthcheck.silent_nodes({"tdn", "digit_driver"}, 10.0, context) == set()
+        assert healthcheck.silent_nodes({"tdn", "particle_filter"}, 1.0, context) == {"particle_filter"}
+    finally:
+        stop.set()
+        thread.join()
+        node.destroy_node()
+        context.shutdown()
