@@ -22,7 +22,7 @@ from ..frame_source import Frame, FrameSource
 from ..reader import FrameReader, ReaderState, ReaderStatus
 from ..stream_monitor import StreamMonitor
 from . import messages, settings
-from .lifecycle import RobustLifecycleNode
+from .lifecycle import RCLError, RobustLifecycleNode
 from .parameters import PARAMETERS, declare, refuse_unknown
 
 IMAGE_QOS = QoSProfile(depth=2)
@@ -59,8 +59,9 @@ class DigitDriver(RobustLifecycleNode):
             settings.refuse_sim_time(self.get_parameter("use_sim_time").value)
             if self._values["autostart"]:
                 self._start()
-        except InputError as error:
-            if str(error) != self.failure:
+        except BaseException as error:
+            # Also on a signal during the start: the reader's thread must not outlive the node.
+            if isinstance(error, InputError) and str(error) != self.failure:
                 self._give_up(str(error))
             self.destroy_node()
             raise
@@ -216,8 +217,8 @@ def main(args: list[str] | None = None) -> int:
     rclpy.init(args=args)
     node = None
     try:
-        node = DigitDriver()
         executor = SingleThreadedExecutor()
+        node = DigitDriver()
         executor.add_node(node)
         while rclpy.ok() and not node.failure:
             executor.spin_once()
@@ -225,6 +226,10 @@ def main(args: list[str] | None = None) -> int:
         return 2
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RCLError:
+        # A signal shuts the context down under whatever is being done at that moment.
+        if rclpy.ok():
+            raise
     finally:
         if node is not None:
             node.destroy_node()

@@ -6,6 +6,9 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 
+RCLError = rclpy_implementation.RCLError
+"""What rclpy raises when the layer below refuses; it has no public name."""
+
 
 class RobustLifecycleNode(LifecycleNode):
     """Answers an impossible transition with ``success: false``.
@@ -28,7 +31,7 @@ class RobustLifecycleNode(LifecycleNode):
     ) -> ChangeState.Response:
         try:
             return self._change_state(request, response)
-        except rclpy_implementation.RCLError:
+        except RCLError:
             wanted = request.transition.label or f"transition {request.transition.id}"
             self.get_logger().warning(f"{wanted} is not possible while {self.lifecycle_state}")
             response.success = False
