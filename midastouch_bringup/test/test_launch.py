@@ -66,7 +66,11 @@ def perform(value, given):
 
 MODULES = {
     "launch": ["LaunchContext", "LaunchDescription", "LaunchDescriptionEntity"],
-    "launch.actions": ["DeclareLaunchArgument", "IncludeLaunchDescription", "OpaqueFunction", "Shutdown"],
+    "launch.actions": [
+        "DeclareLaunchArgument", "ExecuteProcess", "IncludeLaunchDescription", "OpaqueFunction",
+        "RegisterEventHandler", "Shutdown",
+    ],
+    "launch.event_handlers": ["OnProcessExit"],
     "launch.conditions": [IfCondition, UnlessCondition],
     "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
     "launch.substitutions": [
@@ -75,7 +79,7 @@ MODULES = {
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
     "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": ["FindPackageShare"],
+    "launch_ros.substitutions": ["ExecutableInPackage", "FindPackageShare"],
 }  # fmt: skip
 
 
@@ -108,11 +112,11 @@ def load(name):
 def carry_out(name, **given):
     """All processes a launch starts: (package, executable) -> keyword arguments of its node."""
     started = {}
-    _carry_out(name, given, started)
+    _carry_out(name, given, started, [])
     return started
 
 
-def _carry_out(name, given, started):
+def _carry_out(name, given, started, ran):
     actions = list(load(name).args[0])
     while actions:
         action = actions.pop(0)
@@ -130,12 +134,22 @@ def _carry_out(name, given, started):
             started[action.kwargs["package"], action.kwargs["executable"]] = action.kwargs
         elif kind == "IncludeLaunchDescription":
             (location,) = action.args[0].args
+            arguments = {key: perform(value, given) for key, value in action.kwargs["launch_arguments"]}
             if isinstance(location, str):
-                _carry_out(Path(location).name.removesuffix(".launch.py"), given, started)
+                _carry_out(
+                    Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran
+                )
             else:
                 package, *inside = location.args[0]
-                arguments = {key: perform(value, given) for key, value in action.kwargs["launch_arguments"]}
                 started[package.args[0], "/".join(inside)] = arguments
+        elif kind == "ExecuteProcess":
+            program, *arguments = action.kwargs["cmd"]
+            assert (program.args[1], program.args[0]) in executables()
+            ran.append(arguments)
+        elif kind == "RegisterEventHandler":
+            # as if the process it waits for had ended well
+            event = types.SimpleNamespace(returncode=0, process_name="")
+            actions.append(action.args[0].kwargs["on_exit"](event, None))
         else:
             raise AssertionError(f"{kind} is not known to this test")
 
@@ -284,6 +298,37 @@ def test_a_recording_is_played_without_loss_in_its_own_time():
         assert values[node]["use_sim_time"] is True
         assert values[node]["reliable"] is True
         assert values[node]["queue_depth"] > 1
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
+    from midastouch_bringup.cli import build_parser
+
+    monkeypatch.chdir(tmp_path)
+    started = {}
+    ran = []
+    _carry_out("demo", {"use_rviz": "false"}, started, ran)
+    assert [arguments[0] for arguments in ran] == ["simulate", "build-codebook"]
+    slide, codebook = (build_parser().parse_args(arguments).out for arguments in ran)
+    values = parameters(started["midastouch_bringup", "replay"])
+    assert values["/replay"]["source"] == slide
+    assert values["/particle_filter"]["codebook"] == str(Path(codebook).resolve())
+
+    Path(slide).mkdir(parents=True)
+    Path(codebook).parent.mkdir(parents=True)
+    Path(codebook).touch()
+    _carry_out("demo", {"use_rviz": "false"}, started, ran := [])
+    assert ran == []
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_failed_preparation_ends_the_launch(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (prepare,) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
+    given = types.SimpleNamespace(launch_configurations={"object": "handle_tool"})
+    (first, *_) = prepare.kwargs["function"](given)
+    event = types.SimpleNamespace(returncode=2, process_name="midastouch-1")
+    assert type(first.args[0].kwargs["on_exit"](event, None)).__name__ == "Shutdown"
 
 
 @pytest.mark.usefixtures("stand_ins")

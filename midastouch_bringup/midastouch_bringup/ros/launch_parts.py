@@ -13,7 +13,15 @@ import launch.logging
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    RegisterEventHandler,
+    Shutdown,
+)
+from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_ros.actions import Node
 
@@ -111,7 +119,7 @@ COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_res
 def declare(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
     """Declarations of the named arguments and of those in `defaults`, which get another default."""
     actions = []
-    for name in (*names, *defaults):
+    for name in dict.fromkeys([*names, *defaults]):
         argument = ARGUMENTS[name]
         actions.append(
             DeclareLaunchArgument(
@@ -124,10 +132,31 @@ def declare(*names: str, **defaults: str) -> list[DeclareLaunchArgument]:
     return actions
 
 
-def include(name: str, condition=None) -> IncludeLaunchDescription:
-    """Another launch file of this package. It sees the arguments of the including one."""
+def declare_recording(**defaults: str) -> list[DeclareLaunchArgument]:
+    """Declarations of what a launch of a recording takes: its own time, and no frame lost."""
+    overlay = str(SHARE / "config" / "replay.yaml")
+    names = [name for name in COMMON if name not in ("use_sim_time", "params_overlay")]
+    names += ["rate", "loop", "composed", "mesh", "codebook", "init_mode", "seed"]
+    names += ["tf_prefix", "sensor_prefix", "use_rviz", "rviz_config"]
+    return declare(*names, use_sim_time="true", params_overlay=overlay, **defaults)
+
+
+def include(name: str, condition=None, **arguments: str) -> IncludeLaunchDescription:
+    """Another launch file of this package, with the arguments of the including one, `arguments` over them."""
     source = PythonLaunchDescriptionSource(str(SHARE / "launch" / f"{name}.launch.py"))
-    return IncludeLaunchDescription(source, condition=condition)
+    return IncludeLaunchDescription(source, condition=condition, launch_arguments=arguments.items())
+
+
+def in_turn(processes: list[ExecuteProcess], then: LaunchDescriptionEntity) -> list[LaunchDescriptionEntity]:
+    """Run the processes one after the other, then do `then`; end the launch if one of them fails."""
+    handlers = []
+    for process, following in zip(processes, [*processes[1:], then], strict=True):
+
+        def go_on(event, _context, following=following):
+            return following if event.returncode == 0 else Shutdown(reason=f"{event.process_name} failed")
+
+        handlers.append(RegisterEventHandler(OnProcessExit(target_action=process, on_exit=go_on)))
+    return [*handlers, *processes[:1]] if processes else [then]
 
 
 def start(package: str, executable: str, condition=None) -> OpaqueFunction:

@@ -1,0 +1,40 @@
+"""A simulated slide over a bundled object, played like a recording. No hardware, no data to download.
+
+Slide and codebook are made by the first run, under out/ of the present folder, and kept.
+"""
+
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import ExecuteProcess, OpaqueFunction
+from launch_ros.substitutions import ExecutableInPackage
+
+from midastouch_bringup.codebooks import codebook_path
+from midastouch_bringup.ros.launch_parts import declare, declare_recording, in_turn, include
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Make what is missing, then `replay`."""
+    return LaunchDescription(
+        [
+            *declare(object="handle_tool"),
+            *declare_recording(loop="true"),
+            OpaqueFunction(function=_make_and_play),
+        ]
+    )
+
+
+def _make_and_play(context: LaunchContext) -> list:
+    name = context.launch_configurations["object"]
+    slide, codebook = Path("out/slides") / name, codebook_path(name)
+    missing = []
+    if not slide.is_dir():
+        missing.append(_midastouch("simulate", name, "--out", str(slide)))
+    if not codebook.is_file():
+        missing.append(_midastouch("build-codebook", name, "--out", str(codebook)))
+    return in_turn(missing, include("replay", bag=str(slide)))
+
+
+def _midastouch(*arguments: str) -> ExecuteProcess:
+    command = ExecutableInPackage("midastouch", "midastouch_bringup")
+    return ExecuteProcess(cmd=[command, *arguments], output="screen")
