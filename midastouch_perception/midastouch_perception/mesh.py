@@ -122,6 +122,46 @@ class ObjectMesh:
         return points, self.face_normals[index], index
 
     @cached_property
+    def feature_edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Edges where two faces meet at more than 10 deg: ends (E, 2, 3) m, mean normals (E, 3).
+
+        Corners are matched by position, so scans split along seams keep their edges (paper appendix A).
+        """
+        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
+        faces = welded.reshape(-1)[self.faces]
+        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        owner = np.repeat(np.arange(len(faces)), 3)
+        ends = self.vertices[self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
+        order = np.lexsort(edges.T)
+        same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
+        first, second = order[:-1][same], order[1:][same]
+        a, b = self.face_normals[owner[first]], self.face_normals[owner[second]]
+        sharp = (a * b).sum(axis=1) < np.cos(np.radians(10))
+        normals = (a + b)[sharp]
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        usable = length[:, 0] > 1e-3  # two faces folded onto each other have no outward direction
+        return ends[first[sharp][usable]], normals[usable] / length[usable]
+
+    @cached_property
+    def _normal_samples(self) -> tuple[KDTree, np.ndarray]:
+        points, normals, _ = self.sample_surface(40_000, np.random.default_rng(0))
+        return KDTree(points), normals
+
+    def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
+        """Outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
+
+        This is how a finger pad of finite size feels the surface: it turns gradually over an edge.
+        """
+        tree, normals = self._normal_samples
+        count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))
+        distance, index = tree.query(np.ascontiguousarray(points, float), k=count)
+        weight = np.exp(-0.5 * (distance / radius) ** 2)
+        # opposite sides of a thin plate must not average out: keep the side that faces the nearest sample
+        facing = np.einsum("nkj,nj->nk", normals[index], normals[index[:, 0]]) > -0.2
+        mean = np.einsum("nk,nkj->nj", weight * facing, normals[index])
+        return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+
+    @cached_property
     def _search(self) -> _ClosestPointSearch:
         return _ClosestPointSearch(self.vertices, self.faces)
 

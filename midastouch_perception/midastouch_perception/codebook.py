@@ -1,0 +1,108 @@
+"""The tactile codebook of one object: sensor poses and the code expected at each (paper section 4.2)."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from . import se3
+from .codebook_poses import codebook_poses
+from .errors import InputError
+from .files import atomic_path, require_file
+from .mesh import ObjectMesh
+from .sensor_model import SensorModel
+from .simulation.renderer import PenetrationRenderer
+from .tcn.inference import TactileCodeNet
+from .tdn.inputs import SCALE
+
+FORMAT = 1
+_CHUNK = 512  # poses a step: bounds memory, paces the progress bar
+
+
+class Codebook:
+    """Poses with their codes.
+
+    Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
+    mesh_sha256, mesh_path, sensor, sensor_id, tcn (network id), temperature, outlier (calibration of the score), size,
+    seed.
+    """
+
+    def __init__(self, poses: np.ndarray, codes: np.ndarray, meta: dict):
+        self.poses = np.ascontiguousarray(poses, float)
+        self.codes = np.ascontiguousarray(codes, np.float32)
+        self.meta = meta
+
+    def save(self, path: str | Path) -> None:
+        """Write one `.npz`; nothing is left behind if it fails."""
+        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+            np.savez(
+                stream,
+                poses=se3.to_xyzquat(self.poses).astype(np.float32),
+                codes=self.codes.astype(np.float16),
+                meta=np.array(json.dumps(self.meta)),
+            )
+
+    @classmethod
+    def load(cls, path: str | Path, mesh: ObjectMesh | None = None, tcn: str | None = None) -> Codebook:
+        """Read a codebook; refuse it if it was built for another mesh than `mesh` or another network than `tcn` (id).
+
+        Raises InputError: no such file, not a codebook, other format version, non-finite content, mismatch.
+        """
+        path = require_file(path, "codebook")
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                poses, codes = data["poses"], data["codes"].astype(np.float32)
+                meta = json.loads(str(data["meta"]))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: not a codebook ({error}); build it with midastouch build-codebook") from error
+        if meta.get("format") != FORMAT:
+            raise InputError(f"{path}: codebook format {meta.get('format')}, need {FORMAT}; build it again")
+        if codes.ndim != 2 or poses.shape != (len(codes), 7) or not len(codes):
+            raise InputError(f"{path}: {poses.shape} poses do not fit {codes.shape} codes; build it again")
+        if not (np.isfinite(codes).all() and np.isfinite(poses).all()):
+            raise InputError(f"{path}: non-finite poses or codes; build it again")
+        if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
+            raise InputError(f"{path}: built for the mesh '{meta['mesh_name']}', not for this '{mesh.name}'; build it again")
+        if tcn is not None and tcn != meta["tcn"]:
+            raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
+        codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
+        return cls(se3.from_xyzquat(poses), codes, meta)
+
+
+def build_codebook(
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int = 50_000,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Codebook:
+    """Render `size` poses of the mesh and encode them; `progress(done, total)` is called as it goes.
+
+    sensor: at image resolution. The maps are encoded as rendered: the code network was trained to match the depth
+    network's maps with them.
+    """
+    poses = codebook_poses(mesh, size, sensor, np.random.default_rng(seed))
+    renderer = PenetrationRenderer(mesh, sensor.scaled(SCALE))
+    codes = np.empty((size, tcn.dim), np.float32)
+    for start in range(0, size, _CHUNK):
+        part = slice(start, min(start + _CHUNK, size))
+        codes[part] = tcn.encode(renderer.render(poses[part]))
+        progress(part.stop, size)
+    meta = {
+        "format": FORMAT,
+        "mesh_name": mesh.name,
+        "mesh_sha256": mesh.sha256,
+        "mesh_path": str(mesh.path) if mesh.path else "",
+        "sensor": sensor.name,
+        "sensor_id": sensor.content_id,
+        "tcn": tcn.network_id,
+        **tcn.calibration,
+        "size": size,
+        "seed": seed,
+    }
+    return Codebook(poses, codes, meta)

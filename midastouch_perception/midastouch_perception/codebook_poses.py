@@ -1,0 +1,75 @@
+"""Where the codebook's entries lie: evenly over the reachable surface, evenly in yaw, more of them on edges."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from .errors import InputError
+from .mesh import ObjectMesh
+from .sensor_model import SensorModel
+from .simulation.contact_poses import Reachability, pose_from_contact, touch_points
+
+PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
+YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart
+_NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
+
+
+def codebook_poses(mesh: ObjectMesh, size: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
+    """Exactly `size` reachable gel poses T_obj_gel (size, 4, 4) (paper section 4.2, "evenly sample").
+
+    Sites are a farthest-point sequence over (point, normal), so the sides of a thin plate count as apart and edges,
+    where the normal turns, get more of them. Raises InputError if the object has hardly a reachable pose.
+    """
+    if size < 1:
+        raise InputError(f"codebook size {size}; it needs at least 1 pose, 50000 is usual")
+    yaws = min(YAWS, size)
+    wanted = -(-size // yaws)
+    reachability = Reachability(mesh, sensor)
+    for surplus in (2, 4, 8):
+        points, normals = _candidates(mesh, max(6 * surplus * wanted, 512), rng)
+        sites = _farthest_point_sequence(np.hstack([points, _NORMAL_SCALE * normals]), surplus * wanted)
+        n = len(sites)
+        yaw = (rng.random((n, 1)) + np.arange(yaws)) * (2 * np.pi / yaws)
+        zero, press = np.zeros(n * yaws), np.full(n * yaws, PRESS)
+        poses = pose_from_contact(
+            np.repeat(points[sites], yaws, axis=0), np.repeat(normals[sites], yaws, axis=0),
+            yaw.reshape(-1), zero, zero, press,
+        )  # fmt: skip
+        poses, reachable = reachability.settle(poses, press)
+        if reachable.sum() >= size:
+            return poses[reachable][:size]
+    raise InputError(f"{mesh.name}: only {reachable.mean():.0%} of its surface can be reached; is it inside out?")
+
+
+def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Surface points with face, edge and smoothed normals: near an edge a finger can lie at any of them."""
+    points, normals = touch_points(mesh, n, edge_share=0.25, rng=rng)
+    smooth = rng.random(n) < 0.4
+    normals[smooth] = mesh.smooth_normals(points[smooth])
+    return points, normals
+
+
+@numba.njit(cache=True)
+def _farthest_point_sequence(features, count):
+    """Indices of `count` points, each the one farthest from all before it (Gonzalez 1985)."""
+    n, dim = features.shape
+    count = min(count, n)
+    nearest = np.full(n, np.inf)
+    chosen = np.empty(count, np.int64)
+    current = 0
+    for i in range(count):
+        chosen[i] = current
+        farthest = -1.0
+        following = current
+        for j in range(n):
+            squared = 0.0
+            for k in range(dim):
+                squared += (features[j, k] - features[current, k]) ** 2
+            if squared < nearest[j]:
+                nearest[j] = squared
+            if nearest[j] > farthest:
+                farthest = nearest[j]
+                following = j
+        current = following
+    return chosen

@@ -1,0 +1,49 @@
+"""Loading of shipped or own ONNX networks with their model cards."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from .errors import InputError
+from .files import sha256
+
+WEIGHTS = Path(__file__).parent / "weights"
+
+
+class OnnxNetwork:
+    """An ONNX file run by ONNX Runtime on the CPU.
+
+    Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
+    beside the file). Raises InputError: unknown name, no such file, not an ONNX network, missing or broken card.
+    """
+
+    def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
+        path = WEIGHTS / f"{kind}_{name_or_path}.onnx"
+        if not path.is_file():
+            path = Path(name_or_path)
+            if path.suffix != ".onnx" or not path.is_file():
+                known = ", ".join(sorted(p.stem.removeprefix(f"{kind}_") for p in WEIGHTS.glob(f"{kind}_*.onnx")))
+                raise InputError(f"{kind} network '{name_or_path}' is not known; use {known} or the path of an .onnx")
+        options = onnxruntime.SessionOptions()
+        # one small network a frame: more threads cost more in hand-over than they save
+        options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+        options.log_severity_level = 3
+        try:
+            self.session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # ONNX Runtime's exceptions have no common base
+            reason = str(error).splitlines()[0]
+            raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
+        self._inputs = [i.name for i in self.session.get_inputs()]
+        try:
+            self.card = json.loads(path.with_suffix(".json").read_text())
+        except (OSError, json.JSONDecodeError) as error:
+            raise InputError(f"{path.with_suffix('.json')}: no readable model card beside the network") from error
+        self.network_id = f"{path.stem}-{sha256(path)[:12]}"
+
+    def run(self, *inputs: np.ndarray) -> np.ndarray:
+        """The network's one output for its inputs, in their declared order."""
+        return self.session.run(None, dict(zip(self._inputs, inputs, strict=True)))[0]

@@ -1,0 +1,38 @@
+"""Penetration map <-> contact points in the gel frame: one point a touched pixel, without loss."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import InputError
+from .sensor_model import SensorModel
+
+
+def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Contact points (K, 3) float32 m, gel frame, of the pixels of mask (H, W) in penetration (H, W) m."""
+    tangent_x, tangent_y = sensor.rays
+    depth = (sensor.gel_depth - penetration)[mask]
+    points = np.stack([tangent_x[mask] * depth, tangent_y[mask] * depth, sensor.gel_distance - depth], axis=1)
+    return points.astype(np.float32)
+
+
+def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Penetration map (H, W) float32 m of contact points (K, 3), the inverse of `cloud_from_penetration`.
+
+    Points outside the image are dropped. Raises InputError for other shapes and non-finite points.
+    """
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"contact cloud: shape {points.shape}, need (K, 3)")
+    if not np.isfinite(points).all():
+        raise InputError("contact cloud: non-finite points; publish contact points only")
+    penetration = np.zeros((sensor.height, sensor.width), np.float32)
+    depth = sensor.gel_distance - points[:, 2]
+    ahead = depth > 1e-6
+    depth = np.where(ahead, depth, 1.0)
+    u = np.rint(points[:, 0] / depth * sensor.focal + sensor.width / 2 - 0.5).astype(int)
+    v = np.rint(-points[:, 1] / depth * sensor.focal + sensor.height / 2 - 0.5).astype(int)
+    inside = ahead & (u >= 0) & (u < sensor.width) & (v >= 0) & (v < sensor.height)
+    u, v = u[inside], v[inside]
+    penetration[v, u] = np.maximum(sensor.gel_depth[v, u] - depth[inside], 0)
+    return penetration

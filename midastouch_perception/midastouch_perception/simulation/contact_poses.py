@@ -1,0 +1,93 @@
+"""Sensor poses that touch an object, as a finger could reach them (paper appendix A)."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from .. import se3
+from ..mesh import ObjectMesh
+from ..sensor_model import SensorModel
+from .renderer import PenetrationRenderer
+
+MAX_PENETRATION = 2e-3  # m: the gel is not pressed deeper
+MAX_EXCESS = 2e-3  # m: a pose that sinks this much beyond the wanted press would put the sensor's body into the object
+
+
+@dataclasses.dataclass(frozen=True)
+class ContactSampling:
+    """How contact poses are drawn; the defaults are the paper's.
+
+    Attributes: press, range [m] of the wanted penetration; tilt, standard deviation [rad] of the angle between gel and
+    surface normal; edge_share of the poses on edges sharper than 10 deg; free_share of the poses without contact.
+    """
+
+    press: tuple[float, float] = (0.5e-3, 2e-3)
+    tilt: float = np.radians(5.0)
+    edge_share: float = 0.3
+    free_share: float = 0.02
+
+
+def touch_points(mesh: ObjectMesh, n: int, edge_share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) m and outward normals (n, 3): area-uniform, `edge_share` of them length-uniform on edges."""
+    points, normals, _ = mesh.sample_surface(n, rng)
+    ends, edge_normals = mesh.feature_edges
+    on_edge = np.flatnonzero(rng.random(n) < edge_share)
+    if len(ends) and len(on_edge):
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        edge = rng.choice(len(ends), len(on_edge), p=length / length.sum())
+        along = rng.random((len(on_edge), 1))
+        points[on_edge] = ends[edge, 0] * (1 - along) + ends[edge, 1] * along
+        normals[on_edge] = edge_normals[edge]
+    return points, normals
+
+
+def pose_from_contact(
+    points: np.ndarray, normals: np.ndarray, yaw: np.ndarray, tilt: np.ndarray, azimuth: np.ndarray, press: np.ndarray
+) -> np.ndarray:
+    """Gel poses T_obj_gel (N, 4, 4): z along the normal, turned by yaw, tilted by `tilt` towards `azimuth` (all (N,)
+    rad), pushed `press` (N,) m into the surface along the gel's own axis."""
+    rotation = se3.frame_from_normal(normals, yaw)
+    axis = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=1)
+    tilted = rotation @ se3.exp(np.concatenate([np.zeros_like(axis), tilt[:, None] * axis], axis=1))[:, :3, :3]
+    return se3.make(tilted, points - press[:, None] * tilted[:, :, 2])
+
+
+class Reachability:
+    """Decides from coarse penetration maps whether poses can be reached, and limits their penetration."""
+
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel):
+        self._renderer = PenetrationRenderer(mesh, sensor.scaled(0.25))
+
+    def settle(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration, and which (N,) of them are reachable."""
+        deepest = self._renderer.render(poses).max(axis=(1, 2)).astype(float)
+        poses = poses.copy()
+        poses[:, :3, 3] += np.maximum(deepest - MAX_PENETRATION, 0)[:, None] * poses[:, :3, 2]
+        return poses, deepest - press <= MAX_EXCESS
+
+
+def sample_contact_poses(
+    mesh: ObjectMesh,
+    n: int,
+    rng: np.random.Generator,
+    sensor: SensorModel,
+    sampling: ContactSampling = ContactSampling(),
+) -> np.ndarray:
+    """Draw n reachable gel poses T_obj_gel (n, 4, 4) by rejection; `free_share` of them hover above the surface."""
+    reachability = Reachability(mesh, sensor)
+    kept: list[np.ndarray] = []
+    missing = n
+    while missing > 0:
+        m = int(missing * 1.3) + 16
+        points, normals = touch_points(mesh, m, sampling.edge_share, rng)
+        press = rng.uniform(*sampling.press, m)
+        yaw, azimuth = rng.uniform(0, 2 * np.pi, (2, m))
+        tilt = np.abs(rng.normal(0, sampling.tilt, m))
+        poses, reachable = reachability.settle(pose_from_contact(points, normals, yaw, tilt, azimuth, press), press)
+        free = rng.random(m) < sampling.free_share
+        poses[free, :3, 3] += rng.uniform(2.5e-3, 8e-3, (free.sum(), 1)) * poses[free, :3, 2]
+        kept.append(poses[reachable][:missing])
+        missing -= len(kept[-1])
+    return np.concatenate(kept)

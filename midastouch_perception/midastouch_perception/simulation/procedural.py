@@ -1,0 +1,158 @@
+"""Shapes of our own making: signed distance functions turned into meshes by surface nets (Gibson 1998).
+
+They give the networks shapes no scan has (sharp ridges, screws, ripples, letters' worth of relief) and the demo its
+bundled objects. A signed distance function maps points (N, 3) m to distances (N,) m, negative inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .. import se3
+from ..mesh import ObjectMesh
+
+Sdf = Callable[[np.ndarray], np.ndarray]
+
+
+def sphere(radius: float) -> Sdf:
+    """Ball around the origin."""
+    return lambda p: np.linalg.norm(p, axis=1) - radius
+
+
+def box(half: tuple[float, float, float], rounding: float = 0.0) -> Sdf:
+    """Axis-aligned box with half sizes `half`, its edges rounded by `rounding`."""
+    inner = np.asarray(half) - rounding
+
+    def distance(p: np.ndarray) -> np.ndarray:
+        q = np.abs(p) - inner
+        return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding
+
+    return distance
+
+
+def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
+    """Cylinder around z."""
+
+    def distance(p: np.ndarray) -> np.ndarray:
+        q = np.stack([np.hypot(p[:, 0], p[:, 1]) - radius, np.abs(p[:, 2]) - half_height], axis=1) + rounding
+        return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding
+
+    return distance
+
+
+def torus(major: float, minor: float) -> Sdf:
+    """Ring around z."""
+    return lambda p: np.hypot(np.hypot(p[:, 0], p[:, 1]) - major, p[:, 2]) - minor
+
+
+def placed(shape: Sdf, pose: np.ndarray) -> Sdf:
+    """`shape` moved by the rigid transform `pose` (4, 4)."""
+    back = se3.inverse(pose)
+    return lambda p: shape(p @ back[:3, :3].T + back[:3, 3])
+
+
+def union(*shapes: Sdf, blend: float = 0.0) -> Sdf:
+    """All of the shapes, their seams filleted over `blend` m."""
+
+    def distance(p: np.ndarray) -> np.ndarray:
+        out = shapes[0](p)
+        for shape in shapes[1:]:
+            other = shape(p)
+            if blend:
+                h = np.clip(0.5 + 0.5 * (other - out) / blend, 0, 1)
+                out = other * (1 - h) + out * h - blend * h * (1 - h)
+            else:
+                out = np.minimum(out, other)
+        return out
+
+    return distance
+
+
+def difference(shape: Sdf, *tools: Sdf) -> Sdf:
+    """`shape` with the tools cut away."""
+    return lambda p: np.maximum(shape(p), -np.min([tool(p) for tool in tools], axis=0))
+
+
+def rippled(shape: Sdf, amplitude: float, wavelength: float, direction: np.ndarray) -> Sdf:
+    """`shape` with ridges of `amplitude` and `wavelength` m across `direction` (3,)."""
+    wave = 2 * np.pi / wavelength * np.asarray(direction) / np.linalg.norm(direction)
+    return lambda p: shape(p) - amplitude * np.sin(p @ wave)
+
+
+def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> ObjectMesh:
+    """Mesh of the zero level inside the box [-half, half] (3,) m, sampled every `spacing` m."""
+    axes = [np.arange(-h - 2 * spacing, h + 2.5 * spacing, spacing) for h in half]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    values = shape(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    inside = values < 0
+    corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    cells = tuple(s - 1 for s in values.shape)
+
+    def at(array: np.ndarray, offset: np.ndarray) -> np.ndarray:
+        return array[tuple(slice(o, o + c) for o, c in zip(offset, cells, strict=True))]
+
+    count = sum(at(inside, c).astype(np.int8) for c in corners)
+    active = np.argwhere((count > 0) & (count < 8))
+    # one vertex per cell that the surface crosses: the mean of the crossings on its edges
+    total, crossings = np.zeros((len(active), 3)), np.zeros(len(active))
+    for a in corners:
+        for axis in np.flatnonzero(a == 0):
+            b = a.copy()
+            b[axis] = 1
+            va, vb = values[tuple((active + a).T)], values[tuple((active + b).T)]
+            crossed = (va < 0) != (vb < 0)
+            t = np.where(crossed, va / np.where(crossed, va - vb, 1), 0)
+            total[crossed] += (a + t[:, None] * (b - a))[crossed]
+            crossings += crossed
+    origin = np.array([axis[0] for axis in axes])
+    vertices = origin + spacing * (active + total / crossings[:, None])
+    index = np.full(cells, -1, np.int64)
+    index[tuple(active.T)] = np.arange(len(active))
+    faces = []
+    for axis in range(3):
+        step = np.eye(3, dtype=int)[axis]
+        u, v = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
+        shape_here = tuple(s - t for s, t in zip(inside.shape, step, strict=True))
+        first = inside[tuple(slice(0, s) for s in shape_here)]
+        second = inside[tuple(slice(t, t + s) for t, s in zip(step, shape_here, strict=True))]
+        for edges, flipped in ((np.argwhere(first & ~second), False), (np.argwhere(~first & second), True)):
+            if not len(edges):
+                continue
+            quad = np.stack([index[tuple((edges - o).T)] for o in (u + v, v, 0 * u, u)], axis=1)
+            if flipped:
+                quad = quad[:, ::-1]
+            faces += [quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]
+    return ObjectMesh.from_arrays(vertices, np.concatenate(faces), name)
+
+
+def random_shape(rng: np.random.Generator, name: str) -> ObjectMesh:
+    """A random object of 40 ... 100 mm: blended and cut primitives, some rippled."""
+
+    def primitive(size: float) -> Sdf:
+        kind = rng.integers(4)
+        a, b, c = rng.uniform(0.25, 1, 3) * size
+        if kind == 0:
+            return sphere(a)
+        if kind == 1:
+            return box((a, b, c), rng.uniform(0, 0.3) * min(a, b, c))
+        if kind == 2:
+            return cylinder(a, b, rng.uniform(0, 0.3) * min(a, b))
+        return torus(0.8 * size, rng.uniform(0.1, 0.35) * size)
+
+    def anywhere(shape: Sdf, reach: float) -> Sdf:
+        return placed(shape, se3.make(se3.random_rotations(1, rng)[0], rng.uniform(-reach, reach, 3)))
+
+    size = rng.uniform(0.012, 0.03)
+    shape = union(
+        *(anywhere(primitive(size), size * 0.9) for _ in range(rng.integers(2, 6))),
+        blend=rng.choice([0.0, 0.2]) * size,
+    )
+    cuts = [anywhere(primitive(0.5 * size), 1.5 * size) for _ in range(rng.integers(0, 4))]
+    if cuts:
+        shape = difference(shape, *cuts)
+    if rng.random() < 0.5:
+        wavelength = rng.uniform(2e-3, 1e-2)
+        shape = rippled(shape, rng.uniform(0.02, 0.08) * wavelength, wavelength, rng.standard_normal(3))
+    return mesh_from_sdf(shape, np.full(3, 2.6 * size), size / 28, name)

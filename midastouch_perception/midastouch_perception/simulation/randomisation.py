@@ -1,0 +1,163 @@
+"""Domain randomisation: images as many different DIGITs would take them of the same penetration maps.
+
+"My DIGIT is not your DIGIT": gain, light directions, colour mixing, shadows, gel smoothing, blur, noise, JPEG and the
+no-contact background differ from sensor to sensor. Each term is one method of `RandomSensor`; around half of the
+sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
+shadow lobes, soft halo).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from ..sensor_model import SensorModel
+from .optics import Illumination, gel_normals, shade
+
+
+@dataclasses.dataclass(frozen=True)
+class RandomisationRange:
+    """How far sensors vary. Attributes: wide_share of the sensors that leave TACTO's neighbourhood."""
+
+    wide_share: float = 0.6
+
+
+class RandomSensor:
+    """One imaginary DIGIT: fixed optics and background; `images` adds what changes from frame to frame.
+
+    Args: sensor, at the resolution of the maps; backgrounds, real no-contact images (B, H, W, 3) uint8 at that
+    resolution; rng.
+    """
+
+    def __init__(
+        self,
+        sensor: SensorModel,
+        backgrounds: np.ndarray,
+        rng: np.random.Generator,
+        ranges: RandomisationRange = RandomisationRange(),
+    ):
+        self.sensor = sensor
+        self.wide = bool(rng.random() < ranges.wide_share)
+        self._tangents = sensor.rays
+        self._rest_depth = sensor.gel_depth.astype(np.float32)
+        self._rest_normals = gel_normals(sensor)
+        self._illumination = self._draw_illumination(rng)
+        self._mixing = self._draw_mixing(rng)
+        self._gain = 0.5 * (np.exp(rng.uniform(np.log(0.7), np.log(8))) if self.wide else rng.uniform(0.8, 1.25))
+        self._field = self._smooth_field(rng, 0.35) if self.wide else np.ones((1, 1, 1), np.float32)
+        self._shadow = rng.uniform(0, 0.8) if self.wide and rng.random() < 0.5 else 0.0
+        self._smoothing = rng.uniform(0.1e-3, 0.8e-3) if self.wide and rng.random() < 0.6 else 0.0
+        self._blur = rng.uniform(0.4, 1.4) if self.wide else 0.7
+        self._noise = rng.uniform(0.2, 2.5)
+        self._jpeg = int(rng.uniform(60, 97)) if rng.random() < 0.6 else None
+        self.background = self._draw_background(backgrounds, rng)
+        self._rest = self._render(self._rest_depth, self._rest_normals)
+
+    def images(
+        self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Images (N, H, W, 3) and the reference no-contact image (H, W, 3), both float32 grey levels 0 ... 255.
+
+        penetration (N, H, W) m and normals (N, H, W, 3), gel frame, as `PenetrationRenderer` gives them.
+        """
+        out = np.empty(penetration.shape + (3,), np.float32)
+        for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
+            out[i] = self._expose(self.background + self._difference(depth_map, surface), rng)
+        reference = self._expose(self.background * self._drift(rng) + rng.normal(0, 1.0, 3).astype(np.float32), rng)
+        return out, reference
+
+    def _difference(self, penetration: np.ndarray, surface: np.ndarray) -> np.ndarray:
+        touching = penetration > 0
+        if not touching.any():
+            return np.zeros(penetration.shape + (3,), np.float32)
+        if self._smoothing:
+            penetration = self._gel_follows(penetration)
+            depth = self._rest_depth - penetration
+            shading = gel_normals(self.sensor, depth)
+        else:
+            depth = self._rest_depth - penetration
+            shading = np.where(touching[..., None], surface, self._rest_normals)
+        change = (self._render(depth, shading) - self._rest) @ self._mixing * (self._gain * self._field)
+        if self._shadow:
+            change *= 1 - self._shadow * self._occlusion(penetration)
+            change -= 12 * self._gain * self._shadow * self._occlusion(penetration) * (~touching)[..., None]
+        return cv2.GaussianBlur(change, (0, 0), self._blur)
+
+    def _render(self, depth: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        return shade(depth, normals, *self._tangents, self._illumination)
+
+    def _gel_follows(self, penetration: np.ndarray) -> np.ndarray:
+        """Gel surface that cannot follow sharp edges: blurred, but pressed home where the contact is deep."""
+        pixel = self.sensor.gel_distance / self.sensor.focal
+        core = penetration > 0.4 * penetration.max()
+        smooth = penetration
+        for factor in (4.0, 2.0, 1.0):
+            smooth = cv2.GaussianBlur(smooth, (0, 0), max(factor * self._smoothing / pixel, 0.3))
+            smooth = np.where(core, np.maximum(smooth, penetration), smooth)
+        return cv2.GaussianBlur(smooth, (0, 0), max(0.5 * self._smoothing / pixel, 0.3))
+
+    def _occlusion(self, penetration: np.ndarray) -> np.ndarray:
+        """How far (H, W, 3) in [0, 1] each colour's light is hidden behind the relief next to a pixel."""
+        pixel = self.sensor.gel_distance / self.sensor.focal
+        out = np.empty(penetration.shape + (3,), np.float32)
+        for k, position in enumerate(self._illumination.positions[:3]):
+            direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)
+            # shadows fall away from the light: look towards it; rows run against y
+            reach = 1.5e-3 / pixel
+            shift = np.float32([[1, 0, -direction[0] * reach], [0, 1, direction[1] * reach]])
+            higher = cv2.warpAffine(penetration, shift, penetration.shape[::-1]) - penetration
+            out[..., k] = np.clip(cv2.GaussianBlur(higher, (0, 0), 2.0) / 1e-3, 0, 1)
+        return out
+
+    def _draw_illumination(self, rng: np.random.Generator) -> Illumination:
+        tacto = Illumination.tacto()
+        spread = 3.0 if self.wide else 1.0
+        angles = np.radians([150.0, 30.0, 270.0]) + rng.normal(0, np.radians(6) * spread, 3)
+        radius = 0.02 + rng.normal(0, 1e-3 * spread, 3)
+        height = -0.005 + rng.normal(0, 1e-3 * spread, 3)
+        positions = np.stack([radius * np.cos(angles), radius * np.sin(angles), height], axis=1)
+        positions += rng.normal(0, 5e-4 * spread, 3)
+        intensity = np.clip(1 + rng.normal(0, 0.2 * spread, 3), 0.3, 3)
+        if not self.wide:
+            return dataclasses.replace(tacto, positions=positions, colours=tacto.colours * intensity[:, None])
+        return Illumination(
+            positions=positions,
+            colours=tacto.colours * intensity[:, None],
+            cone=rng.uniform(0.2, 1),
+            base=rng.uniform(0.15, 0.6),
+            metallic=rng.uniform(0, 0.5),
+            roughness=rng.uniform(0.5, 1),
+        )
+
+    def _draw_mixing(self, rng: np.random.Generator) -> np.ndarray:
+        """Colour matrix (3, 3): each LED leaks into the other colours of the camera's filter."""
+        leak = rng.uniform(0, 0.35, (3, 3)) if self.wide else rng.uniform(0, 0.05, (3, 3))
+        np.fill_diagonal(leak, rng.uniform(0.6, 1.4, 3) if self.wide else 1.0)
+        return leak.astype(np.float32)
+
+    def _smooth_field(self, rng: np.random.Generator, amplitude: float) -> np.ndarray:
+        """Smooth positive factor (H, W, 3) around 1: vignetting and uneven illumination."""
+        y, x = np.mgrid[-1 : 1 : self.sensor.height * 1j, -1 : 1 : self.sensor.width * 1j].astype(np.float32)
+        terms = np.stack([x, y, x * y, x * x - 0.3, y * y - 0.3], axis=-1)
+        weights = rng.normal(0, amplitude / 2, (5, 3)).astype(np.float32)
+        return np.exp(np.clip(terms @ weights, -1, 1))
+
+    def _draw_background(self, backgrounds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        real = backgrounds[rng.integers(len(backgrounds))].astype(np.float32)
+        if rng.random() < 0.3:  # a procedural one: colours of a real one, laid out anew
+            mean = real.mean(axis=(0, 1)) * rng.uniform(0.7, 1.3, 3)
+            return np.clip(mean * self._smooth_field(rng, 0.5), 5, 245).astype(np.float32)
+        return np.clip(real * rng.uniform(0.85, 1.15, 3).astype(np.float32), 0, 255)
+
+    def _drift(self, rng: np.random.Generator) -> np.ndarray:
+        """Factor (H, W, 3) by which the stored no-contact image differs from today's sensor."""
+        return 1 + rng.normal(0, 0.01) * (self._smooth_field(rng, 0.3) if self.wide else np.ones((1, 1, 1)))
+
+    def _expose(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        noisy = np.clip(image + self._noise * rng.standard_normal(image.shape, np.float32), 0, 255)
+        if self._jpeg is None:
+            return noisy.astype(np.float32)
+        _, encoded = cv2.imencode(".jpg", noisy.astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, self._jpeg])
+        return cv2.imdecode(encoded, cv2.IMREAD_COLOR).astype(np.float32)

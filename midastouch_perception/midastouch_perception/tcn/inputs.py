@@ -1,0 +1,25 @@
+"""What the code network sees of a contact: its relief in metric gel coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..sensor_model import SensorModel
+
+
+def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Channels (N, 4, H/2, W/2) float32 of penetration maps (N, H, W) m: depth, contact, x, y.
+
+    The map is averaged 2 x 2. Metric scale and the position in the gel frame, which the official code normalises
+    away, are kept: x and y are the pixels' places on the gel.
+    """
+    n, height, width = penetration.shape
+    blocks = penetration.reshape(n, height // 2, 2, width // 2, 2)
+    out = np.empty((n, 4, height // 2, width // 2), np.float32)
+    out[:, 0] = blocks.mean(axis=(2, 4)) * 1e3
+    out[:, 1] = (blocks > 0).mean(axis=(2, 4))
+    coarse = sensor.scaled(0.5)
+    tangent_x, tangent_y = coarse.rays
+    out[:, 2] = tangent_x * coarse.gel_depth * 100
+    out[:, 3] = tangent_y * coarse.gel_depth * 100
+    return out

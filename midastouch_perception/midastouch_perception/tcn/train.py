@@ -1,0 +1,295 @@
+"""Training and calibration of the `fast` tactile code network.
+
+Contrastive (InfoNCE, van den Oord et al. 2018) between touches and codebook entries of one object: a touch that went
+through randomised optics and the depth network must pick, among many entries of its object, the one its pose belongs
+to. At the optimum the score divided by the temperature is log p(touch | entry) - log p(touch), which is exactly the
+log-likelihood ratio the filter needs (paper section 4.2 uses a triplet loss, which gives no such scale).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.optimize import minimize
+from torch import nn
+
+from .. import se3
+from ..codebook_poses import PRESS, codebook_poses
+from ..errors import InputError
+from ..mesh import ObjectMesh
+from ..sensor_model import SensorModel
+from ..simulation.contact_poses import ContactSampling, MAX_PENETRATION, sample_contact_poses
+from ..simulation.randomisation import RandomSensor
+from ..simulation.renderer import PenetrationRenderer
+from ..tdn.inference import TactileDepthNet
+from ..tdn.inputs import SCALE
+from ..training.backgrounds import load_backgrounds
+from ..training.export import export_onnx
+from ..training.objects import load_objects
+from ..training.run import TrainingRun, plot_log
+from .inputs import code_input
+from .network import CodeNet
+
+_GROUP = 256  # touches of one object that are told apart
+_REUSE = 5  # times each group of touches is shown, with fresh entries and another mirroring
+_SENSORS = 16  # imaginary DIGITs a group
+_SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_share=0.0)
+_CELL = (2.5e-3, 2.5e-3, 0.3e-3, np.radians(6), np.radians(6), np.radians(12))  # half cell of a codebook entry
+_MIN_PIXELS = 40  # of contact: fewer say nothing
+
+
+@dataclasses.dataclass
+class _TouchGroup:
+    poses: np.ndarray  # (N, 4, 4) true gel poses
+    maps: np.ndarray  # (N, H, W) float32 m, as the depth network saw them
+
+
+class _Touches:
+    """Groups of touches of random objects, through optics and depth network."""
+
+    def __init__(self, meshes: list[ObjectMesh], backgrounds: np.ndarray, tdn: TactileDepthNet, seed: int):
+        self.meshes, self.backgrounds, self.tdn = meshes, backgrounds, tdn
+        self.sensor = tdn.sensor
+        self.rng = np.random.default_rng(seed)
+        self.renderers: dict[int, PenetrationRenderer] = {}
+
+    def renderer(self, index: int) -> PenetrationRenderer:
+        if index not in self.renderers:
+            self.renderers[index] = PenetrationRenderer(self.meshes[index], self.sensor)
+        return self.renderers[index]
+
+    def group(self, index: int, size: int) -> _TouchGroup:
+        rng, renderer = self.rng, self.renderer(index)
+        poses = self._clustered(index, sample_contact_poses(self.meshes[index], size, rng, self.sensor, _SAMPLING))
+        penetration, normals = renderer.render_with_normals(poses)
+        maps = np.empty_like(penetration)
+        for part in np.array_split(rng.permutation(size), _SENSORS):
+            imaginary = RandomSensor(self.sensor, self.backgrounds, rng)
+            images, reference = imaginary.images(penetration[part], normals[part], rng)
+            maps[part] = self.tdn.penetration(images - reference)
+        kept = ((maps > 0).sum(axis=(1, 2)) >= _MIN_PIXELS) & ((penetration > 0).sum(axis=(1, 2)) >= _MIN_PIXELS)
+        return _TouchGroup(poses[kept], maps[kept])
+
+    def _clustered(self, index: int, poses: np.ndarray) -> np.ndarray:
+        """A third of the poses moved next to others: neighbours are the hard negatives a tracking filter meets."""
+        rng, count = self.rng, len(poses) // 3
+        near = poses[rng.choice(len(poses), count)]
+        shift = rng.standard_normal((count, 6)) * [5e-3, 5e-3, 0, 0, 0, np.radians(30)]
+        near = near @ se3.exp(shift)
+        mesh = self.meshes[index]
+        closest, _, face = mesh.closest_points(near[:, :3, 3])
+        normal = mesh.face_normals[face]
+        same_side = (normal * near[:, :3, 2]).sum(axis=1) > 0.7
+        # back onto the surface with a press of its own; the tilt stays whatever the surface made of it
+        near[:, :3, 3] = closest - rng.uniform(*_SAMPLING.press, (count, 1)) * near[:, :3, 2]
+        deepest = self.renderer(index).render(near).max(axis=(1, 2))
+        good = same_side & (deepest > 0.2e-3) & (deepest < MAX_PENETRATION + 0.3e-3)
+        poses = poses.copy()
+        poses[-count:][good] = near[good]
+        return poses
+
+    def entries(self, index: int, poses: np.ndarray) -> np.ndarray:
+        """Maps (N, H, W) m of the codebook entries the poses would fall to: up to half a cell away, standard press."""
+        rng = self.rng
+        renderer, mesh = self.renderer(index), self.meshes[index]
+        moved = poses @ se3.exp(rng.uniform(-1, 1, (len(poses), 6)) * _CELL)
+        closest, _, _ = mesh.closest_points(moved[:, :3, 3])
+        moved[:, :3, 3] = closest - PRESS * moved[:, :3, 2]
+        deepest = renderer.render(moved).max(axis=(1, 2)).astype(float)
+        moved[:, :3, 3] += np.maximum(deepest - MAX_PENETRATION, 0)[:, None] * moved[:, :3, 2]
+        return renderer.render(moved)
+
+
+class _Batches(torch.utils.data.IterableDataset):
+    """Endless (touch inputs, entry inputs) of one object each; old touches return with new entries, mirrored."""
+
+    def __init__(self, meshes, backgrounds, tdn_path, seed):
+        self.meshes, self.backgrounds, self.tdn_path, self.seed = meshes, backgrounds, tdn_path, seed
+
+    def __iter__(self):
+        import cv2
+        import numba
+
+        numba.set_num_threads(1)
+        cv2.setNumThreads(1)
+        worker = torch.utils.data.get_worker_info()
+        source = _Touches(
+            self.meshes, self.backgrounds, TactileDepthNet(self.tdn_path), self.seed + (worker.id if worker else 0)
+        )
+        rng = source.rng
+        waiting: list[tuple[int, _TouchGroup, int]] = []
+        while True:
+            if len(waiting) < 24 or rng.random() < 1 / _REUSE:
+                index = int(rng.integers(len(self.meshes)))
+                entry = (index, source.group(index, _GROUP), 0)
+            else:
+                entry = waiting.pop(int(rng.integers(len(waiting))))
+            index, group, shown = entry
+            if len(group.poses) < _GROUP // 3:
+                continue
+            flips = tuple(axis for axis in (1, 2) if rng.random() < 0.5)
+            touched = code_input(np.flip(group.maps, flips), source.sensor)
+            entries = code_input(np.flip(source.entries(index, group.poses), flips), source.sensor)
+            yield torch.from_numpy(touched), torch.from_numpy(entries)
+            if shown + 1 < 2 * _REUSE:
+                waiting.append((index, group, shown + 1))
+            if len(waiting) > 160:
+                waiting.pop(int(rng.integers(len(waiting))))
+
+
+def contrastive_loss(touched: torch.Tensor, entries: torch.Tensor, log_temperature: torch.Tensor) -> torch.Tensor:
+    """InfoNCE in both directions for codes (N, D) of touches and of their entries, both L2-normalised."""
+    score = touched @ entries.T * torch.exp(-log_temperature.clamp(-4.6, 0))
+    target = torch.arange(len(score), device=score.device)
+    return 0.5 * (nn.functional.cross_entropy(score, target) + nn.functional.cross_entropy(score.T, target))
+
+
+@dataclasses.dataclass
+class _ValidationObject:
+    touched: np.ndarray  # (Q, 4, 80, 60)
+    poses: np.ndarray  # (Q, 4, 4)
+    book: np.ndarray  # (M, 4, 80, 60)
+    book_poses: np.ndarray  # (M, 4, 4)
+
+
+def validation_objects(meshes, backgrounds, tdn, seed, queries=160, size=3072) -> list[_ValidationObject]:
+    """Touches and small codebooks of unseen objects with unseen backgrounds."""
+    source = _Touches(meshes, backgrounds, tdn, seed)
+    full = SensorModel.load("digit_tacto")
+    out = []
+    for index, mesh in enumerate(meshes):
+        group = source.group(index, queries)
+        poses = codebook_poses(mesh, size, full, source.rng)
+        maps = source.renderer(index).render(poses)
+        out.append(
+            _ValidationObject(
+                code_input(group.maps, source.sensor), group.poses, code_input(maps, source.sensor), poses
+            )
+        )
+    return out
+
+
+def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distance (N, M) m between poses (N, 4, 4) and (M, 4, 4): position and 10 mm a radian of rotation."""
+    t = np.linalg.norm(a[:, None, :3, 3] - b[None, :, :3, 3], axis=-1)
+    trace = np.einsum("nij,mij->nm", a[:, :3, :3], b[:, :3, :3])
+    angle = np.arccos(np.clip((trace - 1) / 2, -1, 1))
+    return np.hypot(t, 0.01 * angle)
+
+
+@torch.no_grad()
+def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[str, float], list]:
+    """Single-touch figures on unseen objects, and the scores for calibration.
+
+    top25: smallest pose distance among the 25 best entries over that among 25 random ones, mean; nll: negative mean
+    log share of probability on the nearest entry, nats.
+    """
+    top, nll, scores = [], [], []
+    temperature = float(torch.exp(model.log_temperature))
+    for item in objects:
+        codes = model(torch.from_numpy(item.touched)).numpy()
+        book = np.concatenate([model(torch.from_numpy(part)).numpy() for part in np.array_split(item.book, 8)])
+        score = codes @ book.T
+        distance = pose_distance(item.poses, item.book_poses)
+        best = np.argsort(-score, axis=1)[:, :25]
+        found = np.take_along_axis(distance, best, axis=1).min(axis=1)
+        by_chance = distance[:, :: max(1, distance.shape[1] // 25)][:, :25].min(axis=1)
+        top.append(found.mean() / by_chance.mean())
+        nearest = distance.argmin(axis=1)
+        logits = score / temperature
+        logits -= np.log(np.exp(logits - logits.max(1, keepdims=True)).mean(1, keepdims=True)) + logits.max(
+            1, keepdims=True
+        )
+        nll.append(-logits[np.arange(len(nearest)), nearest].mean())
+        scores.append((score, nearest))
+    return {"top25": float(np.mean(top)), "nll": float(np.mean(nll))}, scores
+
+
+def calibrate(scores: list) -> dict[str, float]:
+    """Temperature and outlier share of the likelihood ratio (1 - e) exp(s/T) / mean_book exp(s/T) + e, fitted to the
+    nearest entries' scores of unseen touches by maximum likelihood."""
+
+    def cost(parameters: np.ndarray) -> float:
+        temperature, outlier = np.exp(parameters[0]), 1 / (1 + np.exp(-parameters[1]))
+        total = 0.0
+        for score, nearest in scores:
+            scaled = score / temperature
+            highest = scaled.max(axis=1)
+            level = highest + np.log(np.exp(scaled - highest[:, None]).mean(axis=1))
+            ratio = np.exp(scaled[np.arange(len(nearest)), nearest] - level)
+            total -= np.log((1 - outlier) * ratio + outlier).mean()
+        return total / len(scores)
+
+    best = minimize(cost, [np.log(0.07), -3.0], method="Nelder-Mead")
+    return {
+        "temperature": round(float(np.exp(best.x[0])), 5),
+        "outlier": round(float(1 / (1 + np.exp(-best.x[1]))), 5),
+    }
+
+
+def train(
+    meshes: Path,
+    backgrounds: Path,
+    tdn: str,
+    out: Path,
+    minutes: float = 30,
+    seed: int = 0,
+    workers: int = 1,
+    device: str = "cpu",
+    resume: Path | None = None,
+) -> Path:
+    """Train for `minutes` with the depth network `tdn` (name or ONNX path); write `tcn_fast.onnx` and `.json`.
+
+    meshes, backgrounds as for the depth network. Raises InputError if `tdn` is not usable.
+    """
+    torch.manual_seed(seed)
+    depth = TactileDepthNet(tdn)
+    train_meshes, held_out = load_objects(meshes, procedural=24, seed=seed)
+    sensor = SensorModel.load("digit_tacto").scaled(SCALE)
+    train_backgrounds, other_backgrounds = load_backgrounds(backgrounds, sensor.height, sensor.width)
+    objects = validation_objects(held_out, other_backgrounds, depth, seed + 1000)
+    model = CodeNet().to(device, memory_format=torch.channels_last)
+    run = TrainingRun(model, minutes, 2e-3, Path(out), resume)
+    loader = torch.utils.data.DataLoader(
+        _Batches(train_meshes, train_backgrounds, tdn, seed + 7919 * run.step),
+        batch_size=None,
+        num_workers=workers,
+        prefetch_factor=4,
+        multiprocessing_context="spawn",  # forking after Numba has started its threads aborts
+    )
+    recent: list[float] = []
+    model.train()
+    for touched, entries in loader:
+        both = torch.cat([touched, entries]).to(device).to(memory_format=torch.channels_last)
+        with torch.autocast(device, torch.bfloat16):
+            codes = model(both)
+        codes = codes.float()
+        loss = contrastive_loss(codes[: len(touched)], codes[len(touched) :], model.log_temperature)
+        run.update(loss)
+        recent.append(float(loss.detach()))
+        if run.step % 100 == 0 or run.progress >= 1:
+            figures, _ = validate(run.averaged(CodeNet), objects)
+            run.record(loss=float(np.mean(recent)), temperature=float(torch.exp(model.log_temperature)), **figures)
+            recent.clear()
+        if run.progress >= 1:
+            break
+    if not run.rows:
+        raise InputError("train-tcn: the time budget ended before the first step; give more --minutes")
+    plot_log(run.rows, Path(out) / "log.png")
+    final = run.averaged(CodeNet)
+    _, scores = validate(final, objects)
+    card = {
+        "network": "tcn_fast",
+        "dim": final.head.out_features,
+        "calibration": calibrate(scores),
+        "tdn": depth.network_id,
+        "data": {"meshes": len(train_meshes), "steps": run.step, "touches_a_step": _GROUP},
+        "minutes": minutes,
+        "seed": seed,
+        "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
+        "licence": "MIT",
+    }
+    return export_onnx(final, {"maps": torch.zeros(1, 4, 80, 60)}, "codes", card, Path(out) / "tcn_fast.onnx")

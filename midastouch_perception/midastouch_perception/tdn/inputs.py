@@ -1,0 +1,35 @@
+"""What the depth network sees: the difference to the background, and the sensor's geometry."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ..sensor_model import SensorModel
+
+SCALE = 0.5  # the network works at half the image's resolution
+_GREY_LEVELS = 32.0
+_METRES = 0.01
+_SAG = 0.003
+
+
+def reduce_image(image: np.ndarray) -> np.ndarray:
+    """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
+    height, width = round(image.shape[0] * SCALE), round(image.shape[1] * SCALE)
+    return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+
+
+def difference_input(difference: np.ndarray) -> np.ndarray:
+    """Difference images (..., H, W, 3), grey levels, as network input (..., 3, H, W) float32."""
+    return np.ascontiguousarray(np.moveaxis(difference / _GREY_LEVELS, -1, -3), np.float32)
+
+
+def geometry_input(sensor: SensorModel) -> np.ndarray:
+    """Metric position of each pixel on the gel and the gel's sag there: (3, H, W) float32.
+
+    With it one set of weights serves sensors of different scale and dome.
+    """
+    tangent_x, tangent_y = sensor.rays
+    depth = sensor.gel_depth
+    sag = (sensor.gel_distance - depth) / _SAG
+    return np.stack([tangent_x * depth / _METRES, tangent_y * depth / _METRES, sag]).astype(np.float32)

@@ -1,0 +1,33 @@
+"""Trained networks as ONNX files with their model cards."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import torch
+
+from ..files import atomic_path
+
+
+def export_onnx(
+    model: torch.nn.Module, inputs: dict[str, torch.Tensor], output: str, card: dict, path: Path
+) -> Path:
+    """Write `model` as ONNX with a free batch size, and its model card as JSON beside it; returns `path`.
+
+    inputs: example tensors by name, in the order of `forward`; output: name of the one output.
+    """
+    with atomic_path(path) as temporary:
+        torch.onnx.export(
+            model,
+            tuple(inputs.values()),
+            str(temporary),
+            input_names=list(inputs),
+            output_names=[output],
+            dynamic_axes={name: {0: "batch"} for name in [*inputs, output]},
+            opset_version=17,
+            dynamo=False,
+        )
+    with atomic_path(path.with_suffix(".json")) as temporary:
+        temporary.write_text(json.dumps(card, indent=2) + "\n")
+    return path

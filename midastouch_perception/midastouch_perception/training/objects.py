@@ -1,0 +1,33 @@
+"""The objects networks are trained on: YCB scans other than the paper's test objects, and procedural shapes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..mesh import ObjectMesh
+from ..simulation.procedural import random_shape
+
+# the paper's ten test objects: never trained on
+TEST_OBJECTS = ("004_", "005_", "006_", "021_", "025_", "035_", "037_", "042_", "048_", "055_")
+# of the training scans, these measure generalisation while training
+VALIDATION_OBJECTS = ("019_", "032_", "043_", "052_", "065-c_", "072-b_", "073-a_")
+
+
+def load_objects(
+    folder: str | Path, procedural: int, seed: int
+) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
+    """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes.
+
+    Raises InputError if the folder holds no usable mesh.
+    """
+    paths = [p for p in sorted(Path(folder).glob("*.ply")) if not p.name.startswith(TEST_OBJECTS)]
+    if not paths:
+        raise InputError(f"{folder}: no training meshes (*.ply) here; name the folder of the YCB scans")
+    meshes = [ObjectMesh.load(path) for path in paths]
+    held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
+    rng = np.random.default_rng(seed)
+    shapes = [random_shape(rng, f"procedural_{i}") for i in range(procedural)]
+    return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out

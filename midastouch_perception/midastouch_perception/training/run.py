@@ -1,0 +1,113 @@
+"""What every training run shares: a time budget, checkpoints to resume from, a CSV log with its curve."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from safetensors.torch import load_file, save_file
+
+from ..errors import InputError
+from ..files import atomic_path
+
+
+class TrainingRun:
+    """A bounded, resumable optimisation.
+
+    The learning rate warms up, stays, then falls to zero by a cosine over the time budget, so that a run of any length
+    ends annealed. The weights kept are an exponential moving average.
+
+    Args: model; minutes, wall-clock budget; rate, peak learning rate; folder for `checkpoint.safetensors`,
+    `state.pt`, `log.csv`; resume, folder of an earlier run to go on from.
+    """
+
+    def __init__(self, model: torch.nn.Module, minutes: float, rate: float, folder: Path, resume: Path | None = None):
+        self.model, self.rate, self.folder = model, rate, Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.budget, self.started = 60 * minutes, time.monotonic()
+        self.optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
+        self.average = {k: v.detach().clone() for k, v in model.state_dict().items()}
+        self.step = 0
+        self.rows: list[dict] = []
+        if resume:
+            self._resume(Path(resume))
+
+    @property
+    def progress(self) -> float:
+        """Share of the time budget used, 0 ... 1."""
+        return min((time.monotonic() - self.started) / self.budget, 1.0)
+
+    def update(self, loss: torch.Tensor) -> None:
+        """One optimiser step down the gradient of `loss`; a non-finite loss is skipped."""
+        warm = min(1.0, (self.step + 1) / 200)
+        fall = 0.5 * (1 + math.cos(math.pi * max(0.0, self.progress - 0.1) / 0.9))
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.rate * warm * max(fall, 1e-3)
+        self.optimiser.zero_grad(set_to_none=True)
+        if torch.isfinite(loss):
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(self.model.parameters(), 1.0)
+            self.optimiser.step()
+        self.step += 1
+        keep = min(0.999, self.step / (self.step + 20))
+        with torch.no_grad():
+            for name, value in self.model.state_dict().items():
+                if value.is_floating_point():
+                    self.average[name].lerp_(value, 1 - keep)
+                else:
+                    self.average[name].copy_(value)
+
+    def averaged(self, build: Callable[[], torch.nn.Module]) -> torch.nn.Module:
+        """A fresh model in evaluation mode with the averaged weights."""
+        model = build()
+        model.load_state_dict(self.average)
+        return model.eval()
+
+    def record(self, **figures: float) -> None:
+        """Append one row to the log, print it, and save the checkpoint."""
+        row = {"minutes": (time.monotonic() - self.started) / 60, "step": self.step, **figures}
+        self.rows.append(row)
+        print("  ".join(f"{k} {v:.4g}" for k, v in row.items()), flush=True)
+        with atomic_path(self.folder / "log.csv") as path, open(path, "w", newline="") as stream:
+            writer = csv.DictWriter(stream, fieldnames=list(row))
+            writer.writeheader()
+            writer.writerows(self.rows)
+        with atomic_path(self.folder / "checkpoint.safetensors") as path:
+            save_file({k: v.contiguous() for k, v in self.average.items()}, path)
+        with atomic_path(self.folder / "state.pt") as path:
+            torch.save(
+                {"model": self.model.state_dict(), "optimiser": self.optimiser.state_dict(), "step": self.step}, path
+            )
+
+    def _resume(self, folder: Path) -> None:
+        try:
+            state = torch.load(folder / "state.pt", weights_only=True)
+            self.model.load_state_dict(state["model"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.average = load_file(folder / "checkpoint.safetensors")
+            self.step = state["step"]
+        except (OSError, KeyError, RuntimeError) as error:
+            raise InputError(f"{folder}: cannot resume from here ({error}); name the folder of a run") from error
+
+
+def plot_log(rows: list[dict], path: Path) -> None:
+    """Curves of every logged figure over minutes, as PNG."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    names = [k for k in rows[0] if k not in ("minutes", "step")]
+    figure, axes = plt.subplots(1, len(names), figsize=(3.2 * len(names), 2.8), squeeze=False)
+    for axis, name in zip(axes[0], names, strict=True):
+        axis.plot([r["minutes"] for r in rows], [r[name] for r in rows])
+        axis.set(xlabel="minutes", title=name)
+        axis.set_yscale("log")
+    figure.tight_layout()
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110)
+    plt.close(figure)
