@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 
 import numpy as np
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_srvs.srv import Empty
 
 from midastouch_msgs.msg import TactileCode
 from midastouch_msgs.srv import SetObject
-from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import diagnostics, qos, spin
-from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg, stamp_ns
+from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.parameters import Parameters
 
 from ..filter import Measurement
 from ..state import STALE, UNINITIALISED, Status
-from ..transforms import TransformError
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
-from .localiser import LoadedObject, Localiser, Start, load_object
-from .pose_prior import spread_of
+from .localiser import LoadedObject, Localiser, load_object
 from .resources import resolve
+from .start_topics import StartTopics
 from .transform_queue import TransformQueue
-from .transform_source import TransformSource, Wait
+from .transform_source import TransformSource
 
 # Stamps that run back by more than this are a new run (a looped bag); by less, a message out of order.
 _JUMP_NS = 500_000_000
@@ -85,13 +81,7 @@ class ParticleFilterNode(Node):
         if subscribe:
             profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
             self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)
-        for topic, use in (("initialpose", self._start_at), ("object_pose_prior", self._start_from_object)):
-            self.create_subscription(
-                PoseWithCovarianceStamped,
-                topic,
-                lambda msg, topic=topic, use=use: self._on_pose(topic, use, msg),
-                qos.COMMAND,
-            )
+        StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
         self.create_service(Empty, "reinitialize_global_localization", self._on_reinitialize)
         self.create_service(Empty, "request_nomotion_update", self._on_nomotion_update)
         self.create_service(SetObject, "set_object", self._on_set_object)
@@ -128,7 +118,8 @@ class ParticleFilterNode(Node):
         while (ready := self._queue.pop()) is not None:
             if ready.transform is None:
                 self._counts["transform_timeout"] += 1
-                self._say(ready.stamp, STALE, f"no transform of the sensor: {ready.reason}")
+                frames = f"{self.parameters['base_frame_id']} -> {self.parameters['sensor_frame_id']}"
+                self._say(ready.stamp, STALE, f"no transform {frames}: {ready.reason}")
             else:
                 self._process(ready.stamp, ready.transform, ready.payload)
 
@@ -175,41 +166,6 @@ class ParticleFilterNode(Node):
         if (silence := self._now() - self._last_arrival) > timeout:
             self._silent = True
             self._say(self._now_ns(), STALE, f"no tactile/code for {silence:.1f} s: is the sensor running?")
-
-    # --- starts
-
-    def _on_pose(self, topic: str, use: Callable, msg: PoseWithCovarianceStamped) -> None:
-        try:
-            if self._localiser.object is None:
-                raise InputError(self._localiser.waiting_for)
-            covariance = covariance_from_msg(msg.pose.covariance)
-            spread = spread_of(covariance, self._localiser.object.diagonal)
-            use(msg.header.frame_id, pose_from_msg(msg.pose.pose), *spread)
-        except (InputError, TransformError) as error:
-            self.diagnostics.problem(f"bad_{topic}", f"{topic}: {error}")
-
-    def _start_at(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        if frame != self.parameters["object_frame_id"]:
-            T_base_obj = self._localiser.T_base_obj()
-            if T_base_obj is None:
-                raise InputError(
-                    f"pose in frame '{frame}', but where the object is, is not known (not converged); "
-                    f"give it in frame '{self.parameters['object_frame_id']}'"
-                )
-            pose = se3.inverse(T_base_obj) @ self._in_base(frame) @ pose
-        self._localiser.start_at(Start(pose, sigma_t, sigma_r))
-        spread = f"{1e3 * sigma_t:.1f} mm, {math.degrees(sigma_r):.0f} deg"
-        self.get_logger().info(f"initialpose: starting within {spread}")
-
-    def _start_from_object(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        self._localiser.expect_object_at(self._in_base(frame) @ pose, sigma_t, sigma_r)
-
-    def _in_base(self, frame: str) -> np.ndarray:
-        """T_base_frame, the newest: stamps of hand-made poses are often of another clock."""
-        found = self._transforms.lookup(self.parameters["base_frame_id"], frame, None)
-        if isinstance(found, Wait):
-            raise InputError(found.reason)
-        return found
 
     # --- services
 

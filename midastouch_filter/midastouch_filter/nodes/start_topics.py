@@ -1,0 +1,84 @@
+"""Where users and cameras tell the filter to start: `initialpose` and `object_pose_prior`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.node import Node
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg
+from midastouch_perception.ros.parameters import Parameters
+
+from ..transforms import TransformError
+from .localiser import Localiser, Start
+from .pose_prior import spread_of
+from .transform_source import TransformSource, Wait
+
+
+class StartTopics:
+    """Subscribes both topics for a localiser; `on_bad(kind, reason)` is told of poses that cannot be used.
+
+    `initialpose` is the gel frame's pose, in the object's frame or, once the object's place is known, in any
+    other; `object_pose_prior` the object's pose in any frame. Both are taken at the newest transform: stamps
+    of poses made by hand are often of another clock.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        parameters: Parameters,
+        localiser: Localiser,
+        transforms: TransformSource,
+        on_bad: Callable[[str, str], None],
+    ):
+        self._log = node.get_logger()
+        self._base, self._object = parameters["base_frame_id"], parameters["object_frame_id"]
+        self._localiser, self._transforms, self._on_bad = localiser, transforms, on_bad
+        for topic, use in (("initialpose", self._start_at), ("object_pose_prior", self._expect_object)):
+            node.create_subscription(
+                PoseWithCovarianceStamped,
+                topic,
+                lambda msg, topic=topic, use=use: self._on_pose(topic, use, msg),
+                qos.COMMAND,
+            )
+
+    def _on_pose(self, topic: str, use: Callable, msg: PoseWithCovarianceStamped) -> None:
+        try:
+            if self._localiser.object is None:
+                raise InputError(self._localiser.waiting_for)
+            covariance = covariance_from_msg(msg.pose.covariance)
+            spread = spread_of(covariance, self._localiser.object.diagonal)
+            use(msg.header.frame_id, pose_from_msg(msg.pose.pose), *spread)
+        except (InputError, TransformError) as error:
+            self._on_bad(f"bad_{topic}", f"{topic}: {error}")
+        else:
+            self._log.info(f"{topic}: within {1e3 * spread[0]:.1f} mm, {math.degrees(spread[1]):.0f} deg")
+
+    def _start_at(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        if frame != self._object:
+            T_base_obj = self._localiser.T_base_obj()
+            if T_base_obj is None:
+                raise InputError(
+                    f"pose in frame '{frame}', but where the object is, is not known (not converged); "
+                    f"give it in frame '{self._object}'"
+                )
+            pose = se3.inverse(T_base_obj) @ self._in_base(frame) @ pose
+        self._localiser.start_at(Start(pose, sigma_t, sigma_r))
+
+    def _expect_object(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        self._localiser.expect_object_at(self._in_base(frame) @ pose, sigma_t, sigma_r)
+
+    def _in_base(self, frame: str) -> np.ndarray:
+        """T_base_frame (4, 4), the newest."""
+        if frame == self._base:
+            return np.eye(4)
+        found = self._transforms.lookup(self._base, frame, None)
+        if isinstance(found, Wait):
+            raise InputError(found.reason)
+        return found

@@ -1,0 +1,111 @@
+"""A filter that records what it is asked, and messages for the node that owns it."""
+
+from __future__ import annotations
+
+import array
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_filter.estimate import Estimate, Mode
+from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.state import AMBIGUOUS, Status
+from midastouch_msgs.msg import TactileCode
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+
+DIAGONAL = 0.3
+SECOND = 1_000_000_000
+
+
+def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    return se3.make(np.eye(3), np.array([x, y, z]))
+
+
+class FakeFilter:
+    """Believes the motion it is told: the estimate is the start moved by the odometry.
+
+    Attributes: starts, odometry and measurements are what it was asked; state is what it answers.
+    """
+
+    def __init__(self):
+        self.starts: list = []
+        self.odometry: list = []
+        self.measurements: list = []
+        self.forced = 0
+        self.state = AMBIGUOUS
+        self.spoil = False
+        self._pose = np.eye(4)
+
+    def initialise_uniform(self) -> None:
+        self.starts.append("uniform")
+        self._pose = np.eye(4)
+
+    def initialise_gaussian(self, pose, sigma_t, sigma_r) -> None:
+        self.starts.append((pose, sigma_t, sigma_r))
+        self._pose = pose
+
+    def force_update(self) -> None:
+        self.forced += 1
+
+    def step(self, odometry, measurement) -> Estimate:
+        if measurement.network_id not in ("", "fake"):
+            raise InputError("tactile code: from network other, but the codebook was built with fake")
+        self.odometry.append(odometry)
+        self.measurements.append(measurement)
+        if odometry is not None:
+            self._pose = self._pose @ odometry
+        covariance = np.diag([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
+        pose = np.full((4, 4), np.nan) if self.spoil else self._pose
+        modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
+        status = Status(
+            self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5}
+        )
+        return Estimate(modes, status)
+
+    @property
+    def poses(self) -> np.ndarray:
+        offsets = np.linspace(-0.01, 0.01, 2000)
+        return self._pose @ se3.make(np.eye(3), np.stack([offsets, 0 * offsets, 0 * offsets], axis=1))
+
+    @property
+    def weights(self) -> np.ndarray:
+        return np.full(2000, 1 / 2000)
+
+
+def loader_of(filters: list[FakeFilter]):
+    """A `load` for the node that hands out fakes and refuses a mesh called bad.ply."""
+
+    def load(mesh_path, codebook_path, config, seed) -> LoadedObject:
+        if mesh_path.name == "bad.ply":
+            raise InputError(f"{mesh_path}: not a mesh")
+        filters.append(FakeFilter())
+        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem)
+
+    return load
+
+
+def code_msg(stamp: int, network_id: str = "fake", in_contact: bool = True) -> TactileCode:
+    header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_gel_frame")
+    code = array.array("f", [0.6, 0.8] if in_contact else [])
+    return TactileCode(
+        header=header, in_contact=in_contact, contact_area=1e-5, code=code, network_id=network_id
+    )
+
+
+def tf_msg(
+    stamp: int, pose: np.ndarray, parent: str = "base_link", child: str = "digit_gel_frame"
+) -> TFMessage:
+    header = Header(stamp=stamp_from_ns(stamp), frame_id=parent)
+    transform = transform_to_msg(pose)
+    return TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])
+
+
+def pose_msg(frame: str, pose: np.ndarray, variances=(1e-4,) * 3 + (1e-2,) * 3) -> PoseWithCovarianceStamped:
+    msg = PoseWithCovarianceStamped(header=Header(frame_id=frame))
+    msg.pose.pose = pose_to_msg(pose)
+    msg.pose.covariance = np.diag(variances).ravel().tolist()
+    return msg

@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from filter_fakes import DIAGONAL, FakeFilter, translation
+
+from midastouch_filter.filter import Measurement
+from midastouch_filter.nodes.localiser import LoadedObject, Localiser, Start
+from midastouch_filter.state import CONVERGED
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+TOUCH = Measurement(True, np.array([0.6, 0.8], np.float32), 1e-5, "fake")
+START = Start(translation(0.1), 0.01, 0.2)
+
+
+def localiser(first_start=None, wait=False) -> tuple[Localiser, FakeFilter]:
+    out, running = Localiser(first_start, wait), FakeFilter()
+    out.set_object(LoadedObject(running, DIAGONAL, "thing"))
+    return out, running
+
+
+def test_nothing_runs_without_an_object():
+    empty = Localiser(None, wait=False)
+    assert empty.process(np.eye(4), TOUCH) is None
+    assert "set_object" in empty.waiting_for
+
+
+def test_odometry_is_the_motion_since_the_last_frame():
+    subject, running = localiser()
+    rng = np.random.default_rng(0)
+    a, b = se3.make(se3.random_rotations(2, rng), rng.normal(size=(2, 3)))
+    subject.process(a, TOUCH)
+    subject.process(b, TOUCH)
+    assert running.odometry[0] is None
+    np.testing.assert_allclose(a @ running.odometry[1], b, atol=1e-12)
+
+
+def test_motion_during_a_refused_measurement_is_not_lost():
+    subject, running = localiser()
+    subject.process(translation(0.0), TOUCH)
+    with pytest.raises(InputError, match="network"):
+        subject.process(translation(0.01), Measurement(True, TOUCH.code, 1e-5, "other"))
+    subject.process(translation(0.03), TOUCH)
+    np.testing.assert_allclose(running.odometry[1], translation(0.03), atol=1e-12)
+
+
+def test_wait_starts_with_a_given_pose_and_again_from_it():
+    subject, running = localiser(wait=True)
+    assert subject.process(np.eye(4), TOUCH) is None
+    assert "initialpose" in subject.waiting_for
+    subject.start_at(START)
+    assert subject.process(np.eye(4), TOUCH) is not None
+    subject.restart()
+    assert [start[0] is START.pose for start in running.starts] == [True, True]
+    assert subject.process(translation(5), TOUCH) is not None
+    assert running.odometry[-1] is None, "a restart forgets where the sensor was"
+
+
+def test_start_anywhere_ends_waiting():
+    subject, running = localiser(wait=True)
+    subject.start_anywhere()
+    assert running.starts == ["uniform"]
+    assert subject.waiting_for == ""
+
+
+def test_another_object_does_not_inherit_a_pose():
+    subject, _ = localiser(first_start=START)
+    second = FakeFilter()
+    subject.set_object(LoadedObject(second, DIAGONAL, "other"))
+    assert second.starts == ["uniform"]
+    assert subject.estimate is None
+
+
+def test_object_prior_starts_where_the_sensor_is_on_it():
+    subject, running = localiser(wait=True)
+    T_base_obj = se3.make(se3.random_rotations(1, np.random.default_rng(1))[0], np.array([0.5, 0.1, 0.2]))
+    T_obj_gel = translation(0.03, 0.04)
+    subject.expect_object_at(T_base_obj, 0.003, 0.08)
+    subject.process(T_base_obj @ T_obj_gel, TOUCH)
+    pose, sigma_t, sigma_r = running.starts[-1]
+    np.testing.assert_allclose(pose, T_obj_gel, atol=1e-12)
+    assert sigma_t == pytest.approx(0.005), "0.08 rad at 5 cm, and 3 mm"
+    assert sigma_r == 0.08
+    subject.process(T_base_obj @ T_obj_gel, TOUCH)
+    assert len(running.starts) == 1, "a prior counts once"
+
+
+def test_object_pose_is_told_only_while_converged():
+    subject, running = localiser(first_start=START)
+    T_base_obj = translation(0.4, 0.2)
+    subject.process(T_base_obj @ START.pose, TOUCH)
+    assert subject.T_base_obj() is None
+    running.state = CONVERGED
+    subject.process(T_base_obj @ START.pose @ translation(0, 0.01), TOUCH)
+    np.testing.assert_allclose(subject.T_base_obj(), T_base_obj, atol=1e-12)

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from midastouch_filter.nodes.resources import resolve
+from midastouch_perception.errors import InputError
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch) -> Path:
+    """A package `toys` in an overlay of its own."""
+    (tmp_path / "share/ament_index/resource_index/packages").mkdir(parents=True)
+    (tmp_path / "share/ament_index/resource_index/packages/toys").touch()
+    (tmp_path / "share/toys").mkdir()
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    return tmp_path / "share/toys"
+
+
+def test_paths_and_files():
+    assert resolve("/data/mug.ply", "mesh") == Path("/data/mug.ply")
+    assert resolve("file:///data/mug.ply", "mesh") == Path("/data/mug.ply")
+
+
+def test_packages(package):
+    assert resolve("package://toys/meshes/mug.ply", "mesh") == package / "meshes/mug.ply"
+
+
+@pytest.mark.parametrize(
+    ("address", "complaint"),
+    [
+        ("", "no mesh given"),
+        ("package://nothing/mug.ply", "no package 'nothing'"),
+        ("package://toys/../../../etc/passwd", "leaves its package"),
+        ("package:///etc/passwd", "no package ''"),
+    ],
+)
+def test_refusals(package, address, complaint):
+    with pytest.raises(InputError, match=complaint):
+        resolve(address, "mesh")

@@ -1,0 +1,69 @@
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_filter.nodes.transform_queue import TransformQueue
+from midastouch_filter.nodes.transform_source import Wait
+from midastouch_filter.transforms import PastExtrapolationError
+
+
+class World:
+    """Transforms known up to a stamp, and a clock that the test moves."""
+
+    def __init__(self, timeout: float = 1.0):
+        self.now, self.known, self.forgotten = 0.0, 0, 0
+        self.queue = TransformQueue(self.lookup, lambda: self.now, lambda: timeout)
+
+    def lookup(self, stamp: int):
+        if stamp < self.forgotten:
+            raise PastExtrapolationError("before the history")
+        return np.eye(4) * stamp if stamp <= self.known else Wait(f"newest is {self.known}")
+
+    def popped(self) -> list:
+        out = []
+        while (ready := self.queue.pop()) is not None:
+            out.append(ready)
+        return out
+
+
+def test_items_wait_for_their_transform_and_leave_in_order():
+    world = World()
+    for stamp in (1, 2, 3):
+        world.queue.push(stamp, f"item {stamp}")
+    assert world.popped() == []
+    world.known = 2
+    ready = world.popped()
+    assert [(r.stamp, r.payload) for r in ready] == [(1, "item 1"), (2, "item 2")]
+    np.testing.assert_array_equal(ready[1].transform, np.eye(4) * 2)
+    assert len(world.queue) == 1
+
+
+def test_each_item_has_its_own_time_out():
+    world = World(timeout=1.0)
+    world.queue.push(1, "early")
+    world.now = 0.6
+    world.queue.push(2, "late")
+    world.now = 1.1
+    (given_up,) = world.popped()
+    assert (given_up.stamp, given_up.transform) == (1, None)
+    assert "newest is 0" in given_up.reason
+    assert "1.1 s" in given_up.reason
+    world.known = 2
+    assert world.popped()[0].transform is not None
+
+
+def test_no_hope_is_given_up_at_once():
+    world = World()
+    world.forgotten = 5
+    world.queue.push(4, "too old")
+    (given_up,) = world.popped()
+    assert given_up.transform is None
+    assert given_up.reason == "before the history"
+
+
+def test_clear_forgets_what_waits():
+    world = World()
+    world.queue.push(1, "x")
+    world.queue.clear()
+    world.known = 1
+    assert world.popped() == []

@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rclpy.time import Time
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from filter_fakes import SECOND, tf_msg, translation
+
+from midastouch_filter.nodes import transform_source
+from midastouch_filter.nodes.transform_source import OwnBuffer, Tf2Buffer, TransformSource, Wait
+from midastouch_filter.transforms import (
+    DisconnectedError,
+    FutureExtrapolationError,
+    Insertion,
+    PastExtrapolationError,
+    UnknownFrameError,
+)
+
+
+def stamped(stamp: int, x: float, parent: str = "base_link", child: str = "digit_gel_frame"):
+    return tf_msg(stamp, translation(x), parent, child).transforms[0]
+
+
+class FakeTf2:
+    """The part of tf2's Python interface that is used, for one moving edge a -> b and one static c -> d."""
+
+    class LookupException(Exception):
+        pass
+
+    class ConnectivityException(Exception):
+        pass
+
+    class ExtrapolationException(Exception):
+        pass
+
+    class Buffer:
+        def __init__(self, cache_time):
+            self.moving, self.static = [], []
+
+        def set_transform(self, msg, authority):
+            self.moving.append(msg)
+
+        def set_transform_static(self, msg, authority):
+            self.static.append(msg)
+
+        def clear(self):
+            self.moving.clear()
+
+        def get_latest_common_time(self, target, source):
+            return Time.from_msg(self.moving[-1].header.stamp)
+
+        def lookup_transform_core(self, target, source, time):
+            known = {f for m in self.moving + self.static for f in (m.header.frame_id, m.child_frame_id)}
+            if not {target, source} <= known:
+                raise FakeTf2.LookupException(f"{source} unknown")
+            chosen = [
+                m
+                for m in self.moving + self.static
+                if m.header.frame_id == target and m.child_frame_id == source
+            ]
+            if not chosen:
+                raise FakeTf2.ConnectivityException("two trees")
+            at = [m for m in chosen if Time.from_msg(m.header.stamp).nanoseconds == time.nanoseconds]
+            if time.nanoseconds == 0 or chosen[0] in self.static:
+                at = chosen[-1:]
+            if not at:
+                raise FakeTf2.ExtrapolationException("would need extrapolation")
+            return at[0]
+
+
+@pytest.fixture(params=["own", "tf2"])
+def buffer(request, monkeypatch):
+    if request.param == "own":
+        return OwnBuffer()
+    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    return Tf2Buffer()
+
+
+def test_both_buffers_tell_the_same_errors_apart(buffer):
+    with pytest.raises(UnknownFrameError):
+        buffer.lookup("base_link", "digit_gel_frame", SECOND)
+    assert buffer.insert(stamped(1 * SECOND, 0.1)) is Insertion.ADDED
+    assert buffer.insert(stamped(2 * SECOND, 0.2)) is Insertion.ADDED
+    buffer.insert_static(stamped(0, 0.5, "c", "d"))
+    np.testing.assert_allclose(buffer.lookup("base_link", "digit_gel_frame", 2 * SECOND), translation(0.2))
+    np.testing.assert_allclose(buffer.lookup("base_link", "digit_gel_frame", None), translation(0.2))
+    with pytest.raises(FutureExtrapolationError):
+        buffer.lookup("base_link", "digit_gel_frame", 3 * SECOND)
+    with pytest.raises(PastExtrapolationError):
+        buffer.lookup("base_link", "digit_gel_frame", SECOND // 2)
+    with pytest.raises(DisconnectedError):
+        buffer.lookup("base_link", "d", SECOND)
+
+
+def test_both_buffers_see_time_run_backwards(buffer):
+    buffer.insert(stamped(100 * SECOND, 0.1))
+    buffer.insert_static(stamped(0, 0.5, "c", "d"))
+    assert buffer.insert(stamped(1 * SECOND, 0.2)) is Insertion.TIME_JUMP
+    with pytest.raises(FutureExtrapolationError):
+        buffer.lookup("base_link", "digit_gel_frame", 100 * SECOND)
+    np.testing.assert_allclose(buffer.lookup("c", "d", SECOND), translation(0.5))
+    assert buffer.insert(stamped(2 * SECOND, 0.2)) is Insertion.ADDED
+
+
+def test_tf2_is_used_where_it_is_installed(monkeypatch):
+    node = types.SimpleNamespace(create_subscription=lambda *_: None)
+    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    source = TransformSource(node, *[lambda *_: None] * 3)
+    assert isinstance(source._buffer, Tf2Buffer)
+
+
+class Listening:
+    """A source on the graph, with what it reported."""
+
+    def __init__(self, graph):
+        self.updates, self.jumps, self.bad = 0, 0, []
+        self.source = TransformSource(graph.companion, self._update, self._jump, self.bad.append)
+
+    def _update(self):
+        self.updates += 1
+
+    def _jump(self):
+        self.jumps += 1
+
+    def lookup(self, stamp):
+        return self.source.lookup("base_link", "digit_gel_frame", stamp)
+
+
+@pytest.mark.dds
+def test_source_waits_interpolates_and_reports(graph):
+    listening = Listening(graph)
+    assert isinstance(listening.lookup(SECOND), Wait)
+    tf = graph.publisher(TFMessage, "/tf")
+    tf.publish(tf_msg(1 * SECOND, translation(0.1)))
+    graph.spin_until(lambda: listening.updates == 1)
+    assert isinstance(listening.lookup(3 * SECOND // 2), Wait)
+    tf.publish(tf_msg(2 * SECOND, translation(0.3)))
+    graph.spin_until(lambda: listening.updates == 2)
+    np.testing.assert_allclose(listening.lookup(3 * SECOND // 2), translation(0.2), atol=1e-12)
+    with pytest.raises(PastExtrapolationError):
+        listening.lookup(SECOND // 2)
+
+    broken = tf_msg(3 * SECOND, translation(0.4))
+    broken.transforms[0].transform.rotation.w = 0.0
+    tf.publish(broken)
+    graph.spin_until(lambda: listening.updates == 3)
+    assert len(listening.bad) == 1
+    assert "/tf" in listening.bad[0]
+    assert listening.jumps == 0
+
+
+@pytest.mark.dds
+def test_source_reports_a_jump_and_can_be_rewound(graph):
+    listening = Listening(graph)
+    tf = graph.publisher(TFMessage, "/tf")
+    for stamp in (50, 51):
+        tf.publish(tf_msg(stamp * SECOND, translation(0.1)))
+    graph.spin_until(lambda: listening.updates == 2)
+    tf.publish(tf_msg(1 * SECOND, translation(0.2)))
+    graph.spin_until(lambda: listening.updates == 3)
+    assert listening.jumps == 1
+    np.testing.assert_allclose(listening.lookup(SECOND), translation(0.2))
+
+    listening.source.rewind(1 * SECOND)
+    assert not isinstance(listening.lookup(SECOND), Wait), "these transforms come from after the jump"
+    listening.source.rewind(-10 * SECOND)
+    assert isinstance(listening.lookup(SECOND), Wait)
+
+
+@pytest.mark.dds
+def test_static_transforms_come_late_and_hold_always(graph):
+    latched = graph.companion.create_publisher(TFMessage, "/tf_static", transform_source.qos.latched(10))
+    latched.publish(tf_msg(0, translation(0.7)))
+    listening = Listening(graph)
+    graph.spin_until(lambda: listening.updates == 1)
+    np.testing.assert_allclose(listening.lookup(123 * SECOND), translation(0.7))
