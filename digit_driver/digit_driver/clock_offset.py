@@ -40,8 +40,6 @@ class ClockOffset:
         self._monotonic_ns = monotonic_ns
         self._wall_ns = wall_ns
         self._offset_ns, _, self._updated_ns = self._measure()
-        # The part of the estimate below one nanosecond; without it small corrections would be rounded away.
-        self._residue = 0.0
         self.steps = 0
         self.last_step_ns = 0
 
@@ -55,15 +53,12 @@ class ClockOffset:
         measured, uncertainty, now = self._measure()
         deviation = measured - self._offset_ns
         if abs(deviation) > self._step_ns + uncertainty:
-            self._offset_ns, self._residue = measured, 0.0
+            self._offset_ns = measured
             self.steps += 1
             self.last_step_ns = deviation
         else:
             gain = 1.0 - math.exp(-max(0, now - self._updated_ns) / self._time_constant_ns)
-            correction = gain * deviation + self._residue
-            whole = math.floor(correction)
-            self._offset_ns += whole
-            self._residue = correction - whole
+            self._offset_ns += round(gain * deviation)
         self._updated_ns = now
 
     def to_wall_ns(self, monotonic_ns: int) -> int:

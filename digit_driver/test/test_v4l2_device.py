@@ -70,6 +70,13 @@ def test_metadata_node_given_by_hand_is_refused(kernel, device) -> None:
         device(video_device="/dev/video1").open()
 
 
+def test_node_of_another_kind_is_refused_and_closed(kernel, device) -> None:
+    kernel.plug(FakeDigit(errors={v4l2.VIDIOC_QUERYCAP: errno.ENOTTY}))
+    with pytest.raises(DeviceError, match="not a V4L2 device"):
+        device(video_device="/dev/video0").open()
+    assert kernel.descriptors == {}
+
+
 def test_video_device_overrides_the_search(kernel, device) -> None:
     kernel.plug(FakeDigit("D1", "1-1", number=0))
     kernel.plug(FakeDigit("D2", "1-2", number=2))
