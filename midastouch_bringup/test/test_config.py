@@ -1,26 +1,18 @@
 """The parameter files against what the nodes declare."""
 
-import importlib
 from pathlib import Path
 
 import pytest
 
 from midastouch_bringup.parameter_files import merged, read_parameters
+from midastouch_bringup.ros.parameter_tables import TABLES
 
 CONFIG = Path(__file__).parents[1] / "config"
-TABLES = {
-    "digit_driver": "digit_driver.nodes.parameters",
-    "tdn": "midastouch_perception.nodes.tdn",
-    "tcn": "midastouch_perception.nodes.tcn",
-    "particle_filter": "midastouch_filter.nodes.filter_parameters",
-    "replay": "midastouch_bringup.nodes.replay",
-    "ur_tf": "midastouch_bringup.nodes.ur_tf",
-}
 
 
 def declared(node):
     """Default values by name, from the node's own table."""
-    return {one.name: one.default for one in importlib.import_module(TABLES[node]).PARAMETERS}
+    return {one.name: one.default for one in TABLES[node]}
 
 
 @pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml"])
@@ -58,5 +50,5 @@ def test_the_overlay_changes_something_and_drops_nothing():
 
 @pytest.mark.parametrize("node", TABLES)
 def test_every_parameter_is_described(node):
-    for one in importlib.import_module(TABLES[node]).PARAMETERS:
+    for one in TABLES[node]:
         assert len(one.description) > 3, one.name

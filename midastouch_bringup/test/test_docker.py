@@ -12,6 +12,8 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
+from midastouch_bringup.cli import build_parser
+
 ROOT = Path(__file__).parents[2]
 DOCKER = ROOT / "docker"
 if not DOCKER.is_dir():
@@ -181,8 +183,6 @@ def test_gpu_override_changes_services_that_exist():
 
 
 def test_commands_are_ours():
-    from midastouch_bringup.cli import build_parser
-
     programs = 0
     for service in COMPOSE["services"].values():
         if "command" not in service:

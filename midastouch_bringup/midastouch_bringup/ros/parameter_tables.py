@@ -1,0 +1,75 @@
+"""docs/parameters.md from the tables that the nodes declare.
+
+python -m midastouch_bringup.ros.parameter_tables > docs/parameters.md
+"""
+
+from __future__ import annotations
+
+from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
+from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
+from midastouch_perception.nodes.tcn import PARAMETERS as TCN
+from midastouch_perception.nodes.tdn import PARAMETERS as TDN
+
+from ..nodes.replay import PARAMETERS as REPLAY
+from ..nodes.ur_tf import PARAMETERS as UR_TF
+
+TABLES = {
+    "digit_driver": DIGIT_DRIVER,
+    "tdn": TDN,
+    "tcn": TCN,
+    "particle_filter": PARTICLE_FILTER,
+    "replay": REPLAY,
+    "ur_tf": UR_TF,
+}
+
+_HEADER = """# Parameters
+
+Written by `python -m midastouch_bringup.ros.parameter_tables` from what the nodes declare; a test compares.
+Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
+that says so. Parameters marked *run time* may be changed while the node runs.
+"""
+
+
+def markdown() -> str:
+    """One table per node: name, default, range or choices, description."""
+    sections = [_HEADER]
+    for node, table in TABLES.items():
+        rows = [f"| `{p.name}` | `{_text(p.default)}` | {_range(p)} | {_description(p)} |" for p in table]
+        sections.append(f"## {node}\n\n| name | default | range | meaning |\n| --- | --- | --- | --- |\n")
+        sections[-1] += "\n".join(rows) + "\n"
+    return "\n".join(sections)
+
+
+def _text(value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.6g}" if value != int(value) else f"{value:.1f}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_text, value))}]"
+    return str(value) if value != "" else '""'
+
+
+def _range(parameter) -> str:
+    if parameter.choices:
+        return ", ".join(f"`{_text(choice)}`" for choice in parameter.choices)
+    # the driver, which stands alone, has a table class of its own
+    low, high = getattr(parameter, "limits", None) or (
+        getattr(parameter, "minimum", None),
+        getattr(parameter, "maximum", None),
+    )
+    if low is None and high is None:
+        return ""
+    return f"{'' if low is None else f'{low:.6g}'} ... {'' if high is None else f'{high:.6g}'}".strip()
+
+
+def _description(parameter) -> str:
+    text = parameter.description
+    if unit := getattr(parameter, "unit", ""):
+        text += f" [{unit}]"
+    changes = getattr(parameter, "run_time", False) or not getattr(parameter, "read_only", True)
+    return f"{text}, *run time*" if changes else text
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

@@ -1,0 +1,229 @@
+"""What the README says, against the code: commands, launch files, topics, parameters, dependencies, links."""
+
+import importlib.metadata
+import importlib.util
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+
+from midastouch_bringup.cli import build_parser
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text()
+CODE_BLOCKS = re.findall(r"^```\n(.*?)^```", README, flags=re.M | re.S)
+LINES = [line.strip() for block in CODE_BLOCKS for line in block.splitlines()]
+SPANS = re.findall(r"`([^`\n]+)`", README)
+
+
+def table(heading: str) -> list[list[str]]:
+    """Cells of the first table under a heading, without its header."""
+    section = README.split(f"\n{heading}\n", 1)[1]
+    rows = re.search(r"(?:^\|.*\n)+", section, flags=re.M)[0].splitlines()[2:]
+    return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows]
+
+
+def commands(program: str) -> list[list[str]]:
+    """Arguments of every call of a program: in blocks, and in running text where it is more than a name."""
+    calls = [shlex.split(line) for line in LINES] + [call for span in SPANS if len(call := span.split()) > 2]
+    return [call[1:] for call in calls if call[:1] == [program]]
+
+
+def test_every_midastouch_command_parses():
+    calls = commands("midastouch")
+    assert len(calls) > 10
+    for arguments in calls:
+        try:
+            build_parser().parse_args(arguments)
+        except SystemExit as exit_:
+            pytest.fail(f"midastouch {' '.join(arguments)}: exit {exit_.code}")
+
+
+def test_the_command_table_is_complete():
+    (action,) = (one for one in build_parser()._actions if hasattr(one, "choices") and one.choices)
+    described = {shlex.split(row[0].strip("`"))[1] for row in table("### Offline, deterministic")}
+    assert described == set(action.choices)
+
+
+def test_every_make_target_exists():
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), flags=re.M))
+    wanted = set(re.findall(r"`?make (\w+)`?", "\n".join([*LINES, *SPANS])))
+    assert {"demo", "test", "bench", "lint"} <= wanted <= targets
+
+
+def test_launch_files_and_their_arguments_exist():
+    folder = ROOT / "midastouch_bringup" / "launch"
+    described = {row[0].strip("`") for row in table("### A DIGIT on a UR arm")}
+    assert described == {path.name for path in folder.glob("*.launch.py")}
+    declared = (ROOT / "midastouch_bringup/midastouch_bringup/ros/launch_parts.py").read_text()
+    for call in commands("ros2"):
+        if call[0] == "launch":
+            assert call[1] == "midastouch_bringup"
+            assert call[2] in described
+            for argument in call[3:]:
+                assert argument == "--show-args" or f'"{argument.partition(":=")[0]}": Argument(' in declared
+    for argument, _ in re.findall(r"`(\w+):=(\w+)`", README):
+        assert f'"{argument}": Argument(' in declared
+
+
+def test_links_and_paths_lead_somewhere():
+    for target in re.findall(r"\]\(([^)]+)\)", README):
+        assert target.startswith("https://") or (ROOT / target).exists(), target
+    paths = [
+        span
+        for span in SPANS
+        if re.fullmatch(r"(midastouch_\w+|digit_driver|docker|docs|tools)/[\w./-]+", span)
+    ]
+    assert len(paths) > 5
+    for path in paths:
+        assert (ROOT / path).exists(), path
+
+
+def test_every_package_is_in_the_table():
+    assert {row[0].strip("`") for row in table("## Packages")} == {
+        p.parent.name for p in ROOT.glob("*/package.xml")
+    }
+
+
+def test_states_are_those_of_the_message():
+    message = (ROOT / "midastouch_msgs" / "msg" / "FilterStatus.msg").read_text()
+    for state in re.findall(r'STATE_\w+ = "(\w+)"', message):
+        assert f"`{state}`" in README
+
+
+def test_every_dependency_is_listed_with_its_licence():
+    rows = {re.split(r"[ (]", row[0])[0].lower(): row for row in table("## Dependencies")}
+    listed = {re.sub(r".*\((\S+)\)", r"\1", row[0]).lower().replace(" ", "") for row in rows.values()}
+    pinned = re.findall(r"^([\w-]+)==", (ROOT / "tools/requirements/base.txt").read_text(), flags=re.M)
+    assert {name.lower().replace("-", "") for name in pinned} <= {name.replace("-", "") for name in listed}
+    for row in rows.values():
+        assert len(row) == 3
+        assert all(row)
+
+
+def test_figures_come_with_the_report_they_are_from():
+    for row in table("## Measured"):
+        *_, command, report = row
+        assert command.startswith("`")
+        (target,) = re.findall(r"\]\(([^)]+)\)", report)
+        assert (ROOT / target).is_file()
+
+
+def test_parameter_tables_are_those_of_the_nodes():
+    from midastouch_bringup.ros.parameter_tables import markdown
+
+    mend = "run: python -m midastouch_bringup.ros.parameter_tables > docs/parameters.md"
+    assert (ROOT / "docs" / "parameters.md").read_text() == markdown(), mend
+
+
+# --- topics, against running nodes
+
+
+class FakeNet:
+    """Stands for a network or a stage: the nodes are only asked for their interfaces."""
+
+    network_id, dim = "fake", 4
+
+
+def make_node(name: str, context: rclpy.Context, tmp_path: Path):
+    options = {"context": context}
+    if name == "digit_driver":
+        from digit_driver.nodes.digit_driver import DigitDriver
+
+        return DigitDriver(**options, parameter_overrides=[Parameter("autostart", value=False)])
+    if name == "tdn":
+        from midastouch_perception.nodes.tdn import TdnNode
+
+        return TdnNode(depth=FakeNet(), **options)
+    if name == "tcn":
+        from midastouch_perception.nodes.tcn import TcnNode
+
+        return TcnNode(tcn=FakeNet(), **options)
+    if name == "particle_filter":
+        from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+
+        return ParticleFilterNode(**options)
+    if name == "ur_tf":
+        from midastouch_bringup.nodes.ur_tf import UrTf
+
+        def connect(robot_ip, rate):
+            raise ConnectionError("no arm")
+
+        return UrTf(connect, **options)
+    from midastouch_bringup.nodes.replay import Replay
+
+    values = {"source": str(tmp_path), "clock": True, "ack_topic": "filter_status"}
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    return Replay(**options, parameter_overrides=overrides)
+
+
+# What rclpy gives every node, and every lifecycle node.
+EVERY_NODE = {
+    "/parameter_events", "/rosout", "/diagnostics", "describe_parameters", "get_parameter_types",
+    "get_parameters", "list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description",
+    "change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph",
+    "transition_event",
+}  # fmt: skip
+
+
+def interfaces(node, listed) -> set[tuple[str, str]]:
+    """(name as in the README, type) of what a node has of one kind."""
+    found = set()
+    for name, types in listed:
+        name = name.replace(f"/{node.get_name()}/", "~/")
+        if name.removeprefix("~/") not in EVERY_NODE:
+            short = name if name in ("/tf", "/tf_static", "/clock") else name.removeprefix("/")
+            found |= {(short, one.rpartition("/")[2]) for one in types}
+    return found
+
+
+def cell(text: str) -> set[tuple[str, str]]:
+    found = set(re.findall(r"`([\w/~]+)` (\w+)", text))
+    assert found or text == "-"
+    return found
+
+
+@pytest.fixture
+def context():
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=87)
+    yield context
+    context.try_shutdown()
+
+
+NODES = {row[0].strip("`"): row[1:] for row in table("## Topics and services")}
+
+
+def test_every_node_has_a_row():
+    from midastouch_bringup.ros.parameter_tables import TABLES
+
+    assert set(NODES) == set(TABLES)
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize("name", NODES)
+def test_topics_and_services_are_those_of_the_running_node(name, context, tmp_path):
+    node = make_node(name, context, tmp_path)
+    try:
+        subscribed, published, served = map(cell, NODES[name])
+        graph = node.get_name(), node.get_namespace()
+        seen = interfaces(node, node.get_publisher_names_and_types_by_node(*graph))
+        if name == "replay":  # the rest is made when the recording is read
+            assert seen == {("image_raw", "Image"), ("/clock", "Clock")}
+            assert seen < published
+        else:
+            assert seen == published
+        assert interfaces(node, node.get_subscriber_names_and_types_by_node(*graph)) == subscribed
+        assert interfaces(node, node.get_service_names_and_types_by_node(*graph)) == served
+    finally:
+        node.destroy_node()
+
+
+def test_python_versions_are_those_of_the_packages():
+    assert "Python 3.10 to 3.13" in README
+    assert importlib.metadata.metadata("midastouch_bringup")["Requires-Python"] == ">=3.10"
+    assert sys.version_info >= (3, 10)
