@@ -38,7 +38,7 @@ class Codebook:
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`; nothing is left behind if it fails."""
-        with atomic_path(path) as temporary, open(temporary, "wb") as stream:
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.savez(
                 stream,
                 poses=se3.to_xyzquat(self.poses).astype(np.float32),
@@ -66,7 +66,8 @@ class Codebook:
         if not (np.isfinite(codes).all() and np.isfinite(poses).all()):
             raise InputError(f"{path}: non-finite poses or codes; build it again")
         if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
-            raise InputError(f"{path}: built for the mesh '{meta['mesh_name']}', not for this '{mesh.name}'; build it again")
+            built_for = meta["mesh_name"]
+            raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; build it again")
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)

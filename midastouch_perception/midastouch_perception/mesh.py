@@ -25,8 +25,9 @@ _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything
 class ObjectMesh:
     """Triangles of one object in its own frame, metres.
 
-    Attributes: vertices (V, 3) float64; faces (F, 3) int32, zero-area faces dropped, all turned round if the
-    enclosed volume is negative (inverted mesh); face_normals (F, 3), outward; face_areas (F,) m^2; name; sha256, of the file it came from (of the arrays, if it came from none); path.
+    Attributes: vertices (V, 3) float64; faces (F, 3) int32, zero-area faces dropped, all turned round if the enclosed
+    volume is negative (inverted mesh); face_normals (F, 3), outward; face_areas (F,) m^2; name; sha256, of the file it
+    came from (of the arrays, if it came from none); path.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, name: str, content: str, path: Path | None = None):

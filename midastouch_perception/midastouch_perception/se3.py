@@ -17,7 +17,7 @@ def make(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     """Transforms (..., 4, 4) from rotation matrices (..., 3, 3) and translations (..., 3), broadcast."""
     rotation, translation = np.asarray(rotation, float), np.asarray(translation, float)
     shape = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
-    out = np.zeros(shape + (4, 4))
+    out = np.zeros((*shape, 4, 4))
     out[..., :3, :3] = rotation
     out[..., :3, 3] = translation
     out[..., 3, 3] = 1.0
@@ -38,7 +38,7 @@ def from_xyzquat(vector: np.ndarray) -> np.ndarray:
         raise InputError("pose with a zero quaternion; drop the row that holds it")
     flat = vector.reshape(-1, 7)
     rotation = Rotation.from_quat(flat[:, 3:]).as_matrix()
-    return make(rotation, flat[:, :3]).reshape(vector.shape[:-1] + (4, 4))
+    return make(rotation, flat[:, :3]).reshape((*vector.shape[:-1], 4, 4))
 
 
 def to_xyzquat(transform: np.ndarray) -> np.ndarray:
@@ -46,7 +46,7 @@ def to_xyzquat(transform: np.ndarray) -> np.ndarray:
     transform = np.asarray(transform, float)
     flat = transform.reshape(-1, 4, 4)
     quaternion = Rotation.from_matrix(flat[:, :3, :3]).as_quat()
-    return np.concatenate([flat[:, :3, 3], quaternion], axis=1).reshape(transform.shape[:-2] + (7,))
+    return np.concatenate([flat[:, :3, 3], quaternion], axis=1).reshape((*transform.shape[:-2], 7))
 
 
 def inverse(transform: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def inverse(transform: np.ndarray) -> np.ndarray:
 
 
 def _skew(v: np.ndarray) -> np.ndarray:
-    out = np.zeros(v.shape[:-1] + (3, 3))
+    out = np.zeros((*v.shape[:-1], 3, 3))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     return out - np.swapaxes(out, -1, -2)
 
@@ -93,7 +93,7 @@ def log(transform: np.ndarray) -> np.ndarray:
     w = _skew(omega)
     inverse_jacobian = np.eye(3) - 0.5 * w + d * (w @ w)
     rho = np.einsum("nij,nj->ni", inverse_jacobian, flat[:, :3, 3])
-    return np.concatenate([rho, omega], axis=1).reshape(transform.shape[:-2] + (6,))
+    return np.concatenate([rho, omega], axis=1).reshape((*transform.shape[:-2], 6))
 
 
 def rotation_angle(rotation: np.ndarray) -> np.ndarray:

@@ -53,7 +53,8 @@ def eyebolt() -> ObjectMesh:
     """A 52 mm eyebolt: ring, collar and a threaded shank."""
     ring = _at(torus(0.0105, 0.0032), y=0.015, turn=(0, 0, 0))
     collar = _at(cylinder(0.0075, 0.0016, 0.0008), y=0.0005, turn=(np.pi / 2, 0, 0))
-    shank = rippled(_at(cylinder(0.0042, 0.0125, 0.0008), y=-0.0125, turn=(np.pi / 2, 0, 0)), 2.5e-4, 2.2e-3, (0, 1.0, 0))
+    rod = _at(cylinder(0.0042, 0.0125, 0.0008), y=-0.0125, turn=(np.pi / 2, 0, 0))
+    shank = rippled(rod, 2.5e-4, 2.2e-3, (0, 1.0, 0))
     return mesh_from_sdf(union(ring, collar, shank, blend=0.001), np.array([0.016, 0.030, 0.010]), 5e-4, "eyebolt")
 
 

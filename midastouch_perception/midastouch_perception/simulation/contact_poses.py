@@ -29,7 +29,9 @@ class ContactSampling:
     free_share: float = 0.02
 
 
-def touch_points(mesh: ObjectMesh, n: int, edge_share: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def touch_points(
+    mesh: ObjectMesh, n: int, edge_share: float, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) m and outward normals (n, 3): area-uniform, `edge_share` of them length-uniform on edges."""
     points, normals, _ = mesh.sample_surface(n, rng)
     ends, edge_normals = mesh.feature_edges

@@ -62,7 +62,7 @@ class RandomSensor:
 
         penetration (N, H, W) m and normals (N, H, W, 3), gel frame, as `PenetrationRenderer` gives them.
         """
-        out = np.empty(penetration.shape + (3,), np.float32)
+        out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
             out[i] = self._expose(self.background + self._difference(depth_map, surface), rng)
         reference = self._expose(self.background * self._drift(rng) + rng.normal(0, 1.0, 3).astype(np.float32), rng)
@@ -71,7 +71,7 @@ class RandomSensor:
     def _difference(self, penetration: np.ndarray, surface: np.ndarray) -> np.ndarray:
         touching = penetration > 0
         if not touching.any():
-            return np.zeros(penetration.shape + (3,), np.float32)
+            return np.zeros((*penetration.shape, 3), np.float32)
         if self._smoothing:
             penetration = self._gel_follows(penetration)
             depth = self._rest_depth - penetration
@@ -101,7 +101,7 @@ class RandomSensor:
     def _occlusion(self, penetration: np.ndarray) -> np.ndarray:
         """How far (H, W, 3) in [0, 1] each colour's light is hidden behind the relief next to a pixel."""
         pixel = self.sensor.gel_distance / self.sensor.focal
-        out = np.empty(penetration.shape + (3,), np.float32)
+        out = np.empty((*penetration.shape, 3), np.float32)
         for k, position in enumerate(self._illumination.positions[:3]):
             direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)
             # shadows fall away from the light: look towards it; rows run against y

@@ -29,7 +29,7 @@ def simulate_slide(
     within their bounds. Raises InputError if no reachable path is found (object smaller than a few steps).
     """
     reachability = Reachability(mesh, sensor)
-    n = max(int(round(length / step)), 1)
+    n = max(round(length / step), 1)
     position = None
     for _ in range(_TRIES):
         start, _, _ = mesh.sample_surface(1, rng)

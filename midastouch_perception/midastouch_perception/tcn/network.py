@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import torch
 from torch import nn
 
@@ -30,7 +32,7 @@ class CodeNet(nn.Module):
         self.stem = nn.Sequential(
             nn.Conv2d(4, widths[0], 5, 2, 2, bias=False), nn.BatchNorm2d(widths[0]), nn.ReLU(inplace=True)
         )
-        pairs = zip(widths, widths[1:], strict=False)
+        pairs = itertools.pairwise(widths)
         self.blocks = nn.Sequential(*(_Block(a, b, 2) for a, b in pairs), _Block(widths[-1], 32, 1))
         self.head = nn.Linear(32 * 5 * 4, dim)
         # learned sharpness of the contrastive loss; not used at inference

@@ -21,7 +21,7 @@ from ..codebook_poses import PRESS, codebook_poses
 from ..errors import InputError
 from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
-from ..simulation.contact_poses import ContactSampling, MAX_PENETRATION, sample_contact_poses
+from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomSensor
 from ..simulation.renderer import PenetrationRenderer
 from ..tdn.inference import TactileDepthNet

@@ -72,7 +72,7 @@ class TrainingRun:
         row = {"minutes": (time.monotonic() - self.started) / 60, "step": self.step, **figures}
         self.rows.append(row)
         print("  ".join(f"{k} {v:.4g}" for k, v in row.items()), flush=True)
-        with atomic_path(self.folder / "log.csv") as path, open(path, "w", newline="") as stream:
+        with atomic_path(self.folder / "log.csv") as path, path.open("w", newline="") as stream:
             writer = csv.DictWriter(stream, fieldnames=list(row))
             writer.writeheader()
             writer.writerows(self.rows)
