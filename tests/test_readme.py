@@ -73,20 +73,14 @@ def test_launch_files_and_their_arguments_exist():
 def test_links_and_paths_lead_somewhere():
     for target in re.findall(r"\]\(([^)]+)\)", README):
         assert target.startswith("https://") or (ROOT / target).exists(), target
-    paths = [
-        span
-        for span in SPANS
-        if re.fullmatch(r"(midastouch_\w+|digit_driver|docker|docs|tools)/[\w./-]+", span)
-    ]
+    paths = [span for span in SPANS if re.fullmatch(r"(midastouch_\w+|digit_driver|docker|docs|tools)/[\w./-]+", span)]
     assert len(paths) > 5
     for path in paths:
         assert (ROOT / path).exists(), path
 
 
 def test_every_package_is_in_the_table():
-    assert {row[0].strip("`") for row in table("## Packages")} == {
-        p.parent.name for p in ROOT.glob("*/package.xml")
-    }
+    assert {row[0].strip("`") for row in table("## Packages")} == {p.parent.name for p in ROOT.glob("*/package.xml")}
 
 
 def test_states_are_those_of_the_message():
@@ -164,7 +158,8 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path):
 # What rclpy gives every node, and every lifecycle node.
 EVERY_NODE = {
     "/parameter_events", "/rosout", "/diagnostics", "describe_parameters", "get_parameter_types",
-    "get_parameters", "list_parameters", "set_parameters", "set_parameters_atomically", "get_type_description",
+    "get_parameters", "list_parameters", "set_parameters", "set_parameters_atomically",
+    "get_type_description",
     "change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph",
     "transition_event",
 }  # fmt: skip

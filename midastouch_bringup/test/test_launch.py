@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 import yaml
 
+from midastouch_perception.errors import InputError
+
 PACKAGE = Path(__file__).parents[1]
 ROOT = PACKAGE.parent
 FILES = sorted(path.name.removesuffix(".launch.py") for path in (PACKAGE / "launch").glob("*.launch.py"))
 OURS = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
-REAL_LAUNCH = (
-    importlib.util.find_spec("launch") is not None and importlib.util.find_spec("launch_ros") is not None
-)
+REAL_LAUNCH = importlib.util.find_spec("launch") is not None and importlib.util.find_spec("launch_ros") is not None
 
 
 # --- stand-ins: what each class means when a launch is carried out with `given`, the values of the arguments
@@ -136,9 +136,7 @@ def _carry_out(name, given, started, ran):
             (location,) = action.args[0].args
             arguments = {key: perform(value, given) for key, value in action.kwargs["launch_arguments"]}
             if isinstance(location, str):
-                _carry_out(
-                    Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran
-                )
+                _carry_out(Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran)
             else:
                 package, *inside = location.args[0]
                 started[package.args[0], "/".join(inside)] = arguments
@@ -265,6 +263,12 @@ def test_an_object_by_name_gives_mesh_and_codebook():
 
 
 @pytest.mark.usefixtures("stand_ins")
+def test_an_object_that_is_not_bundled_is_refused():
+    with pytest.raises(InputError, match="sofa: not bundled; there are"):
+        carry_out("filter", object="sofa")
+
+
+@pytest.mark.usefixtures("stand_ins")
 def test_namespace_and_prefixes_reach_every_node():
     started = carry_out("live_ur", namespace="left", sensor_prefix="left_", tf_prefix="a_", arm="rtde")
     for (package, executable), kwargs in started.items():
@@ -278,9 +282,7 @@ def test_namespace_and_prefixes_reach_every_node():
     assert values["/left/digit_driver"]["frame_id"] == "left_digit_optical_frame"
     assert values["/left/ur_tf"]["tf_prefix"] == "a_"
     mount = started["robot_state_publisher", "robot_state_publisher"]["parameters"][0]["robot_description"]
-    command = mount.args[0].perform(
-        {"frames_file": "f", "tool_frame": "", "tf_prefix": "a_", "sensor_prefix": "b_"}
-    )
+    command = mount.args[0].perform({"frames_file": "f", "tool_frame": "", "tf_prefix": "a_", "sensor_prefix": "b_"})
     assert command.endswith(" frames_file:=f tool_frame:= tf_prefix:=a_ prefix:=b_")
 
 

@@ -25,6 +25,8 @@ from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_ros.actions import Node
 
+from midastouch_perception.errors import InputError
+
 from ..parameter_files import merged, read_parameters, written
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -65,9 +67,7 @@ ARGUMENTS = {
     "object": Argument(
         "Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)"
     ),
-    "mesh": Argument(
-        "Mesh of the object, metres: a path or package://...", sets=(("particle_filter", "mesh"),)
-    ),
+    "mesh": Argument("Mesh of the object, metres: a path or package://...", sets=(("particle_filter", "mesh"),)),
     "codebook": Argument("Codebook of that mesh", sets=(("particle_filter", "codebook"),)),
     "init_mode": Argument(
         "Start: over the whole surface, at initial_pose, or once a pose is given",
@@ -81,9 +81,7 @@ ARGUMENTS = {
         "running",
         ("running", "ur_driver", "rtde"),
     ),
-    "robot_ip": Argument(
-        "Address of the arm, for arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)
-    ),
+    "robot_ip": Argument("Address of the arm, for arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)),
     "ur_type": Argument(
         "Model of the arm, for arm:=ur_driver",
         "ur5e",
@@ -96,13 +94,9 @@ ARGUMENTS = {
     # mount
     "frames_file": Argument("Hand-eye calibration and mount", str(SHARE / "config" / "frames.yaml")),
     "sensor_prefix": Argument("Put before the sensor's frames; for several sensors, e.g. left_"),
-    "tool_frame": Argument(
-        "Frame the sensor is mounted on, tool0 or tool0_controller; empty: as in frames_file"
-    ),
+    "tool_frame": Argument("Frame the sensor is mounted on, tool0 or tool0_controller; empty: as in frames_file"),
     # recording
-    "bag": Argument(
-        "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)", sets=(("replay", "source"),)
-    ),
+    "bag": Argument("YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)", sets=(("replay", "source"),)),
     "rate": Argument(
         "Recorded seconds per second; 0: as fast as the filter follows",
         sets=(("replay", "rate"),),
@@ -200,8 +194,13 @@ def parameters(given: dict[str, str]) -> dict[str, dict]:
 
         from ..codebooks import codebook_path
 
-        found = overrides["particle_filter"]
-        found.setdefault("mesh", str(bundled_objects()[given["object"]]))
+        objects, found = bundled_objects(), overrides["particle_filter"]
+        if given["object"] not in objects:
+            raise InputError(
+                f"object:={given['object']}: not bundled; there are {', '.join(objects)}; for another give mesh:= "
+                "and codebook:="
+            )
+        found.setdefault("mesh", str(objects[given["object"]]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
     if given.get("tf_prefix"):
         overrides["particle_filter"]["base_frame_id"] = f"{given['tf_prefix']}base_link"

@@ -1,0 +1,55 @@
+"""ur-rtde itself against a server that speaks RTDE as a controller does."""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from midastouch_bringup.rtde_receiver import RTDE_PORT, rtde_connector
+from midastouch_bringup.rtde_transform import transform_from_rtde
+
+pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
+
+POSE = [0.3, -0.2, 0.4, 0.1, 2.6, -0.2]  # what rtde_server.py sends
+
+
+@pytest.fixture
+def controller():
+    command = [sys.executable, Path(__file__).with_name("rtde_server.py"), str(RTDE_PORT)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    if process.stdout.readline() != "ready\n":
+        pytest.skip(f"port {RTDE_PORT} is taken: {process.communicate()[1].splitlines()[-1]}")
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def until(condition, timeout=5.0):
+    end = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < end, "the awaited state did not come"
+        time.sleep(0.01)
+    return value
+
+
+def test_state_arrives_and_advances(controller):
+    arm = rtde_connector()("127.0.0.1", 125.0)
+    first = until(lambda: (state := arm.read()) and state.robot_time > 1000.0 and state)
+    np.testing.assert_allclose(transform_from_rtde(first.tcp_pose), transform_from_rtde(POSE), atol=1e-12)
+    np.testing.assert_allclose(first.positions, [0.1] * 6)
+    np.testing.assert_allclose(first.velocities, [0.2] * 6)
+    until(lambda: arm.read().robot_time > first.robot_time)
+    assert controller.stdout.readline() == "frequency 125.0\n"
+    arm.close()
+
+
+def test_a_controller_that_goes_away_is_noticed(controller):
+    arm = rtde_connector()("127.0.0.1", 125.0)
+    until(lambda: arm.read().robot_time > 1000.0)
+    controller.kill()
+    controller.wait()
+    until(lambda: arm.read() is None)
+    arm.close()
