@@ -1,0 +1,81 @@
+"""The `midastouch` command: offline tools, the demo and training."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from midastouch_perception.errors import InputError
+
+from .commands import (
+    bench,
+    build_codebook,
+    demo,
+    doctor,
+    evaluate,
+    evaluate_tdn,
+    replay,
+    report,
+    simulate,
+    single_touch,
+    to_bag,
+    train_tcn,
+    train_tdn,
+)
+
+_COMMANDS = (
+    demo,
+    simulate,
+    build_codebook,
+    evaluate,
+    evaluate_tdn,
+    single_touch,
+    bench,
+    to_bag,
+    replay,
+    train_tdn,
+    train_tcn,
+    report,
+    doctor,
+)
+
+EXIT_BAD_INPUT = 2
+EXIT_INTERRUPTED = 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser with every sub-command; each sets `run`, the function that carries it out."""
+    parser = argparse.ArgumentParser(
+        prog="midastouch",
+        description="Where on the object is the touch sensor? Demo, evaluation, simulation and training.",
+        epilog="example:\n  midastouch demo\n\n`midastouch COMMAND --help` shows an example.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in _COMMANDS:
+        command.add_parser(subparsers)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit status: 0 success, 1 the command found a failure, 2 bad input."""
+    args = build_parser().parse_args(arguments)
+    try:
+        return args.run(args)
+    except (InputError, OSError) as error:
+        print(f"midastouch: error: {_one_line(error)}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except KeyboardInterrupt:
+        print("midastouch: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def _one_line(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None and error.errno is not None:
+        return f"{error.filename}: {os.strerror(error.errno)}"
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,99 @@
+"""What the commands share: parser set-up, value checks, where meshes and codebooks are found."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from midastouch_perception.errors import InputError
+
+if TYPE_CHECKING:
+    from midastouch_perception.codebook import Codebook
+    from midastouch_perception.mesh import ObjectMesh
+
+    from ..evaluation.setup import Networks
+
+
+def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str = ""):
+    """Add a sub-command with its one-line summary, longer text and example; returns its parser."""
+    parser = subparsers.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.\n\n{details}".rstrip(),
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    return parser
+
+
+def positive_int(text: str) -> int:
+    """argparse type: a whole number of at least 1."""
+    return int(_checked(text, int, lambda value: value >= 1, "a whole number of at least 1"))
+
+
+def seed(text: str) -> int:
+    """argparse type: a whole number of at least 0."""
+    return int(_checked(text, int, lambda value: value >= 0, "a whole number of at least 0"))
+
+
+def positive(text: str) -> float:
+    """argparse type: a finite number above 0."""
+    return _checked(text, float, lambda value: 0 < value < float("inf"), "a number above 0")
+
+
+def _checked(text: str, kind: type, holds: Callable, wanted: str):
+    try:
+        value = kind(text)
+    except ValueError:
+        value = None
+    if value is None or not holds(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not {wanted}")
+    return value
+
+
+def load_mesh(name_or_path: str) -> ObjectMesh:
+    """The mesh at a path, or a bundled object by its name."""
+    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_perception.objects import bundled_objects
+
+    bundled = bundled_objects()
+    if not Path(name_or_path).exists() and name_or_path in bundled:
+        return ObjectMesh.load(bundled[name_or_path])
+    if not Path(name_or_path).exists() and not Path(name_or_path).suffix:
+        raise InputError(f"{name_or_path}: no such mesh file, nor a bundled object ({', '.join(sorted(bundled))})")
+    return ObjectMesh.load(name_or_path)
+
+
+def load_object(
+    object_name: str, mesh: str | None, codebook: str | None, networks: Networks
+) -> tuple[ObjectMesh, Codebook]:
+    """Mesh and codebook of an object, found by name where no path is given.
+
+    The codebook defaults to `codebook_path(object_name)`, the mesh to the file the codebook was built from.
+    Raises InputError that says what to run or to give when one is not found, or when they do not belong
+    together.
+    """
+    from midastouch_perception.codebook import Codebook
+
+    from ..codebooks import codebook_path
+
+    path = Path(codebook) if codebook else codebook_path(object_name)
+    if not path.is_file():
+        if codebook:
+            raise InputError(f"{path}: no such codebook file; build it: midastouch build-codebook MESH --out {path}")
+        built_from = mesh or f"{object_name}.ply"
+        raise InputError(f"{path}: no codebook of {object_name}; build it: midastouch build-codebook {built_from}")
+    if mesh is None:
+        mesh = Codebook.load(path).meta.get("mesh_path", "")
+        if not Path(mesh).is_file():
+            raise InputError(f"{path}: its mesh '{mesh}' is not there any more; give it with --mesh")
+    loaded = load_mesh(mesh)
+    book = Codebook.load(path, mesh=loaded, tcn=networks.tcn.network_id)
+    if book.meta["sensor_id"] != networks.sensor.content_id:
+        raise InputError(
+            f"{path}: built for the sensor {book.meta['sensor']}, not for {networks.sensor.name}; build it again"
+        )
+    return loaded, book

@@ -1,0 +1,99 @@
+"""`midastouch bench`: milliseconds per stage, Hz end to end, memory."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "bench",
+        run,
+        "measure the speed of every stage and of the whole pipeline on this machine",
+        "midastouch bench --json out/bench.json",
+        "On a bundled object, whose codebook is built first and kept in out/. CPU time per call is given\n"
+        "beside wall time: it is the figure that holds on a busy machine.",
+    )
+    parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
+    parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")
+    parser.add_argument("--frames", type=arguments.positive_int, default=150, help="of the slide (default 150)")
+    parser.add_argument("--json", metavar="OUT", help="write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from tqdm import tqdm
+
+    from midastouch_perception.errors import InputError
+
+    from ..codebooks import cached_codebook
+    from ..datasets import load_sequence
+    from ..evaluation.benchmark import Benchmark, peak_rss_mb
+    from ..evaluation.machine import machine_info
+    from ..evaluation.result_file import to_json, write_json
+    from ..evaluation.setup import Networks
+    from ..slide_simulation import cached_slide
+
+    if args.frames < 10:
+        raise InputError(f"--frames {args.frames}: too few to time; give at least 10")
+    networks = Networks.load()
+    mesh = arguments.load_mesh(args.object)
+    codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
+    sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * args.frames))
+    benchmark = Benchmark(mesh, codebook, sequence, networks, args.frames)
+    machine = machine_info()
+    result = {
+        "threads": machine["cores"],
+        "machine": machine,
+        "object": mesh.name,
+        "networks": networks.describe(),
+        "codebook_size": len(codebook.poses),
+        "frames": args.frames,
+    }
+    stages = (
+        benchmark.networks,
+        benchmark.filter,
+        benchmark.lookup,
+        benchmark.end_to_end,
+        benchmark.simulator,
+    )
+    for stage in tqdm(stages, unit="stage"):
+        result |= stage()
+    result["peak_rss_mb"] = peak_rss_mb()
+    result = to_json(result)
+    if args.json:
+        write_json(args.json, result)
+    print(_table(result))
+    return 0
+
+
+def _table(result: dict) -> str:
+    from ..evaluation.table import number, text_table
+
+    rows = []
+    for key, label in (
+        ("tdn_ms", "TDN"),
+        ("tcn_ms", "TCN"),
+        ("end_to_end_ms", "image to estimate, 50,000 particles"),
+    ):
+        rows.append([label, *_cells(result[key])])
+    for key, label in (("filter_ms", "filter step"), ("lookup_ms", "look-up")):
+        rows += [[f"{label}, {int(n):,} particles", *_cells(stage)] for n, stage in result[key].items()]
+    if "converged_ms" in result:
+        rows.append(["image to estimate, converged", *_cells(result["converged_ms"])])
+    rates = [
+        f"{number(result['end_to_end_hz'])} Hz with 50,000 particles",
+        f"{number(result.get('converged_hz'))} Hz once converged",
+        f"{number(result['renders_per_s'], 0)} renders/s",
+        f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
+        f"{number(result['peak_rss_mb'], 0)} MiB at most",
+    ]
+    return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)
+
+
+def _cells(stage: dict) -> list[str]:
+    return [f"{stage[key]:.2f}" for key in ("p50", "p95", "cpu")]

@@ -1,0 +1,127 @@
+"""`midastouch doctor`: what is installed, what is missing, which command mends it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+
+from . import arguments
+
+_SET_UP = "make setup"
+_TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
+
+# module, distribution, what it is for, required, the command that mends it
+_MODULES = (
+    ("numpy", "numpy", "arrays", True, _SET_UP),
+    ("scipy", "scipy", "rotations, search", True, _SET_UP),
+    ("numba", "numba", "compiled inner loops", True, _SET_UP),
+    ("cv2", "opencv-contrib-python-headless", "images, cameras", True, _SET_UP),
+    ("trimesh", "trimesh", "mesh files", True, _SET_UP),
+    ("pykdtree", "pykdtree", "nearest neighbours", True, _SET_UP),
+    ("onnxruntime", "onnxruntime", "networks", True, _SET_UP),
+    ("matplotlib", "matplotlib", "plots", True, _SET_UP),
+    ("rosbags", "rosbags", "bags", True, _SET_UP),
+    ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
+    ("midastouch_msgs.msg", "midastouch_msgs", "our messages", True, f"{_SET_UP}, or colcon build"),
+    ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
+    ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
+    ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
+    ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
+    (
+        "tf2_ros",
+        "tf2_ros",
+        "transforms of a system ROS; our own stand-in serves without",
+        False,
+        "source a ROS 2",
+    ),
+    ("torch", "torch", "training, CUDA", False, _TRAIN),
+)
+_PROGRAMS = (
+    ("digit_driver", _SET_UP),
+    ("tdn", _SET_UP),
+    ("tcn", _SET_UP),
+    ("particle_filter", _SET_UP),
+    ("replay", _SET_UP),
+    ("all_in_one", _SET_UP),
+)
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    arguments.add_command(
+        subparsers,
+        "doctor",
+        run,
+        "say what is installed, what is missing, and which command mends it",
+        "midastouch doctor",
+        "Exits with 1 when something is missing that the demo needs.",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from ..evaluation.machine import machine_info
+    from ..evaluation.table import text_table
+
+    info = machine_info()
+    print(f"{info['cpu']}, {info['cores']} cores, {info['memory_gib']} GiB, {info['system']}")
+    print(f"Python {info['python']}\n")
+    rows, mends = [], []
+    for module, distribution, purpose, required, mend in _MODULES:
+        version, problem = _module_state(module, distribution)
+        rows.append([distribution, purpose, version if not problem else _missing(required)])
+        if problem:
+            mends.append((distribution, problem, mend, required))
+    for program, mend in _PROGRAMS:
+        found = _has_executable(program)
+        rows.append([program, "executable", "found" if found else _missing(True)])
+        if not found:
+            mends.append((program, "no such executable beside this Python or on PATH", mend, True))
+    rows.append(_network_row(mends))
+    print(text_table(["part", "for", "state"], rows, left=2))
+    for name, problem, mend, required in mends:
+        print(f"\n{name}: {problem}\n  {'mend' if required else 'if wanted'}: {mend}")
+    broken = any(required for *_, required in mends)
+    print("\nsomething the demo needs is missing" if broken else "\nready: midastouch demo")
+    return int(broken)
+
+
+def _missing(required: bool) -> str:
+    return "MISSING" if required else "absent"
+
+
+def _module_state(module: str, distribution: str) -> tuple[str, str]:
+    """Version and an empty problem, or an empty version and what is wrong."""
+    from ..evaluation.machine import package_version
+
+    try:
+        importlib.import_module(module)
+    except Exception as error:  # a broken install can fail in any way while it is imported
+        return "", f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return package_version(distribution) or "found", ""
+
+
+def _has_executable(name: str) -> bool:
+    from midastouch_perception.errors import InputError
+
+    from ..node_processes import find_executable
+
+    try:
+        find_executable(name)
+    except InputError:
+        return False
+    return True
+
+
+def _network_row(mends: list) -> list[str]:
+    """Whether the shipped networks load."""
+    try:
+        from midastouch_perception.tcn import load_tcn
+        from midastouch_perception.tdn import load_tdn
+
+        networks = f"{load_tdn('fast').network_id}, {load_tcn('fast').network_id}"
+        return ["weights", "shipped networks", networks]
+    except Exception as error:  # as above: whatever keeps them from loading is the finding
+        problem = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        mends.append(("weights", problem, "git checkout -- midastouch_perception", True))
+        return ["weights", "shipped networks", _missing(True)]

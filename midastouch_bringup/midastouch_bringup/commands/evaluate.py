@@ -1,0 +1,84 @@
+"""`midastouch evaluate`: the whole pipeline over sequences, frame by frame, with errors and times."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate",
+        run,
+        "run the whole pipeline over sequences and measure errors and times",
+        "midastouch build-codebook ../shared/meshes/ycb/035_power_drill.ply\n"
+        "  midastouch evaluate ../shared/data/ycb_slide_sim/035_power_drill/00 --seeds 5 --init paper",
+        "Every frame is processed, in order, without ROS. Mesh and codebook are found by the object's name\n"
+        "after `midastouch build-codebook`, or given.",
+    )
+    parser.add_argument("sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders")
+    parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
+    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<object>.npz")
+    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
+    parser.add_argument(
+        "--init",
+        choices=("paper", "uniform"),
+        default="paper",
+        help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
+    )
+    parser.add_argument("--beta", type=arguments.positive, default=1.0, help="width of `--init paper` (default 1)")
+    parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
+    parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
+    parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
+    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+    parser.add_argument("--json", metavar="OUT", help="write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import dataclasses
+
+    from tqdm import tqdm
+
+    from ..datasets import load_sequence
+    from ..evaluation.machine import machine_info
+    from ..evaluation.protocol import Protocol, run_sequence
+    from ..evaluation.result_file import write_json
+    from ..evaluation.setup import Networks, load_filter_config
+    from ..evaluation.summary import summarise_trials, summary_table
+
+    config = load_filter_config(args.config)
+    protocol = Protocol(args.init, args.beta, args.seeds, args.stride, args.max_frames)
+    # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
+    sequences = [load_sequence(path) for path in args.sequences]
+    networks = Networks.load(args.tdn, args.tcn, args.sensor)
+    work = []
+    for sequence in sequences:
+        work.append((sequence, *arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)))
+    result = {
+        "config": {
+            **dataclasses.asdict(protocol),
+            "filter": dataclasses.asdict(config),
+            "networks": networks.describe(),
+        },
+        "machine": machine_info(),
+        "sequences": [],
+        "trials": [],
+    }
+    total = sum(protocol.seeds * len(protocol.frame_indices(sequence)) for sequence, _, _ in work)
+    with tqdm(total=total, unit="frame") as bar:
+        for sequence, mesh, codebook in work:
+            bar.set_description(sequence.name)
+            description, trials = run_sequence(sequence, mesh, codebook, networks, config, protocol, bar.update)
+            result["sequences"].append(description)
+            result["trials"] += trials
+    result["summary"] = summarise_trials(result["trials"])
+    if args.json:
+        write_json(args.json, result)
+    print(summary_table(result["summary"]))
+    return 0

@@ -1,0 +1,89 @@
+"""`midastouch evaluate-tdn`: the depth network against known penetration maps."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate-tdn",
+        run,
+        "measure the depth network on sequences with ground truth",
+        "midastouch evaluate-tdn ../shared/data/ycb_slide_sim/*/00 --json out/tdn.json",
+        "Root mean square error over all pixels and over the touched ones, and how well the contact is\noutlined.",
+    )
+    parser.add_argument("sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders (simulated)")
+    parser.add_argument(
+        "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's)"
+    )
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    parser.add_argument("--json", metavar="OUT", help="write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from pathlib import Path
+
+    import numpy as np
+    from tqdm import tqdm
+
+    from midastouch_perception.errors import InputError
+    from midastouch_perception.tdn import load_tdn
+
+    from ..datasets import load_sequence
+    from ..datasets.sequence import read_image
+    from ..evaluation.depth_quality import DepthQuality
+    from ..evaluation.machine import machine_info
+    from ..evaluation.result_file import write_json
+    from ..evaluation.setup import sequence_background
+    from ..evaluation.table import number, text_table
+    from ..evaluation.timing import Stopwatch
+
+    sequences = [load_sequence(path) for path in args.sequences]
+    given = read_image(Path(args.background)) if args.background else None
+    for sequence in sequences:
+        if not sequence.ground_truth_frames:
+            raise InputError(f"{sequence.path}: no ground truth (gt_heightmaps); only simulated sequences have it")
+    tdn = load_tdn(args.tdn)
+    total, results, times = DepthQuality(), [], []
+    with tqdm(total=sum(len(s.ground_truth_frames) for s in sequences), unit="frame") as bar:
+        for sequence in sequences:
+            bar.set_description(sequence.name)
+            background, source = (given, args.background) if args.background else sequence_background(sequence)
+            quality, stopwatch = DepthQuality(), Stopwatch()
+            tdn.predict(sequence.image(sequence.ground_truth_frames[0]), background)  # warm-up, not timed
+            for i in sequence.ground_truth_frames:
+                image = sequence.image(i)
+                with stopwatch:
+                    predicted = tdn.predict(image, background)
+                quality.add(predicted, sequence.penetration_truth(i))
+                bar.update()
+            total.merge(quality)
+            times += stopwatch.wall_ms
+            results.append(
+                {
+                    "sequence": sequence.name,
+                    **quality.result(),
+                    "ms_per_frame": float(np.mean(stopwatch.wall_ms)),
+                    "background": source,
+                }
+            )
+    summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
+    if args.json:
+        content = {
+            "network": tdn.network_id,
+            "machine": machine_info(),
+            "sequences": results,
+            "summary": summary,
+        }
+        write_json(args.json, content)
+    keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
+    rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
+    rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])
+    print(text_table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"], rows))
+    return 0

@@ -1,0 +1,50 @@
+"""`midastouch replay`: play a sequence or a bag on the topics of a live sensor and arm."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "replay",
+        run,
+        "play a sequence or a bag on the topics of a live sensor and arm",
+        "midastouch replay out/demo/run.mcap --rate 2",
+        "Publishes image_raw, camera_info, /tf, the ground truth on frames of its own, and /clock.",
+    )
+    parser.add_argument("source", metavar="BAG|SEQ", help="bag (.mcap file or folder) or YCB-Slide sequence folder")
+    parser.add_argument("--rate", type=float, default=1.0, help="recorded seconds per second; 0: at once (default 1)")
+    parser.add_argument("--loop", action="store_true", help="start again at the end")
+    parser.add_argument("--no-clock", action="store_true", help="do not publish /clock")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import json
+
+    from midastouch_perception.errors import InputError
+
+    from ..bags import is_bag
+    from ..datasets import load_sequence
+
+    if not is_bag(args.source):
+        load_sequence(args.source)  # refuses what is no sequence before anything is started
+    try:
+        from ..nodes.replay import main
+    except ImportError as error:
+        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+
+    parameters = {
+        "source": args.source,
+        "rate": float(args.rate),
+        "loop": args.loop,
+        "clock": not args.no_clock,
+    }
+    # JSON is YAML, which ROS reads parameters as: quotes keep a path a path
+    ros_arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+    return main(["replay", "--ros-args", *ros_arguments])

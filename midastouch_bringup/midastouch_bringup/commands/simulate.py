@@ -1,0 +1,43 @@
+"""`midastouch simulate`: a slide over a mesh as a YCB-Slide sequence folder."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "simulate",
+        run,
+        "simulate a slide over an object and write it as a YCB-Slide sequence",
+        "midastouch simulate handle_tool --out out/slides/handle_tool/00 --length 0.5 --seed 1",
+        "The folder holds tactile images, height maps, contact masks, poses with and without tracking noise\n"
+        "(0.5 mm, 1 deg) and the sensor's no-contact image.",
+    )
+    parser.add_argument("mesh", metavar="MESH", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name")
+    parser.add_argument("--out", required=True, metavar="DIR", help="sequence folder to write; must not exist")
+    parser.add_argument("--length", type=arguments.positive, default=0.5, help="of the path, m (default 0.5)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="of path, noise and lighting (default 0)")
+    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from pathlib import Path
+
+    from midastouch_perception.errors import InputError
+    from midastouch_perception.sensor_model import SensorModel
+
+    from ..slide_simulation import simulate_sequence
+
+    out = Path(args.out)
+    if out.exists():
+        raise InputError(f"{out}: exists already; name another folder or remove it")
+    mesh = arguments.load_mesh(args.mesh)
+    frames = simulate_sequence(mesh, SensorModel.load(args.sensor), args.length, args.seed, out, progress=True)
+    print(f"{out}: {frames} frames of {mesh.name}")
+    return 0

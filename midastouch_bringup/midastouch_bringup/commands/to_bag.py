@@ -1,0 +1,32 @@
+"""`midastouch to-bag`: a sequence as a rosbag2 file."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "to-bag",
+        run,
+        "convert a YCB-Slide sequence to a rosbag2 file",
+        "midastouch to-bag ../shared/data/ycb_slide_sim/035_power_drill/00 --out out/drill.mcap",
+        "With image, camera info, transforms, and the ground truth on its own frame; `ros2 bag` reads it.",
+    )
+    parser.add_argument("sequence", metavar="SEQ", help="YCB-Slide sequence folder")
+    parser.add_argument("--out", required=True, metavar="BAG", help="file ending in .mcap, or a bag folder")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from ..bags import write_bag
+    from ..datasets import load_sequence
+
+    sequence = load_sequence(args.sequence)
+    write_bag(sequence, args.out)
+    print(f"{args.out}: {sequence.n_frames} frames of {sequence.object_name}")
+    return 0

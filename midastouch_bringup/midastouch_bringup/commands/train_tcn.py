@@ -1,0 +1,33 @@
+"""`midastouch train-tcn`: train the `fast` code network on simulated touches."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from .training import add_training_command, run_training
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = add_training_command(subparsers, "train-tcn", run, "train the code network on simulated touches")
+    parser.add_argument(
+        "--backgrounds",
+        default="../shared/data/digit_backgrounds",
+        metavar="DIR",
+        help="real no-contact images (default %(default)s)",
+    )
+    parser.add_argument(
+        "--tdn", default="fast", metavar="NET", help="depth network the touches go through (default fast)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+
+    def train(**options):
+        from midastouch_perception.tcn.train import train
+
+        return train(backgrounds=Path(args.backgrounds), tdn=args.tdn, **options)
+
+    return run_training(args, train)

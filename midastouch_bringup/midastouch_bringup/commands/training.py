@@ -1,0 +1,59 @@
+"""What `train-tdn` and `train-tcn` share."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+
+from midastouch_perception.errors import InputError
+
+from . import arguments
+
+
+def add_training_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
+    """Add a training sub-command with the options both have."""
+    parser = arguments.add_command(
+        subparsers,
+        name,
+        run,
+        summary,
+        f"midastouch {name} --minutes 20 --out out/{name}",
+        "Writes weights (ONNX), model card, checkpoint, log and curves to the folder --out. Needs PyTorch.",
+    )
+    parser.add_argument("--minutes", type=arguments.positive, default=30.0, help="time budget (default 30)")
+    parser.add_argument("--resume", metavar="FILE", help="checkpoint of an earlier run, or its folder, to go on from")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+    parser.add_argument(
+        "--meshes",
+        default="../shared/meshes/ycb",
+        metavar="DIR",
+        help="objects to train on (default %(default)s)",
+    )
+    parser.add_argument("--out", default=f"out/{name}", metavar="DIR", help="default %(default)s")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="of weights and data (default 0)")
+    return parser
+
+
+def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
+    """Call `train` with the common options; it returns the file of the weights."""
+    if importlib.util.find_spec("torch") is None:
+        raise InputError(
+            "training needs PyTorch, which is not installed; run: .venv/bin/pip install -r tools/requirements/train.txt"
+        )
+    resume = Path(args.resume) if args.resume else None
+    if resume is not None and not resume.exists():
+        raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
+    if resume is not None and resume.is_file():
+        resume = resume.parent
+    weights = train(
+        meshes=Path(args.meshes),
+        out=Path(args.out),
+        minutes=args.minutes,
+        seed=args.seed,
+        device=args.device,
+        resume=resume,
+    )
+    print(f"{weights}: trained")
+    return 0

@@ -1,0 +1,136 @@
+"""Speed of every stage and of the whole pipeline on one machine: the `bench` JSON (DESIGN 4.2)."""
+
+from __future__ import annotations
+
+import resource
+
+import numpy as np
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.lookup import PoseLookup
+from midastouch_filter.particles import Particles
+from midastouch_filter.workers import Workers
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook, build_codebook
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.simulation.contact_poses import sample_contact_poses
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+from ..datasets import Sequence
+from .setup import Networks, sequence_background
+from .timing import Stopwatch, summarise, time_calls
+from .trial import measure
+
+COUNTS = (50_000, 10_000, 1_000)
+_STEP = 1.5e-3  # m, one frame of a slide
+_REPEATS = 40
+_BOOK_POSES = 500
+
+
+class Benchmark:
+    """Measures on one slide over one object; each method fills in the keys of the JSON it is named after."""
+
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks, frames: int):
+        self._mesh, self._codebook, self._networks = mesh, codebook, networks
+        self._measured, self._truth = sequence.poses_measured, sequence.poses_true
+        self._images = [sequence.image(i) for i in range(min(frames, sequence.n_frames))]
+        self._background = sequence_background(sequence)[0]
+
+    def networks(self) -> dict:
+        """tdn_ms, tcn_ms: one image, one penetration map."""
+        tdn, tcn = Stopwatch(), Stopwatch()
+        for image in self._images:
+            with tdn:
+                penetration = self._networks.tdn.predict(image, self._background)
+            with tcn:
+                self._networks.tcn.encode(penetration)
+        tdn.drop(2)
+        tcn.drop(2)
+        return {"tdn_ms": tdn.summary(), "tcn_ms": tcn.summary()}
+
+    def filter(self) -> dict:
+        """filter_ms: one step with so many particles, kept at that number, along the slide."""
+        touches = self._measurements()
+        return {"filter_ms": {str(count): self._steps(count, touches).summary() for count in COUNTS}}
+
+    def _measurements(self) -> list[Measurement]:
+        pipeline = self._networks.pipeline()
+        return [measure(pipeline.process(image, self._background)) for image in self._images]
+
+    def _steps(self, count: int, touches: list[Measurement]) -> Stopwatch:
+        particle_filter = self._filter(count)
+        stopwatch = Stopwatch()
+        for i, touch in enumerate(touches):
+            with stopwatch:
+                particle_filter.step(self._odometry(i), touch)
+        stopwatch.drop(2)
+        return stopwatch
+
+    def lookup(self) -> dict:
+        """lookup_ms: nearest codebook entries of particles that moved by one frame since the last look-up,
+        spread over the object."""
+        poses = self._filter(COUNTS[0]).poses
+        lookup = PoseLookup(self._codebook.poses, Workers())
+        particles = Particles.from_poses(poses, lookup.exact(poses))
+        moved = Particles.from_poses(poses @ se3.exp(np.array([_STEP, 0, 0, 0, 0, 0.02])), particles.entries)
+        stopwatch = Stopwatch()
+        for _ in range(_REPEATS):
+            moved.entries = particles.entries.copy()
+            with stopwatch:
+                lookup.follow(moved)
+        stopwatch.drop(2)
+        return {"lookup_ms": {str(COUNTS[0]): stopwatch.summary()}}
+
+    def end_to_end(self) -> dict:
+        """end_to_end_ms and _hz: image in, estimate out, particle number kept at 50k; the `converged` ones
+        with the number adapted, over the frames in state `converged`."""
+        fixed, _ = self._run(COUNTS[0])
+        adaptive, states = self._run(None)
+        out = {"end_to_end_hz": 1e3 / np.mean(fixed.wall_ms), "end_to_end_ms": fixed.summary()}
+        wall = [ms for ms, state in zip(adaptive.wall_ms, states, strict=True) if state == "converged"]
+        cpu = [ms for ms, state in zip(adaptive.cpu_ms, states, strict=True) if state == "converged"]
+        if wall:
+            out |= {"converged_hz": 1e3 / np.mean(wall), "converged_ms": summarise(wall, cpu)}
+        return out
+
+    def _run(self, count: int | None) -> tuple[Stopwatch, list[str]]:
+        pipeline, particle_filter = self._networks.pipeline(), self._filter(count)
+        stopwatch, states = Stopwatch(), []
+        for i, image in enumerate(self._images):
+            with stopwatch:
+                touch = pipeline.process(image, self._background)
+                estimate = particle_filter.step(self._odometry(i), measure(touch))
+            states.append(estimate.status.state)
+        stopwatch.drop(2)
+        return stopwatch, states[2:]
+
+    def simulator(self) -> dict:
+        """renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses;
+        codebook_poses_per_s."""
+        rng = np.random.default_rng(0)
+        poses = sample_contact_poses(self._mesh, 50, rng, self._networks.sensor)
+        renderer = PenetrationRenderer(self._mesh, self._networks.sensor)
+        renders = time_calls(lambda: renderer.render(poses), repeats=10)
+        building = Stopwatch()
+        with building:
+            build_codebook(self._mesh, self._networks.tcn, self._networks.sensor, _BOOK_POSES)
+        return {
+            "renders_per_s": 1e3 * len(poses) / np.mean(renders.wall_ms),
+            "codebook_poses_per_s": 1e3 * _BOOK_POSES / building.wall_ms[0],
+        }
+
+    def _filter(self, count: int | None) -> ParticleFilter:
+        """A filter started as the paper does; `count` particles throughout, or as many as it wants."""
+        config = FilterConfig() if count is None else FilterConfig(min_particles=count, max_particles=count)
+        particle_filter = ParticleFilter(self._mesh, self._codebook, config, seed=0)
+        particle_filter.initialise_gaussian(self._truth[0], self._mesh.diagonal / 3, np.radians(60))
+        return particle_filter
+
+    def _odometry(self, frame: int) -> np.ndarray | None:
+        return None if frame == 0 else se3.inverse(self._measured[frame - 1]) @ self._measured[frame]
+
+
+def peak_rss_mb() -> float:
+    """Largest resident memory of this process so far, MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

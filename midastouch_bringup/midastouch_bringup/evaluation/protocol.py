@@ -1,0 +1,96 @@
+"""How a sequence is evaluated: start of the filter, seeds, frames (DESIGN 4.2, paper sections 4.3 and 6)."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+from ..datasets import Sequence
+from .setup import Networks, sequence_background
+from .trial import TrialFrame, run_trial
+
+_WARM_UP_FRAMES = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Protocol:
+    """init "paper" or "uniform"; beta, width of the paper's start; seeds, trials per sequence; every
+    `stride`-th frame is used, at most `max_frames` of them."""
+
+    init: str = "paper"
+    beta: float = 1.0
+    seeds: int = 10
+    stride: int = 1
+    max_frames: int | None = None
+
+    def frame_indices(self, sequence: Sequence) -> list[int]:
+        """Frames of the sequence that are processed."""
+        return list(range(0, sequence.n_frames, self.stride))[: self.max_frames]
+
+    def start(self, particle_filter: ParticleFilter, mesh: ObjectMesh, truth: np.ndarray) -> None:
+        """Spread the particles: `uniform` over the surface without looking at the truth (4, 4) of frame 0,
+        or as the paper does: N(truth, beta diag/3, beta 60 deg), projected to the surface."""
+        if self.init == "uniform":
+            particle_filter.initialise_uniform()
+        else:
+            sigma_t, sigma_r = self.beta * mesh.diagonal / 3, self.beta * np.radians(60)
+            particle_filter.initialise_gaussian(truth, sigma_t, sigma_r)
+
+
+def run_sequence(
+    sequence: Sequence,
+    mesh: ObjectMesh,
+    codebook: Codebook,
+    networks: Networks,
+    config: FilterConfig,
+    protocol: Protocol,
+    progress: Callable[[int], object] = lambda frames: None,
+) -> tuple[dict, list[dict]]:
+    """All trials of one sequence: its entry under `sequences` of the JSON, and its `trials`.
+
+    The seed of a trial is its number: 0, 1, ... Networks run anew in every trial, so that its times hold.
+    `progress` is called with the number of frames done since the last call.
+    """
+    indices = protocol.frame_indices(sequence)
+    images = [sequence.image(i) for i in indices]
+    background, source = sequence_background(sequence)
+
+    def frames(count: int | None = None) -> Iterator[TrialFrame]:
+        for i, image in zip(indices[:count], images, strict=False):
+            yield TrialFrame(i, image, sequence.poses_measured[i], sequence.poses_true[i])
+
+    def trial(seed: int, count: int | None, observe) -> dict:
+        particle_filter = ParticleFilter(mesh, codebook, config, seed)
+        protocol.start(particle_filter, mesh, sequence.poses_true[indices[0]])
+        return run_trial(frames(count), networks.pipeline(), background, particle_filter, observe)
+
+    trial(0, _WARM_UP_FRAMES, None)  # compiles what compiles on first use
+    trials = []
+    for seed in range(protocol.seeds):
+        labels = {
+            "sequence": sequence.name,
+            "object": sequence.object_name,
+            "seed": seed,
+            "init": protocol.init,
+        }
+        trials.append(labels | trial(seed, None, lambda *_: progress(1)))
+    description = {
+        "sequence": sequence.name,
+        "object": sequence.object_name,
+        "path": str(sequence.path),
+        "layout": sequence.layout,
+        "background": source,
+        "mesh": str(mesh.path),
+        "mesh_diagonal_m": mesh.diagonal,
+        "codebook": dict(codebook.meta),
+        "truth": np.round(se3.to_xyzquat(sequence.poses_true[indices]), 6),
+    }
+    return description, trials

@@ -1,0 +1,92 @@
+"""What every evaluation starts from: networks, background of a sequence, filter settings from a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from midastouch_filter.config import FilterConfig
+from midastouch_perception.errors import InputError
+from midastouch_perception.files import require_file
+from midastouch_perception.pipeline import DepthStage, TouchPipeline
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn import TactileCodeNet, load_tcn
+from midastouch_perception.tdn import TactileDepthNet, estimate_background, load_tdn
+
+from ..datasets import Sequence
+
+_BACKGROUND_FRAMES = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Networks:
+    """Both networks and the sensor they are used with."""
+
+    tdn: TactileDepthNet
+    tcn: TactileCodeNet
+    sensor: SensorModel
+
+    @classmethod
+    def load(cls, tdn: str = "fast", tcn: str = "fast", sensor: str = "digit_tacto") -> Networks:
+        """By name or file; raises InputError for what is not there."""
+        model = SensorModel.load(sensor)
+        return cls(load_tdn(tdn, model), load_tcn(tcn, model), model)
+
+    def pipeline(self) -> TouchPipeline:
+        """A pipeline without memory of earlier frames."""
+        return TouchPipeline(DepthStage(self.tdn), self.tcn, time.perf_counter)
+
+    def describe(self) -> dict[str, str]:
+        """Ids for the JSON files."""
+        return {"tdn": self.tdn.network_id, "tcn": self.tcn.network_id, "sensor": self.sensor.name}
+
+
+def sequence_background(sequence: Sequence) -> tuple[np.ndarray, str]:
+    """The sensor's no-contact image (320, 240, 3) uint8 for a sequence, and where it comes from."""
+    stored = sequence.background
+    if stored is not None:
+        return stored, sequence.background_path.name
+    chosen = np.unique(np.linspace(0, sequence.n_frames - 1, _BACKGROUND_FRAMES).round().astype(int))
+    return estimate_background([sequence.image(int(i)) for i in chosen]), f"estimated from {len(chosen)} frames"
+
+
+def load_filter_config(path: str | None) -> FilterConfig:
+    """Filter settings from a YAML file: plain `name: value` lines or a ROS parameter file.
+
+    In a ROS parameter file the entries of `particle_filter` count; those that concern only the node (topics,
+    frames, files) are passed over. Raises InputError on unknown names and values out of range.
+    """
+    if path is None:
+        return FilterConfig()
+    try:
+        content = yaml.safe_load(require_file(path, "configuration").read_text()) or {}
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a YAML file ({error}); give `name: value` lines") from error
+    known = {item.name for item in dataclasses.fields(FilterConfig)}
+    values = _ros_parameters(content)
+    if values is not None:
+        values = {name: value for name, value in values.items() if name in known}
+    elif isinstance(content, dict):
+        values = content
+    else:
+        raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
+    if unknown := sorted(set(map(str, values)) - known):
+        raise InputError(f"{path}: unknown filter settings: {', '.join(unknown)}; check the spelling")
+    try:
+        return FilterConfig(**values)
+    except InputError as error:
+        raise InputError(f"{Path(path)}: {error}") from error
+
+
+def _ros_parameters(content: object) -> dict | None:
+    """Parameters of the filter node in a ROS parameter file; None when the content is not one."""
+    if not isinstance(content, dict):
+        return None
+    for node, entry in content.items():
+        if str(node).strip("/") == "particle_filter" and isinstance(entry, dict):
+            return entry.get("ros__parameters") or {}
+    return None

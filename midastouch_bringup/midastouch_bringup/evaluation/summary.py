@@ -1,0 +1,59 @@
+"""Figures over many trials: the `summary` of the `evaluate` JSON and the table printed at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .table import number, text_table
+from .trial import ERROR_KEYS, STAGES
+
+
+def summarise_trials(trials: list[dict]) -> dict:
+    """Mean, median and largest final error per metric, rates and times, over all trials and per object."""
+    objects = sorted({t["object"] for t in trials})
+    return {
+        **_summarise(trials),
+        "objects": {name: _summarise([t for t in trials if t["object"] == name]) for name in objects},
+    }
+
+
+def _summarise(trials: list[dict]) -> dict:
+    out: dict = {"trials": len(trials)}
+    for key in ERROR_KEYS:
+        # a trial without any mode or pose has no such error; it is counted, not hidden
+        values = np.array([t["final"][key] for t in trials], float)
+        known = values[np.isfinite(values)]
+        out[key] = {"missing": int(len(values) - len(known))}
+        if len(known):
+            out[key] |= {"mean": known.mean(), "median": np.median(known), "max": known.max()}
+    out["initial"] = {k: np.mean([t["initial"][k] for t in trials]) for k in ("e_trans_mm", "e_rot_deg")}
+    out["converged"] = sum(t["final"]["state"] == "converged" for t in trials)
+    out["hz_mean"] = np.mean([t["hz_mean"] for t in trials])
+    out["hz_p05"] = min(t["hz_p05"] for t in trials)
+    out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}
+    return out
+
+
+def summary_table(summary: dict) -> str:
+    """Text table, one line per object and one for all: final errors, rates, states."""
+    errors = ("particles mm", "deg", "closest mode mm", "deg", "pose mm", "deg")
+    header = ["object", "trials", *errors, "Hz", "Hz p05", "converged"]
+    lines = dict(summary["objects"])
+    if len(lines) > 1:
+        lines["all"] = summary
+    rows = []
+    for name, one in lines.items():
+        errors = [
+            _value(one, "e", "mean"),
+            _value(one, "min_cluster", "median"),
+            _value(one, "estimate", "median"),
+        ]
+        flat = [cell for pair in errors for cell in pair]
+        rates = [number(one["hz_mean"]), number(one["hz_p05"])]
+        rows.append([name, one["trials"], *flat, *rates, f"{one['converged']}/{one['trials']}"])
+    note = "final errors: particles (Eq. 3) mean over trials; closest mode (Eq. 4) and published pose median"
+    return f"{text_table(header, rows)}\n{note}"
+
+
+def _value(one: dict, prefix: str, statistic: str) -> tuple[str, str]:
+    return tuple(number(one[f"{prefix}_{unit}"].get(statistic)) for unit in ("trans_mm", "rot_deg"))

@@ -1,0 +1,54 @@
+"""Wall and processor time of repeated calls."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+
+class Stopwatch:
+    """Collects wall time and process CPU time, in milliseconds, of the blocks run under `with stopwatch:`."""
+
+    def __init__(self) -> None:
+        self.wall_ms: list[float] = []
+        self.cpu_ms: list[float] = []
+
+    def __enter__(self) -> Stopwatch:
+        self._cpu = time.process_time()
+        self._wall = time.perf_counter()
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        if kind is None:
+            self.wall_ms.append(1e3 * (time.perf_counter() - self._wall))
+            self.cpu_ms.append(1e3 * (time.process_time() - self._cpu))
+
+    def drop(self, first: int) -> None:
+        """Forget the first measurements, in which things are loaded and compiled."""
+        del self.wall_ms[:first], self.cpu_ms[:first]
+
+    def summary(self) -> dict[str, float]:
+        """p50 and p95 of the wall time and the mean CPU time per call, in milliseconds."""
+        return summarise(self.wall_ms, self.cpu_ms)
+
+
+def summarise(wall_ms: list[float], cpu_ms: list[float]) -> dict[str, float]:
+    """{"p50", "p95", "cpu"} in milliseconds; CPU time counts every thread and survives a busy machine."""
+    return {
+        "p50": round(float(np.percentile(wall_ms, 50)), 4),
+        "p95": round(float(np.percentile(wall_ms, 95)), 4),
+        "cpu": round(float(np.mean(cpu_ms)), 4),
+    }
+
+
+def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> Stopwatch:
+    """Run `call` `repeats` times after `warm_up` untimed calls (compilation, caches)."""
+    for _ in range(warm_up):
+        call()
+    stopwatch = Stopwatch()
+    for _ in range(repeats):
+        with stopwatch:
+            call()
+    return stopwatch

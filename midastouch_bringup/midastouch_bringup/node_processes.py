@@ -1,0 +1,102 @@
+"""Nodes as processes of their own, started together, watched, and stopped cleanly."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from midastouch_perception.errors import InputError
+
+_GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
+_TAIL_LINES = 15
+
+
+class NodeFailed(RuntimeError):
+    """A node ended that should have gone on, or ended badly; the message holds the end of its log."""
+
+
+class NodeProcesses:
+    """Executables started as nodes in one ROS domain that only this machine sees; `with` stops them all.
+
+    Args: folder, for their logs; domain, ROS_DOMAIN_ID of all of them.
+    """
+
+    def __init__(self, folder: Path, domain: int):
+        self._folder = folder
+        self._environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_LOG_DIR": str(folder.resolve()),
+        }
+        self._processes: dict[str, subprocess.Popen] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def __enter__(self) -> NodeProcesses:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def start(self, executable: str, parameters: Path) -> None:
+        """Start an executable with a parameter file; its output goes to `<executable>.log`.
+
+        Raises InputError, naming the mend, when it is not installed.
+        """
+        command = [find_executable(executable), "--ros-args", "--params-file", str(parameters)]
+        with self._log(executable).open("wb") as log:
+            # a session of its own: Ctrl-C reaches this process alone, which then stops them in order
+            self._processes[executable] = subprocess.Popen(
+                command,
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                start_new_session=True,
+            )
+
+    def running(self, executable: str) -> bool:
+        """Whether a process goes on. Raises NodeFailed when it ended with another status than 0."""
+        status = self._processes[executable].poll()
+        if status:
+            raise NodeFailed(f"{executable} ended with status {status}; the end of its log:\n{self._tail(executable)}")
+        return status is None
+
+    def check(self, *executables: str) -> None:
+        """Raise NodeFailed when one of the processes has ended."""
+        for executable in executables:
+            if not self.running(executable):
+                raise NodeFailed(f"{executable} ended too early; the end of its log:\n{self._tail(executable)}")
+
+    def stop(self) -> None:
+        """End all processes: SIGINT first, stronger signals for those that do not go."""
+        for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), _GRACE_S, strict=True):
+            left = [process for process in self._processes.values() if process.poll() is None]
+            for process in left:
+                process.send_signal(number)
+            deadline = time.monotonic() + grace
+            for process in left:
+                try:
+                    process.wait(max(0.0, deadline - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    continue
+
+    def _log(self, executable: str) -> Path:
+        return self._folder / f"{executable}.log"
+
+    def _tail(self, executable: str) -> str:
+        lines = self._log(executable).read_text(errors="replace").rstrip().splitlines()
+        return "\n".join("  " + line for line in lines[-_TAIL_LINES:]) or "  (empty)"
+
+
+def find_executable(name: str) -> str:
+    """Path of one of our executables: beside this Python or on PATH; InputError with the mend otherwise."""
+    beside = shutil.which(name, path=str(Path(sys.executable).parent))
+    if found := beside or shutil.which(name):
+        return found
+    raise InputError(f"executable '{name}' is not installed; run make, or build and source the workspace")

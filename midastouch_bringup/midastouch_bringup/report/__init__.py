@@ -1,0 +1,1 @@
+"""Pictures and HTML, drawn in software: no display, no OpenGL."""

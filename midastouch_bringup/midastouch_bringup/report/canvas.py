@@ -1,0 +1,224 @@
+"""A picture of a mesh with points, lines and axes on it, drawn by a z-buffer in software.
+
+Drawn at twice the wanted resolution and averaged, with smooth shading up to creases of 40 degrees and
+darkened depth edges, so that shape can be read without colour.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import numba
+import numpy as np
+
+from midastouch_perception.mesh import ObjectMesh
+
+from .camera import Camera
+
+SURFACE_COLOUR = np.array([0.80, 0.82, 0.85])
+AXIS_COLOURS = np.array([[0.86, 0.16, 0.16], [0.13, 0.62, 0.22], [0.15, 0.33, 0.88]])
+_SAMPLES = 2
+_CREASE_COSINE = np.cos(np.radians(40))
+_LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
+
+
+class Canvas:
+    """Draw the mesh first, then what lies on it; `image()` gives the picture so far."""
+
+    def __init__(self, camera: Camera, background: tuple[float, float, float] = (1.0, 1.0, 1.0)):
+        self.camera = camera.scaled(_SAMPLES)
+        shape = (self.camera.height, self.camera.width)
+        self._colour = np.ones((*shape, 3)) * background
+        self._height = np.full(shape, -np.inf)
+
+    def copy(self) -> Canvas:
+        """The same picture, to be drawn on separately."""
+        other = copy.copy(self)
+        other._colour, other._height = self._colour.copy(), self._height.copy()
+        return other
+
+    def draw_mesh(self, mesh: ObjectMesh, colour: np.ndarray = SURFACE_COLOUR) -> None:
+        """Draw the surface in one colour, RGB in [0, 1]; `paint` changes it point by point."""
+        corners, heights = self.camera.project(mesh.vertices[mesh.faces])
+        normals = corner_normals(mesh) @ self.camera.rotation.T
+        normal = np.zeros(self._colour.shape)
+        _rasterise(corners, heights, normals, self._height, normal)
+        self._rows, self._columns = np.nonzero(np.isfinite(self._height))
+        n = normal[self._rows, self._columns]
+        diffuse = np.maximum(n @ _LIGHT, 0)
+        halfway = _LIGHT + np.array([0.0, 0.0, 1.0])
+        gloss = np.maximum(n @ (halfway / np.linalg.norm(halfway)), 0) ** 40
+        edges = self._edge_darkening()[self._rows, self._columns]
+        self._light = (0.58 + 0.10 * n[:, 1] + 0.50 * diffuse) * edges
+        self._gloss = 0.10 * gloss * edges
+        self.paint(np.broadcast_to(colour, (len(n), 3)))
+
+    def surface_points(self) -> np.ndarray:
+        """Where on the mesh each visible pixel lies: (P, 3) m, object frame."""
+        heights = self._height[self._rows, self._columns]
+        return self.camera.unproject(self._columns + 0.5, self._rows + 0.5, heights)
+
+    def paint(self, colours: np.ndarray) -> None:
+        """Colour the drawn surface: RGB in [0, 1] (P, 3) in the order of `surface_points`."""
+        shaded = colours * self._light[:, None] + self._gloss[:, None]
+        self._colour[self._rows, self._columns] = shaded
+
+    def _edge_darkening(self) -> np.ndarray:
+        """Factor (H, W) that darkens pixels lying behind their neighbours (eye-dome lighting)."""
+        finite = np.isfinite(self._height)
+        # a pixel outside the object counts as level: silhouettes are visible without a dark rim
+        height = np.where(finite, self._height, np.nan)
+        scale = 60 * self.camera.pixel_size
+        occlusion = np.zeros(height.shape)
+        for radius in (2, 6):
+            for shift in ((0, radius), (0, -radius), (radius, 0), (-radius, 0)):
+                rise = np.roll(height, shift, axis=(0, 1)) - height
+                occlusion += np.clip(np.nan_to_num(rise) / scale, 0, 0.5)
+        return np.exp(-0.9 * occlusion)
+
+    def draw_points(
+        self,
+        points: np.ndarray,
+        colours: np.ndarray,
+        radius: float = 3.0,
+        alpha: float = 0.85,
+        hidden_alpha: float = 0.12,
+        depth_slack: float = 0.003,
+    ) -> None:
+        """Draw discs of `radius` px at points (N, 3) m with colours (3,) or (N, 3) in [0, 1].
+
+        What lies more than `depth_slack` m behind the surface is drawn with `hidden_alpha`. The slack lets a
+        sensor pose that is pressed up to 2 mm into the surface stay visible.
+        """
+        if len(points) == 0:
+            return
+        centres, heights = self.camera.project(points)
+        order = np.argsort(heights, kind="stable")
+        colours = np.ascontiguousarray(np.broadcast_to(colours, (len(points), 3))[order], float)
+        _splat(
+            centres[order],
+            heights[order] + depth_slack,
+            colours,
+            radius * _SAMPLES,
+            alpha,
+            hidden_alpha,
+            self._height,
+            self._colour,
+        )
+
+    def draw_lines(
+        self,
+        starts: np.ndarray,
+        ends: np.ndarray,
+        colours: np.ndarray,
+        radius: float = 1.5,
+        hidden_alpha: float = 0.25,
+    ) -> None:
+        """Draw straight lines between starts and ends (N, 3) m, `radius` px thick to either side."""
+        starts, ends = np.atleast_2d(starts), np.atleast_2d(ends)
+        colours = np.broadcast_to(colours, (len(starts), 3))
+        length = np.linalg.norm(ends - starts, axis=1) / self.camera.pixel_size
+        for start, end, colour, pixels in zip(starts, ends, colours, length, strict=True):
+            s = np.linspace(0, 1, max(int(pixels), 2))[:, None]
+            # many overlapping discs: a low alpha each would add up, so hidden lines thin out instead
+            shown = start + s * (end - start)
+            self.draw_points(shown, colour, radius, alpha=1.0, hidden_alpha=0.0)
+            if hidden_alpha > 0:
+                self.draw_points(shown[:: 6 * _SAMPLES], colour, radius * 0.7, alpha=0.0, hidden_alpha=hidden_alpha)
+
+    def draw_axes(self, pose: np.ndarray, length: float, radius: float = 1.8, halo: bool = False) -> None:
+        """Draw the x, y, z axes (red, green, blue) of a pose (4, 4), `length` m long; `halo` rims them
+        white."""
+        origin = pose[:3, 3]
+        tips = origin + length * pose[:3, :3].T
+        if halo:
+            self.draw_lines(np.repeat(origin[None], 3, axis=0), tips, np.ones(3), radius + 1.3, hidden_alpha=0)
+        self.draw_lines(np.repeat(origin[None], 3, axis=0), tips, AXIS_COLOURS, radius)
+
+    def draw_ellipse(self, centre: np.ndarray, covariance: np.ndarray, colour: np.ndarray, sigmas: float = 2.0) -> None:
+        """Outline the ellipse of a position covariance (3, 3) m^2 about `centre` (3,), seen by the camera."""
+        plane = self.camera.rotation[:2]
+        values, vectors = np.linalg.eigh(plane @ covariance @ plane.T)
+        turn = np.linspace(0, 2 * np.pi, 73)
+        circle = np.stack([np.cos(turn), np.sin(turn)])
+        outline = (vectors @ (sigmas * np.sqrt(np.maximum(values, 0))[:, None] * circle)).T @ plane + centre
+        # lifted towards the viewer: an outline half sunk into the surface would read as two arcs
+        outline = outline + 0.02 * self.camera.rotation[2]
+        self.draw_lines(outline[:-1], outline[1:], colour, radius=1.0, hidden_alpha=0)
+
+    def image(self) -> np.ndarray:
+        """The picture (H, W, 3) uint8."""
+        h, w = self._colour.shape[0] // _SAMPLES, self._colour.shape[1] // _SAMPLES
+        blocks = np.clip(self._colour, 0, 1).reshape(h, _SAMPLES, w, _SAMPLES, 3)
+        return (255 * blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
+
+
+def corner_normals(mesh: ObjectMesh) -> np.ndarray:
+    """Shading normals (F, 3, 3), one per triangle corner: smooth within a crease angle, sharp across
+    edges."""
+    order = np.argsort(mesh.faces.ravel(), kind="stable")
+    start = np.searchsorted(mesh.faces.ravel()[order], np.arange(len(mesh.vertices) + 1))
+    weighted = mesh.face_normals * mesh.face_areas[:, None]
+    return _corner_normals(mesh.faces, mesh.face_normals, weighted, order // 3, start)
+
+
+@numba.njit(cache=True)
+def _corner_normals(faces, normals, weighted, adjacent, start):
+    out = np.empty((len(faces), 3, 3))
+    for f in range(len(faces)):
+        for c in range(3):
+            total = np.zeros(3)
+            for k in range(start[faces[f, c]], start[faces[f, c] + 1]):
+                other = adjacent[k]
+                if (normals[f] * normals[other]).sum() > _CREASE_COSINE:
+                    total += weighted[other]
+            length = np.sqrt((total * total).sum())
+            out[f, c] = total / length if length > 0 else normals[f]
+    return out
+
+
+@numba.njit(cache=True)
+def _rasterise(corners, heights, normals, height_map, normal_map):
+    rows, columns = height_map.shape
+    for f in range(len(corners)):
+        x0, y0 = corners[f, 0]
+        x1, y1 = corners[f, 1]
+        x2, y2 = corners[f, 2]
+        area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+        if abs(area) < 1e-12:
+            continue
+        first_column = max(int(np.ceil(min(x0, x1, x2) - 0.5)), 0)
+        last_column = min(int(np.floor(max(x0, x1, x2) - 0.5)), columns - 1)
+        first_row = max(int(np.ceil(min(y0, y1, y2) - 0.5)), 0)
+        last_row = min(int(np.floor(max(y0, y1, y2) - 0.5)), rows - 1)
+        for row in range(first_row, last_row + 1):
+            y = row + 0.5
+            for column in range(first_column, last_column + 1):
+                x = column + 0.5
+                b = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
+                c = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
+                a = 1.0 - b - c
+                if a < -1e-9 or b < -1e-9 or c < -1e-9:
+                    continue
+                height = a * heights[f, 0] + b * heights[f, 1] + c * heights[f, 2]
+                if height > height_map[row, column]:
+                    height_map[row, column] = height
+                    n = a * normals[f, 0] + b * normals[f, 1] + c * normals[f, 2]
+                    length = np.sqrt((n * n).sum())
+                    # scans have holes and inverted faces: light every face from the viewer's side
+                    sign = -1.0 if n[2] < 0 else 1.0
+                    normal_map[row, column] = sign * n / max(length, 1e-12)
+
+
+@numba.njit(cache=True)
+def _splat(centres, heights, colours, radius, alpha, hidden_alpha, height_map, colour_map):
+    rows, columns = height_map.shape
+    for i in range(len(centres)):
+        x, y = centres[i]
+        for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, rows)):
+            for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, columns)):
+                if (row + 0.5 - y) ** 2 + (column + 0.5 - x) ** 2 > radius**2:
+                    continue
+                a = alpha if heights[i] >= height_map[row, column] else hidden_alpha
+                for k in range(3):
+                    colour_map[row, column, k] += a * (colours[i, k] - colour_map[row, column, k])

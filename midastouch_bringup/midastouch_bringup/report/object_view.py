@@ -1,0 +1,119 @@
+"""Pictures of one object from one side: particles with modes and truth, likelihood of a touch, paths."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from matplotlib import colormaps
+from scipy.spatial import cKDTree
+
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+from ..evaluation.metrics import pose_errors
+from .camera import Camera, best_direction
+from .canvas import Canvas
+from .snapshot import Snapshot
+
+ANGLE_COLOURS = colormaps["turbo"]
+HEAT_COLOURS = colormaps["YlOrRd"]
+TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
+ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
+
+
+class ObjectView:
+    """Draws pictures of `width` x `height` px of the mesh, seen where the poses `T_obj_gel` (N, 4, 4) touch
+    it.
+
+    Later poses count more in the choice of the side, so that the end of a run is in sight.
+    """
+
+    def __init__(self, mesh: ObjectMesh, poses: np.ndarray, width: int, height: int):
+        self.mesh = mesh
+        outward = np.asarray(poses)[:, :3, 2]
+        direction = best_direction(outward, np.linspace(0.3, 1.0, len(outward)))
+        surface = mesh.vertices[mesh.faces].reshape(-1, 3)
+        self.camera = Camera.around(surface, direction, _up(mesh, direction), width, height)
+        self._field: _LikelihoodField | None = None
+
+    @cached_property
+    def _bare(self) -> Canvas:
+        canvas = Canvas(self.camera)
+        canvas.draw_mesh(self.mesh)
+        return canvas
+
+    @property
+    def _axis_length(self) -> float:
+        return 0.11 * self.mesh.diagonal
+
+    def particles(self, snapshot: Snapshot) -> np.ndarray:
+        """Particles coloured by their angle to the truth (blue 0, red 180 deg), modes as axes with their
+        2-sigma ellipse, the truth as the large axes with a green outline; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        angle = pose_errors(snapshot.particles, snapshot.truth)[1]
+        canvas.draw_points(snapshot.particles[:, :3, 3], ANGLE_COLOURS(0.1 + 0.8 * angle / np.pi)[:, :3], radius=3.0)
+        for mode in snapshot.modes[:6]:
+            canvas.draw_axes(mode.pose, 0.55 * self._axis_length, radius=1.3)
+            canvas.draw_ellipse(mode.pose[:3, 3], mode.covariance[:3, :3], np.full(3, 0.15))
+        canvas.draw_points(snapshot.truth[None, :3, 3], TRUTH_COLOUR, radius=6.0, hidden_alpha=0.5)
+        canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
+        return canvas.image()
+
+    def likelihood(self, codebook: Codebook, snapshot: Snapshot) -> np.ndarray:
+        """How well a touch there would match this one, pale to red, with the truth; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        if snapshot.code is not None:
+            if self._field is None or self._field.codebook is not codebook:
+                self._field = _LikelihoodField(codebook, canvas.surface_points())
+            canvas.paint(self._field.colours(snapshot.code))
+        canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
+        return canvas.image()
+
+    def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
+        """The true path (N, 4, 4) in green and estimated ones in red; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        for path in estimates:
+            canvas.draw_points(path[:, :3, 3], ESTIMATE_COLOUR, radius=1.8, alpha=0.6)
+        canvas.draw_lines(truth[:-1, :3, 3], truth[1:, :3, 3], TRUTH_COLOUR, radius=1.4)
+        canvas.draw_axes(truth[-1], self._axis_length, halo=True)
+        return canvas.image()
+
+
+def _up(mesh: ObjectMesh, direction: np.ndarray) -> np.ndarray:
+    """The picture's up direction: the object's z axis, unless the object would then stand taller than
+    wide."""
+    seen = [np.ptp(_spread(mesh, direction, up), axis=0) for up in np.eye(3)[[2, 0]]]
+    lying = seen[1][0] / seen[1][1] > 1.5 * seen[0][0] / seen[0][1]
+    return np.eye(3)[0 if lying else 2]
+
+
+def _spread(mesh: ObjectMesh, direction: np.ndarray, up: np.ndarray) -> np.ndarray:
+    x = np.cross(up, direction)
+    x /= max(np.linalg.norm(x), 1e-9)
+    return mesh.vertices @ np.stack([x, np.cross(direction, x)], axis=1)
+
+
+class _LikelihoodField:
+    """Similarity of a touch to the codebook's entries as colours of surface points (P, 3) m.
+
+    Around each entry the best similarity over all yaws counts, as a touch may come with any; points blend the
+    entries next to them. Which entries those are does not depend on the touch and is found once.
+    """
+
+    def __init__(self, codebook: Codebook, points: np.ndarray):
+        self.codebook = codebook
+        positions = codebook.poses[:, :3, 3]
+        tree = cKDTree(positions)
+        self._around = tree.query(positions, min(24, len(positions)))[1].reshape(len(positions), -1)
+        distance, index = tree.query(points, min(6, len(positions)), workers=-1)
+        self._index = index.reshape(len(points), -1)
+        weight = 1.0 / (distance.reshape(len(points), -1) ** 2 + 1e-7)
+        self._weight = weight / weight.sum(axis=1, keepdims=True)
+
+    def colours(self, code: np.ndarray) -> np.ndarray:
+        """RGB (P, 3) for a code (D,), from the 5th percentile of the entries' similarities to the best."""
+        best = (self.codebook.codes @ code)[self._around].max(axis=1)
+        low, high = np.percentile(best, 5), best.max()
+        heat = np.clip((best - low) / max(high - low, 1e-9), 0, 1) ** 2
+        return HEAT_COLOURS((heat[self._index] * self._weight).sum(axis=1))[:, :3]

@@ -1,0 +1,63 @@
+"""A plain HTML page of headings, tables, pictures and notes, with its style inside."""
+
+from __future__ import annotations
+
+import html
+import os
+from pathlib import Path
+
+from midastouch_perception.files import atomic_path
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #1d2127; margin: 2.5rem auto; max-width: 76rem;
+  padding: 0 1.5rem }
+h1 { font-size: 1.7rem } h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #e3e6ea }
+table { border-collapse: collapse; margin: 1rem 0 } th, td { padding: .3rem .9rem; text-align: right }
+th { border-bottom: 2px solid #c8ccd2; font-weight: 600 } tr:nth-child(even) td { background: #f6f7f9 }
+th:first-child, td:first-child { text-align: left } img { max-width: 100%; margin: .6rem 0 }
+pre { background: #f6f7f9; padding: .7rem 1rem; overflow-x: auto; font-size: 13px } p.note { color: #5b626d }
+"""
+
+
+class Page:
+    """Collects parts in order; `write` makes the file. Text is escaped, pictures are linked relative to the
+    page."""
+
+    def __init__(self, title: str):
+        self._title = title
+        self._parts = [f"<h1>{html.escape(title)}</h1>"]
+
+    def heading(self, text: str) -> None:
+        """A section heading."""
+        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+
+    def note(self, text: str) -> None:
+        """A paragraph."""
+        self._parts.append(f'<p class="note">{html.escape(text)}</p>')
+
+    def code(self, text: str) -> None:
+        """Text in fixed width, such as a command."""
+        self._parts.append(f"<pre>{html.escape(text)}</pre>")
+
+    def table(self, header: list[str], rows: list[list[object]]) -> None:
+        """A table; the first column is aligned left, the others right."""
+        head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
+        body = "".join("<tr>" + "".join(f"<td>{html.escape(str(c))}</td>" for c in row) + "</tr>" for row in rows)
+        self._parts.append(f"<table><tr>{head}</tr>{body}</table>")
+
+    def picture(self, path: Path, caption: str) -> None:
+        """A picture in the folder of the page."""
+        text = html.escape(caption, quote=True)
+        image = f'<img src="{html.escape(path.name)}" alt="{text}">'
+        self._parts.append(f"<figure>{image}<figcaption>{text}</figcaption></figure>")
+
+    def write(self, path: str | os.PathLike) -> Path:
+        """Write the page; returns its path."""
+        body = "\n".join(self._parts)
+        document = (
+            f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(self._title)}</title>'
+            f"<style>{_STYLE}</style>{body}</html>\n"
+        )
+        with atomic_path(path) as temporary:
+            temporary.write_text(document)
+        return Path(path)

@@ -1,0 +1,113 @@
+"""A recorded run read back from its bag: one snapshot per frame that the filter answered."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+from .bags import bag_messages, read_bag
+from .messages import header_stamp_ns, typestore
+from .report.snapshot import Hypothesis, Snapshot
+
+STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
+CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"
+
+
+@dataclasses.dataclass(frozen=True)
+class RunRecord:
+    """snapshots, in order of time; n_particles and filter_ms of each; node_ms, mean work per frame by node."""
+
+    snapshots: list[Snapshot]
+    n_particles: list[int]
+    filter_ms: list[float]
+    node_ms: dict[str, float]
+
+
+def read_run(path: str | Path) -> RunRecord:
+    """Read a bag with the inputs, the ground truth and all results of a run.
+
+    Raises InputError if the bag cannot be read, lacks the ground truth, or holds no frame with a result.
+    """
+    results = {topic: dict(_by_stamp(path, topic)) for topic in (STATUS, MODES, PARTICLES, POSE, CODE, PENETRATION)}
+    snapshots, n_particles, filter_ms = [], [], []
+    start = None
+    for index, frame in enumerate(read_bag(path)):
+        start = frame.stamp_ns if start is None else start
+        if frame.object_from_gel_true is None:
+            raise InputError(f"{path}: no ground truth at {frame.stamp_ns / 1e9:.3f} s; record /tf of a replay")
+        stamp = frame.stamp_ns
+        if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES, PENETRATION)):
+            continue
+        status, pose = results[STATUS][stamp], results[POSE].get(stamp)
+        snapshots.append(
+            Snapshot(
+                frame=index,
+                time=1e-9 * (stamp - start),
+                truth=frame.object_from_gel_true,
+                particles=_poses(results[PARTICLES][stamp].poses),
+                modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
+                estimate=None if pose is None else _poses([pose.pose.pose])[0],
+                image=frame.image,
+                penetration=_map(results[PENETRATION][stamp]),
+                code=_code(results[CODE].get(stamp)),
+                state=status.state,
+            )
+        )
+        n_particles.append(int(status.n_particles))
+        filter_ms.append(float(np.sum(status.stage_ms)))
+    if not snapshots:
+        raise InputError(f"{path}: no frame with a status, modes, particles and penetration of the same stamp")
+    return RunRecord(snapshots, n_particles, filter_ms, _node_times(path))
+
+
+def _by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
+    for message in bag_messages(path, {topic}):
+        yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
+
+
+def _poses(poses: list) -> np.ndarray:
+    rows = [
+        (
+            p.position.x,
+            p.position.y,
+            p.position.z,
+            p.orientation.x,
+            p.orientation.y,
+            p.orientation.z,
+            p.orientation.w,
+        )
+        for p in poses
+    ]
+    return se3.from_xyzquat(np.array(rows).reshape(-1, 7))
+
+
+def _hypothesis(mode: object) -> Hypothesis:
+    covariance = np.array(mode.pose.covariance).reshape(6, 6)
+    return Hypothesis(float(mode.weight), _poses([mode.pose.pose])[0], covariance)
+
+
+def _map(image: object) -> np.ndarray:
+    rows = np.asarray(image.data).view(np.float32).reshape(image.height, image.step // 4)
+    return rows[:, : image.width]
+
+
+def _code(message: object | None) -> np.ndarray | None:
+    return np.asarray(message.code) if message is not None and message.in_contact else None
+
+
+def _node_times(path: str | Path) -> dict[str, float]:
+    """Mean milliseconds of work per frame of each node that tells its rate and time on /diagnostics."""
+    work: dict[str, list[tuple[float, float]]] = {}
+    for message in bag_messages(path, {DIAGNOSTICS}):
+        for status in typestore().deserialize_cdr(message.data, message.type_name).status:
+            values = {item.key: item.value for item in status.values}
+            if "mean_ms" in values and float(values["rate_hz"]) > 0:
+                entry = float(values["rate_hz"]), float(values["mean_ms"])
+                work.setdefault(status.name.split(":")[0], []).append(entry)
+    return {node: float(np.average([m for _, m in w], weights=[r for r, _ in w])) for node, w in work.items()}

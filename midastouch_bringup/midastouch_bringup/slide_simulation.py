@@ -1,0 +1,78 @@
+"""A simulated slide as a sequence folder: path, images of a DIGIT, poses as a tracker measures them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from tqdm import tqdm
+
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.optics import TactoOptics
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+
+from .datasets import write_sequence
+
+SLIDE_FOLDER = Path("out/slides")
+NOISE_T, NOISE_R = 5e-4, np.radians(1.0)
+"""Standard deviations [m, rad] of the measured poses (paper section 5)."""
+
+
+def no_contact_image(sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
+    """An invented DIGIT's image (H, W, 3) uint8 RGB of its untouched gel.
+
+    As on real ones, a grey gel darkens towards its borders and is lit red from the left, green from the
+    right and blue from below, each LED a little differently.
+    """
+    y, x = np.mgrid[1 : -1 : sensor.height * 1j, -1 : 1 : sensor.width * 1j]
+    grey = rng.uniform(85, 115) * (1 - 0.3 * (x**2 + y**2) / 2)
+    image = np.repeat(grey[..., None], 3, axis=2)
+    for channel, (centre_x, centre_y) in enumerate(((-0.7, 0.15), (0.75, 0.0), (0.0, -0.9))):
+        shift_x, shift_y = rng.normal(0, 0.12, 2)
+        spread = rng.uniform(0.35, 0.6)
+        lobe = np.exp(-((x - centre_x - shift_x) ** 2 + (0.6 * (y - centre_y - shift_y)) ** 2) / spread)
+        image[..., channel] += rng.uniform(30, 60) * lobe
+        image -= rng.uniform(5, 15) * lobe[..., None]
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def simulate_sequence(
+    mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int, out: Path, progress: bool = False
+) -> int:
+    """Simulate a slide of `length` m over the mesh, write it to `out` and return the number of frames.
+
+    One seed fixes the path, the sensor's noise, its no-contact image and the measured poses.
+    """
+    rng = np.random.default_rng(seed)
+    poses = simulate_slide(mesh, sensor, length, rng)
+    measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
+    background = no_contact_image(sensor, rng)
+    optics, renderer = TactoOptics(sensor), PenetrationRenderer(mesh, sensor)
+
+    def frames() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        for pose in tqdm(poses, unit="frame", desc=f"slide over {mesh.name}", disable=not progress):
+            penetration, normals = renderer.render_with_normals(pose[None])
+            yield optics.image(penetration[0], background, rng, normals[0]), penetration[0]
+
+    write_sequence(
+        out,
+        frames(),
+        poses,
+        measured,
+        background=background,
+        object_name=mesh.name,
+        sensor=sensor,
+        noise={"sig_t": NOISE_T, "sig_r": float(np.degrees(NOISE_R))},
+    )
+    return len(poses)
+
+
+def cached_slide(mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int = 0) -> Path:
+    """Folder of the slide with this seed from an earlier call, simulated if there is none."""
+    folder = SLIDE_FOLDER / mesh.name / f"{mesh.sha256[:8]}_{1e3 * length:.0f}mm_{seed}"
+    if not folder.is_dir():
+        simulate_sequence(mesh, sensor, length, seed, folder, progress=True)
+    return folder

@@ -1,0 +1,103 @@
+"""The command line as a user meets it: help, exit codes, one-line errors."""
+
+import argparse
+
+import pytest
+
+from midastouch_bringup import cli
+from midastouch_bringup.commands import doctor
+from midastouch_perception.errors import InputError
+
+
+def sub_commands() -> dict[str, argparse.ArgumentParser]:
+    parser = cli.build_parser()
+    (action,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
+    return action.choices
+
+
+def test_the_commands_of_the_design_are_there():
+    assert set(sub_commands()) == {
+        "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "single-touch", "bench", "to-bag",
+        "replay", "train-tdn", "train-tcn", "report", "doctor",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sub_commands())
+def test_help_shows_an_example_that_parses(name, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main([name, "--help"])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    example = text.split("example:")[1].strip().splitlines()[-1].split()
+    assert example[0] == "midastouch"
+    args = cli.build_parser().parse_args(example[1:])
+    assert callable(args.run)
+
+
+@pytest.mark.parametrize("name", sub_commands())
+def test_every_option_is_explained(name):
+    for action in sub_commands()[name]._actions:
+        assert action.help, action.dest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["evaluate", "no/such/seq"], "no/such/seq: no such sequence folder"),
+        (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
+        (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: no such mesh file, nor a bundled object"),
+        (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),
+        (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
+        (["to-bag", "no/such/seq", "--out", "x.mcap"], "no/such/seq"),
+        (["replay", "no/such/bag"], "no/such/bag"),
+        (["report", "no/such.json", "--out", "x"], "no/such.json: no such result file"),
+        (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
+        (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),
+        (["train-tdn", "--resume", "no/checkpoint"], ""),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(arguments) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("midastouch: error: ")
+    assert message in lines[0]
+    assert list(tmp_path.iterdir()) == []  # nothing half-written
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["fly"],
+        ["evaluate"],
+        ["evaluate", "seq", "--seeds", "0"],
+        ["evaluate", "seq", "--beta", "-1"],
+        ["evaluate", "seq", "--init", "lucky"],
+        ["simulate", "mesh.ply", "--out", "x", "--length", "nan"],
+    ],
+)
+def test_bad_options_are_status_2(arguments, capsys):
+    with pytest.raises(SystemExit) as caught:
+        cli.main(arguments)
+    assert caught.value.code == 2
+    assert "usage:" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "line"),
+    [
+        (InputError("file.ply: is\nbroken"), 2, "midastouch: error: file.ply: is broken"),
+        (FileNotFoundError(2, "No such file", "a.png"), 2, "midastouch: error: a.png: No such file or directory"),
+        (PermissionError(13, "Permission denied", "/x"), 2, "midastouch: error: /x: Permission denied"),
+        (KeyboardInterrupt(), 130, "midastouch: interrupted"),
+    ],
+)
+def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch, capsys):
+    def fail(args):
+        raise error
+
+    monkeypatch.setattr(doctor, "run", fail)
+    assert cli.main(["doctor"]) == status
+    assert capsys.readouterr().err.splitlines() == [line]

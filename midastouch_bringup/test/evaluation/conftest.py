@@ -1,0 +1,110 @@
+"""A world without networks: touches whose codes are a smooth function of the pose they were felt at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.pipeline import Touch
+
+NETWORK = "pose-code"
+
+
+def encode(poses: np.ndarray) -> np.ndarray:
+    """Unit codes (N, 48) that vary smoothly with position (10 mm) and rotation."""
+    rng = np.random.default_rng(1)
+    features = np.concatenate([poses[:, :3, 3] / 0.012, 0.7 * poses[:, :3, :3].reshape(-1, 9)], axis=1)
+    angle = features @ rng.standard_normal((12, 24))
+    codes = np.concatenate([np.cos(angle), np.sin(angle)], axis=1) / np.sqrt(24)
+    return codes.astype(np.float32)
+
+
+class PosePipeline:
+    """Stands for image -> code: an image's first pixel is the number of the frame it shows."""
+
+    def __init__(self, poses: np.ndarray):
+        self._codes = encode(poses)
+
+    def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
+        code = self._codes[int(image[0, 0, 0])]
+        return Touch(True, 1e-4, code, np.zeros((16, 12), np.float32), NETWORK, {"tdn": 2.0, "tcn": 1.0})
+
+
+class StubSequence(SimpleNamespace):
+    """The part of `datasets.Sequence` that evaluation uses, in memory."""
+
+    def image(self, i: int) -> np.ndarray:
+        image = np.zeros((4, 4, 3), np.uint8)
+        image[0, 0, 0] = i
+        return image
+
+
+@pytest.fixture(scope="session")
+def mesh() -> ObjectMesh:
+    """A lopsided block with a pin: no symmetry."""
+    block = trimesh.creation.box((0.08, 0.05, 0.03))
+    pin = trimesh.creation.cylinder(0.008, 0.03).apply_translation((0.025, 0.01, 0.03))
+    both = trimesh.util.concatenate([block.subdivide().subdivide(), pin])
+    loaded = ObjectMesh.from_arrays(both.vertices, both.faces, "block")
+    loaded.path = Path("block.ply")
+    return loaded
+
+
+def contact_poses(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Poses (n, 4, 4) 0.5 mm deep in the surface, any yaw."""
+    points, normals, _ = mesh.sample_surface(n, rng)
+    rotation = se3.frame_from_normal(normals, rng.uniform(0, 2 * np.pi, n))
+    return se3.make(rotation, points - 5e-4 * normals)
+
+
+@pytest.fixture(scope="session")
+def codebook(mesh: ObjectMesh) -> Codebook:
+    """4000 poses over the block."""
+    poses = contact_poses(mesh, 4000, np.random.default_rng(2))
+    meta = {"tcn": NETWORK, "mesh_name": "block", "mesh_sha256": mesh.sha256, "temperature": 0.1, "outlier": 0.05}
+    return Codebook(poses, encode(poses), meta)
+
+
+@pytest.fixture(scope="session")
+def sequence(mesh: ObjectMesh) -> StubSequence:
+    """30 frames straight over the block's upper side, measured with the paper's noise."""
+    rng = np.random.default_rng(3)
+    x = np.linspace(-0.03, 0.01, 30)
+    points = np.stack([x, np.full(30, -0.012), np.full(30, 0.0145)], axis=1)
+    poses = se3.make(se3.frame_from_normal(np.tile([0.0, 0, 1], (30, 1)), np.linspace(0, 0.4, 30)), points)
+    measured = poses @ se3.exp(rng.standard_normal((30, 6)) * ([2e-4] * 3 + [5e-3] * 3))
+    return StubSequence(
+        name="block/00",
+        object_name="block",
+        path=Path("block/00"),
+        layout="simulated",
+        n_frames=30,
+        poses_true=poses,
+        poses_measured=measured,
+        background=np.zeros((4, 4, 3), np.uint8),
+        background_path=Path("background.png"),
+    )
+
+
+@pytest.fixture(scope="session")
+def networks(sequence: StubSequence) -> SimpleNamespace:
+    """What `Networks` offers the protocol."""
+    return SimpleNamespace(pipeline=lambda: PosePipeline(sequence.poses_true))
+
+
+@pytest.fixture(scope="session")
+def draw_contacts(mesh: ObjectMesh):
+    """Function (n, rng) -> contact poses (n, 4, 4) on the block with their codes (n, D)."""
+
+    def draw(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        poses = contact_poses(mesh, n, rng)
+        return poses, encode(poses)
+
+    return draw

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from midastouch_bringup.evaluation.setup import load_filter_config, sequence_background
+from midastouch_filter.config import FilterConfig
+from midastouch_perception.errors import InputError
+
+
+def written(tmp_path, text: str) -> str:
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_without_a_file_the_defaults_hold():
+    assert load_filter_config(None) == FilterConfig()
+
+
+def test_plain_settings(tmp_path):
+    config = load_filter_config(written(tmp_path, "max_particles: 1234\nresample_ess: 0.25\n"))
+    assert (config.max_particles, config.resample_ess) == (1234, 0.25)
+
+
+def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
+    text = (
+        "tdn:\n  ros__parameters: {max_particles: 7}\n"
+        "particle_filter:\n  ros__parameters: {max_particles: 1234, base_frame_id: base}\n"
+    )
+    assert load_filter_config(written(tmp_path, text)).max_particles == 1234
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("max_partikles: 5", "max_partikles"),
+        ("max_particles: -5", "max_particles"),
+        ("max_particles: [", "not a YAML file"),
+        ("- 1", "holds no settings"),
+    ],
+)
+def test_bad_settings_are_refused_naming_the_file(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_filter_config(written(tmp_path, text))
+    assert "config.yaml" in str(caught.value)
+
+
+def test_the_background_of_a_sequence_is_taken_or_estimated(simulated_sequence):
+    sequence = simulated_sequence()
+    background, source = sequence_background(sequence)
+    assert source == "background.png"
+    assert (background == 90).all()
+    object.__setattr__(sequence, "background_path", None)
+    estimated, source = sequence_background(sequence)
+    assert source == "estimated from 5 frames"
+    assert np.abs(estimated.astype(int) - sequence.image(2)).mean() < 5  # the median of the ramp of frames

@@ -1,0 +1,90 @@
+"""Processes are started, watched and stopped; the stand-ins are small shell scripts."""
+
+import stat
+import time
+from pathlib import Path
+
+import pytest
+
+from midastouch_bringup import node_processes
+from midastouch_bringup.node_processes import NodeFailed, NodeProcesses, find_executable
+from midastouch_perception.errors import InputError
+
+
+@pytest.fixture
+def program(tmp_path, monkeypatch):
+    """Factory of executables on PATH with the given shell lines."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+    def make(name: str, *lines: str) -> str:
+        path = folder / name
+        path.write_text("\n".join(["#!/bin/sh", *lines, ""]))
+        path.chmod(path.stat().st_mode | stat.S_IEXEC)
+        return name
+
+    return make
+
+
+def wait_for(condition, seconds: float = 10.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.01)
+
+
+def log_of(tmp_path: Path, name: str) -> str:
+    path = tmp_path / "log" / f"{name}.log"
+    return path.read_text() if path.exists() else ""
+
+
+def test_a_node_gets_its_parameters_and_domain_and_ends_well(program, tmp_path):
+    name = program("h_env", 'echo "$ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE $*"')
+    with NodeProcesses(tmp_path / "log", 37) as processes:
+        processes.start(name, Path("p.yaml"))
+        wait_for(lambda: not processes.running(name))
+    assert log_of(tmp_path, name) == "37 LOCALHOST --ros-args --params-file p.yaml\n"
+
+
+def test_a_node_that_fails_is_reported_with_the_end_of_its_log(program, tmp_path):
+    name = program("h_fail", "seq 100", "echo no such mesh >&2", "exit 3")
+    with NodeProcesses(tmp_path / "log", 37) as processes:
+        processes.start(name, Path("p.yaml"))
+        with pytest.raises(NodeFailed, match="h_fail ended with status 3") as caught:
+            wait_for(lambda: not processes.running(name))
+    assert "no such mesh" in str(caught.value)
+    assert "\n  5\n" not in str(caught.value)
+
+
+def test_a_node_that_ends_too_early_is_a_failure_too(program, tmp_path):
+    name = program("h_early", "exit 0")
+    with NodeProcesses(tmp_path / "log", 37) as processes:
+        processes.start(name, Path("p.yaml"))
+        wait_for(lambda: not processes.running(name))
+        with pytest.raises(NodeFailed, match="h_early ended too early"):
+            processes.check(name)
+
+
+def test_nodes_are_asked_before_they_are_killed(program, tmp_path, monkeypatch):
+    monkeypatch.setattr(node_processes, "_GRACE_S", (2.0, 0.3, 2.0))
+    polite = program("h_polite", "trap 'echo bye; exit 0' INT", "echo ready", "while :; do sleep 0.05; done")
+    deaf = program("h_deaf", "trap '' INT TERM", "echo ready", "while :; do sleep 0.05; done")
+    processes = NodeProcesses(tmp_path / "log", 37)
+    for name in (polite, deaf):
+        processes.start(name, Path("p.yaml"))
+    wait_for(lambda: all("ready" in log_of(tmp_path, name) for name in (polite, deaf)))
+    processes.stop()
+    assert log_of(tmp_path, polite) == "ready\nbye\n"
+    assert not processes.running(polite)
+    with pytest.raises(NodeFailed, match="status -9"):
+        processes.running(deaf)
+
+
+def test_a_missing_executable_names_the_mend(tmp_path):
+    with pytest.raises(InputError, match="'no_such_node' is not installed; run make"):
+        NodeProcesses(tmp_path, 37).start("no_such_node", Path("p.yaml"))
+
+
+def test_executables_beside_python_are_found():
+    assert Path(find_executable("python3")).exists()
