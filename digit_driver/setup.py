@@ -16,7 +16,7 @@ setup(
         (f"share/{package}", ["package.xml"]),
         *(
             (f"share/{package}/{folder}", [str(path) for path in sorted(Path(folder).glob("*.*"))])
-            for folder in ("config", "launch")
+            for folder in ("config", "launch", "udev")
         ),
     ],
     install_requires=["numpy", "opencv-contrib-python-headless"],
