@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -42,6 +43,8 @@ def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
         raise InputError(
             "training needs PyTorch, which is not installed; run: .venv/bin/pip install -r tools/requirements/train.txt"
         )
+    # before PyTorch loads: its OpenMP threads would fight Numba's and the rendering workers for the cores
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     resume = Path(args.resume) if args.resume else None
     if resume is not None and not resume.exists():
         raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
@@ -52,6 +55,7 @@ def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
         out=Path(args.out),
         minutes=args.minutes,
         seed=args.seed,
+        workers=max((os.cpu_count() or 2) - 1, 1),
         device=args.device,
         resume=resume,
     )

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.simulation.contact_poses import (
+    MAX_PENETRATION,
+    ContactSampling,
+    Reachability,
+    pose_from_contact,
+    sample_contact_poses,
+)
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+
+@pytest.fixture(scope="module")
+def poses(tool, sensor):
+    return sample_contact_poses(tool, 400, np.random.default_rng(0), sensor)
+
+
+def test_poses_touch_within_limits(tool, sensor, poses):
+    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
+    assert (deepest > 1e-4).mean() > 0.95
+    assert deepest.max() < MAX_PENETRATION + 1e-4
+
+
+def test_two_percent_hover(tool, sensor):
+    poses = sample_contact_poses(tool, 1000, np.random.default_rng(1), sensor, ContactSampling(free_share=0.2))
+    deepest = PenetrationRenderer(tool, sensor.scaled(0.125)).render(poses).max(axis=(1, 2))
+    assert (deepest == 0).mean() == pytest.approx(0.2, abs=0.05)
+
+
+def test_tilt_is_a_few_degrees_from_the_face_normals(block, sensor):
+    sampling = ContactSampling(edge_share=0.0, free_share=0.0)
+    poses = sample_contact_poses(block, 500, np.random.default_rng(2), sensor, sampling)
+    _, _, face = block.closest_points(poses[:, :3, 3])
+    tilt = np.degrees(np.arccos(np.clip((poses[:, :3, 2] * block.face_normals[face]).sum(axis=1), -1, 1)))
+    assert np.sqrt((tilt[tilt < 30] ** 2).mean()) == pytest.approx(5, abs=1.5)
+
+
+def test_yaw_is_uniform(poses):
+    x = poses[:, :3, 0]
+    assert np.linalg.norm(x.mean(axis=0)) < 0.12
+
+
+def test_press_pushes_along_the_gel_axis():
+    pose = pose_from_contact(
+        np.array([[0.1, 0.2, 0.3]]), np.array([[0.0, 1, 0]]), *(np.array([v]) for v in (0.5, 0.1, 2.0, 1e-3))
+    )[0]
+    np.testing.assert_allclose(pose[:3, 3] + 1e-3 * pose[:3, 2], [0.1, 0.2, 0.3])
+    assert pose[1, 2] == pytest.approx(np.cos(0.1))
+
+
+def test_inside_of_a_ring_too_narrow_for_the_finger_is_out_of_reach(sensor):
+    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_perception.objects import bundled_objects
+
+    eyebolt = ObjectMesh.load(bundled_objects()["eyebolt"])
+    inner = np.array([[0.0105 - 0.0032, 0.015, 0.0]])
+    pose = pose_from_contact(inner, np.array([[-1.0, 0, 0]]), *(np.array([v]) for v in (0.0, 0.0, 0.0, 1e-3)))
+    assert not Reachability(eyebolt, sensor).settle(pose, np.array([1e-3]))[1][0]
+
+
+def test_same_seed_same_poses(tool, sensor, poses):
+    np.testing.assert_array_equal(poses, sample_contact_poses(tool, 400, np.random.default_rng(0), sensor))

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.simulation.contact_poses import sample_contact_poses
+from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+
+@pytest.fixture(scope="module")
+def half(sensor):
+    return sensor.scaled(0.5)
+
+
+@pytest.fixture(scope="module")
+def touches(tool, half):
+    return PenetrationRenderer(tool, half).render_with_normals(
+        sample_contact_poses(tool, 6, np.random.default_rng(0), half)
+    )
+
+
+@pytest.fixture(scope="module")
+def backgrounds():
+    return np.random.default_rng(1).integers(60, 180, (3, 160, 120, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_images_are_finite_grey_levels(touches, half, backgrounds, seed):
+    rng = np.random.default_rng(seed)
+    images, reference = RandomSensor(half, backgrounds, rng).images(*touches, rng)
+    assert images.shape == (6, 160, 120, 3)
+    assert reference.shape == (160, 120, 3)
+    for array in (images, reference):
+        assert np.isfinite(array).all()
+        assert array.min() >= 0
+        assert array.max() <= 255
+
+
+def test_same_seed_same_image(touches, half, backgrounds):
+    images = []
+    for _ in range(2):
+        rng = np.random.default_rng(4)
+        images.append(RandomSensor(half, backgrounds, rng).images(*touches, rng)[0])
+    np.testing.assert_array_equal(*images)
+
+
+def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
+    """The spread of contrast over sensors is what `wide_share` buys."""
+
+    def contrast(share):
+        out = []
+        for seed in range(24):
+            rng = np.random.default_rng(seed)
+            imaginary = RandomSensor(half, backgrounds, rng, RandomisationRange(wide_share=share))
+            images, reference = imaginary.images(*touches, rng)
+            out.append(np.abs(images - reference)[touches[0] > 0].mean())
+        return np.std(np.log(out))
+
+    assert contrast(1.0) > 1.5 * contrast(0.0)
+
+
+def test_untouched_gel_looks_like_the_reference(touches, half, backgrounds):
+    penetration, normals = (np.zeros_like(a) for a in touches)
+    rng = np.random.default_rng(2)
+    images, reference = RandomSensor(half, backgrounds, rng, RandomisationRange(0.0)).images(penetration, normals, rng)
+    assert np.abs(images.mean(axis=0) - reference).mean() < 6

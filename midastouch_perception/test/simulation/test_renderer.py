@@ -1,0 +1,82 @@
+import numpy as np
+import pytest
+
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.simulation.contact_poses import sample_contact_poses
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+
+def ray_cast(mesh, pose, sensor):
+    """Penetration by intersecting every pixel's ray with every front-facing triangle (Moeller and Trumbore 1997)."""
+    tangent_x, tangent_y = (t.ravel() for t in sensor.rays)
+    camera = pose @ se3.make(np.eye(3), [0, 0, sensor.gel_distance])
+    directions = np.stack([tangent_x, tangent_y, -np.ones_like(tangent_x)], axis=1) @ camera[:3, :3].T
+    depth = sensor.gel_depth.ravel().copy()
+    for a, b, c in mesh.vertices[mesh.faces]:
+        e1, e2 = b - a, c - a
+        p = np.cross(directions, e2)
+        determinant = p @ e1
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = camera[:3, 3] - a
+            u = p @ s / determinant
+            q = np.cross(s, e1)
+            v = directions @ q / determinant
+            t = e2 @ q / determinant
+        hit = (determinant > 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-3)
+        depth[hit] = np.minimum(depth[hit], t[hit])
+    return (sensor.gel_depth.ravel() - depth).reshape(sensor.height, sensor.width)
+
+
+@pytest.mark.parametrize("variant", ["as it is", "inverted", "a face missing", "a face doubled"])
+def test_equals_brute_force_ray_casting(block, sensor, variant):
+    faces = {
+        "as it is": block.faces,
+        "inverted": block.faces[:, ::-1],
+        "a face missing": block.faces[1:],
+        "a face doubled": np.concatenate([block.faces, block.faces[:40]]),
+    }[variant]
+    mesh = ObjectMesh.from_arrays(block.vertices, faces, variant)
+    small = sensor.scaled(0.125)
+    poses = sample_contact_poses(mesh, 4, np.random.default_rng(3), sensor)
+    rendered = PenetrationRenderer(mesh, small).render(poses)
+    expected = np.stack([ray_cast(mesh, pose, small) for pose in poses])
+    assert expected.max() > 3e-4
+    assert np.sqrt(((rendered - expected) ** 2).mean()) < 1e-7
+
+
+def test_flat_press_has_the_known_penetration(block, sensor):
+    """Pressed 1 mm onto a flat side, the apex sinks in by exactly 1 mm and the dome's sag limits the contact."""
+    pose = se3.make(np.eye(3), [0, 0, 0.01 - 1e-3])
+    penetration = PenetrationRenderer(block, sensor).render(pose[None])[0]
+    assert penetration[160, 120] == pytest.approx(1e-3, abs=2e-6)
+    touched = penetration[160] > 0
+    radius = touched.sum() / 2 * 0.021 / sensor.focal
+    assert radius == pytest.approx(np.sqrt(2 * 0.0327684 * 1e-3), rel=0.02)
+
+
+def test_no_contact_far_above(block, sensor):
+    pose = se3.make(np.eye(3), [0, 0, 0.03])
+    assert not PenetrationRenderer(block, sensor).render(pose[None]).any()
+
+
+def test_normals_of_a_flat_side(block, sensor):
+    renderer = PenetrationRenderer(block, sensor.scaled(0.25))
+    turned = se3.make(se3.exp(np.array([0, 0, 0, 0.05, 0, 0]))[:3, :3], [0, 0, 0.009])
+    penetration, normals = renderer.render_with_normals(turned[None])
+    np.testing.assert_array_equal(penetration, renderer.render(turned[None]))
+    middle = normals[0, 35:45, 25:35].reshape(-1, 3)
+    np.testing.assert_allclose(middle, np.tile([0, np.sin(0.05), np.cos(0.05)], (100, 1)), atol=2e-3)
+    np.testing.assert_array_equal(np.linalg.norm(normals[0], axis=-1) > 0.5, penetration[0] > 0)
+
+
+def test_batches_equal_single_renders(tool, sensor):
+    renderer = PenetrationRenderer(tool, sensor.scaled(0.25))
+    poses = sample_contact_poses(tool, 9, np.random.default_rng(0), sensor)
+    one_by_one = np.concatenate([renderer.render(pose[None]) for pose in poses])
+    np.testing.assert_array_equal(renderer.render(poses), one_by_one)
+
+
+def test_wrong_pose_shape(block, sensor):
+    with pytest.raises(ValueError, match=r"\(N, 4, 4\)"):
+        PenetrationRenderer(block, sensor).render(np.eye(4))

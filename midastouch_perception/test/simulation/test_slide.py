@@ -1,0 +1,47 @@
+import numpy as np
+import pytest
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+
+
+@pytest.mark.parametrize("name", sorted(bundled_objects()))
+def test_slide_stays_in_contact_in_even_steps(name, sensor):
+    mesh = ObjectMesh.load(bundled_objects()[name])
+    poses = simulate_slide(mesh, sensor, 0.06, np.random.default_rng(0))
+    assert len(poses) == 40
+    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    assert steps.max() < 4e-3
+    deepest = PenetrationRenderer(mesh, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
+    assert deepest.min() > 2e-4
+    assert deepest.max() < 2.1e-3
+
+
+def test_turns_between_frames_are_small(tool, sensor):
+    poses = simulate_slide(tool, sensor, 0.1, np.random.default_rng(1))
+    turns = se3.rotation_angle(se3.inverse(poses[:-1])[:, :3, :3] @ poses[1:, :3, :3])
+    assert np.degrees(np.median(turns)) < 5
+
+
+def test_same_seed_same_slide(tool, sensor):
+    first, second = (simulate_slide(tool, sensor, 0.03, np.random.default_rng(7)) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_measured_poses_have_the_stated_noise(tool, sensor):
+    poses = np.tile(np.eye(4), (4000, 1, 1))
+    error = se3.log(measure_poses(poses, np.random.default_rng(0)))
+    np.testing.assert_allclose(error.std(axis=0), [5e-4] * 3 + [np.radians(1)] * 3, rtol=0.06)
+
+
+def test_object_out_of_reach_is_said(sensor, block):
+    """A hollow whose walls are thinner than a press and closer than the finger's width."""
+    inside_out = block.faces[:, ::-1]
+    hull = ObjectMesh.from_arrays(block.vertices * 1.0, block.faces, "shell")
+    hull.faces, hull.face_normals = inside_out.copy(), -hull.face_normals
+    with pytest.raises(InputError, match="shell"):
+        simulate_slide(hull, sensor, 0.05, np.random.default_rng(0))

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.contact import ContactDetector
+
+
+@pytest.fixture
+def detector(sensor):
+    return ContactDetector(sensor.scaled(0.5), begin=3e-6, end=1.5e-6)
+
+
+def patch(pixels, depth=1e-4):
+    penetration = np.zeros((160, 120), np.float32)
+    penetration.ravel()[:pixels] = depth
+    return penetration
+
+
+def test_hysteresis(detector, sensor):
+    pixel = sensor.scaled(0.5).pixel_area
+    between, above, below = (int(area / pixel) for area in (2.2e-6, 3.5e-6, 1e-6))
+    said = [detector.update(patch(n)).in_contact for n in (between, above, between, below, between)]
+    assert said == [False, True, True, False, False]
+
+
+def test_area_is_metric(detector, sensor):
+    contact = detector.update(patch(1000))
+    assert contact.area_m2 == pytest.approx(1000 * (2 * 0.022 / sensor.focal) ** 2)
+    assert contact.mask.sum() == 1000
+
+
+def test_shallow_pixels_do_not_count(detector):
+    assert not detector.update(patch(5000, 1e-5)).in_contact
+
+
+def test_a_wire_is_a_contact(detector):
+    """A 1.5 mm wire across the pad: 12 px wide at half resolution, 2 % of the image."""
+    penetration = np.zeros((160, 120), np.float32)
+    penetration[:, 55:59] = 2e-4
+    assert detector.update(penetration).in_contact
+
+
+def test_free_ends_the_contact(detector):
+    detector.update(patch(1000))
+    detector.free()
+    assert not detector.update(patch(55)).in_contact

@@ -1,0 +1,47 @@
+import hashlib
+
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.files import atomic_path, require_file, sha256
+
+
+def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
+    target = tmp_path / "deep" / "book.npz"
+
+    def fail():
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            assert temporary.suffix == ".npz"
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert list(target.parent.iterdir()) == []
+
+
+def test_atomic_path_replaces_files_and_folders(tmp_path):
+    file, folder = tmp_path / "a.txt", tmp_path / "slide"
+    file.write_text("old")
+    folder.mkdir()
+    (folder / "stale").touch()
+    with atomic_path(file) as temporary:
+        temporary.write_text("new")
+        assert file.read_text() == "old"
+    with atomic_path(folder) as temporary:
+        temporary.mkdir()
+        (temporary / "fresh").touch()
+    assert file.read_text() == "new"
+    assert [p.name for p in folder.iterdir()] == ["fresh"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "slide"]
+
+
+def test_sha256(tmp_path):
+    path = tmp_path / "x"
+    path.write_bytes(b"midas" * 500_000)
+    assert sha256(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_require_file_names_what_is_missing(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.ply: no such mesh file"):
+        require_file(tmp_path / "gone.ply", "mesh")

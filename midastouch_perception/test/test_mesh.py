@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+
+
+def brute_force_distance(mesh, points):
+    """Distances by trimesh's own triangle projection, every point against every triangle."""
+    triangles = mesh.vertices[mesh.faces]
+    out = []
+    for point in points:
+        closest = trimesh.triangles.closest_point(triangles, np.tile(point, (len(triangles), 1)))
+        out.append(np.linalg.norm(closest - point, axis=1).min())
+    return np.array(out)
+
+
+def test_closest_points_are_exact(block):
+    rng = np.random.default_rng(0)
+    points = np.concatenate(
+        [rng.uniform(-0.03, 0.03, (40, 3)), block.sample_surface(20, rng)[0], rng.uniform(-0.5, 0.5, (10, 3))]
+    )
+    closest, distance, face = block.closest_points(points)
+    np.testing.assert_allclose(distance, brute_force_distance(block, points), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(closest - points, axis=1), distance, atol=1e-12)
+    corners = block.vertices[block.faces[face]]
+    offset = ((closest - corners[:, 0]) * block.face_normals[face]).sum(axis=1)
+    np.testing.assert_allclose(offset, 0, atol=1e-9)
+
+
+def test_closest_points_of_nothing(block):
+    closest, distance, face = block.closest_points(np.empty((0, 3)))
+    assert closest.shape == (0, 3)
+    assert len(distance) == len(face) == 0
+
+
+def test_surface_samples_are_uniform_by_area():
+    """A box's sides get samples in proportion to their areas."""
+    box = trimesh.creation.box((0.1, 0.02, 0.04))
+    mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
+    points, normals, _ = mesh.sample_surface(20_000, np.random.default_rng(1))
+    share = (np.abs(normals[:, 1]) > 0.5).mean()
+    assert share == pytest.approx(0.1 * 0.04 / (0.1 * 0.04 + 0.1 * 0.02 + 0.02 * 0.04), abs=2e-3)
+    top = points[normals[:, 1] > 0.5]
+    np.testing.assert_allclose(top[:, 1], 0.01)
+    np.testing.assert_allclose(top[:, [0, 2]].std(axis=0), [0.1 / 12**0.5, 0.04 / 12**0.5], rtol=0.05)
+
+
+def test_inverted_mesh_is_turned_outward(block):
+    inverted = ObjectMesh.from_arrays(block.vertices, block.faces[:, ::-1], "inverted")
+    points, normals, _ = inverted.sample_surface(500, np.random.default_rng(0))
+    assert (np.einsum("nj,nj->n", points, normals) > 0).all()
+    np.testing.assert_allclose(np.abs(inverted.vertex_normals), np.abs(block.vertex_normals), atol=1e-12)
+
+
+def test_feature_edges_of_a_box():
+    """12 edges of a box, not the diagonals of its sides; split vertices do not matter."""
+    box = trimesh.creation.box((0.02, 0.02, 0.02))
+    soup = box.vertices[box.faces].reshape(-1, 3)
+    mesh = ObjectMesh.from_arrays(soup, np.arange(36).reshape(-1, 3), "soup")
+    ends, normals = mesh.feature_edges
+    assert len(ends) == 12
+    np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 0.02)
+    np.testing.assert_allclose(np.sort(np.abs(normals), axis=1), np.tile([0, 0.5**0.5, 0.5**0.5], (12, 1)), atol=1e-9)
+
+
+def test_smooth_normals_turn_gradually_over_an_edge():
+    box = trimesh.creation.box((0.06, 0.06, 0.06))
+    mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
+    x = np.linspace(0, 0.03, 20)
+    normals = mesh.smooth_normals(np.stack([x, np.zeros(20), np.full(20, 0.03)], axis=1))
+    assert normals[0, 2] > 0.999
+    assert normals[-1, 2] == pytest.approx(0.5**0.5, abs=0.1)
+    steps = np.arccos(np.clip((normals[1:] * normals[:-1]).sum(axis=1), -1, 1))
+    assert np.degrees(steps.max()) < 20
+
+
+def test_smooth_normals_do_not_cross_a_thin_plate():
+    plate = trimesh.creation.box((0.06, 0.06, 0.001))
+    mesh = ObjectMesh.from_arrays(plate.vertices, plate.faces, "plate")
+    normals = mesh.smooth_normals(np.array([[0, 0, 0.0005], [0.01, 0, -0.0005]]))
+    np.testing.assert_allclose(normals[:, 2], [1, -1], atol=1e-6)
+
+
+def test_load_reads_what_was_written(tmp_path, block):
+    path = tmp_path / "block.ply"
+    trimesh.Trimesh(block.vertices, block.faces, process=False).export(path)
+    mesh = ObjectMesh.load(path)
+    assert mesh.name == "block"
+    assert mesh.area == pytest.approx(block.area, rel=1e-4)
+    assert mesh.path == path.resolve()
+
+
+def bad_meshes(folder):
+    (folder / "text.ply").write_text("not a mesh")
+    (folder / "empty.stl").write_bytes(b"")
+    trimesh.PointCloud(np.random.default_rng(0).random((10, 3))).export(folder / "points.ply")
+    trimesh.creation.box((100, 50, 20)).export(folder / "millimetres.stl")
+    flat = trimesh.Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
+    flat.export(folder / "flat.ply")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("gone.ply", "no such mesh file"),
+        ("text.ply", "cannot be read|without faces"),
+        ("empty.stl", "cannot be read|without faces"),
+        ("points.ply", "without faces|cannot be read"),
+        ("millimetres.stl", "100 m across; it looks like millimetres"),
+        ("flat.ply", "zero area"),
+    ],
+)
+def test_unusable_files_are_refused(tmp_path, name, said):
+    bad_meshes(tmp_path)
+    with pytest.raises(InputError, match=f"{name}: .*({said})"):
+        ObjectMesh.load(tmp_path / name)
+
+
+def test_non_finite_vertices_are_refused(block):
+    vertices = block.vertices.copy()
+    vertices[3, 1] = np.nan
+    with pytest.raises(InputError, match="non-finite"):
+        ObjectMesh.from_arrays(vertices, block.faces, "broken")

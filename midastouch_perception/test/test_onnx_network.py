@@ -1,0 +1,43 @@
+import shutil
+
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.onnx_network import WEIGHTS, OnnxNetwork
+
+
+@pytest.mark.parametrize("kind", ["tdn", "tcn"])
+def test_shipped_networks_have_cards_and_stay_small(kind):
+    network = OnnxNetwork(kind, "fast")
+    assert network.network_id.startswith(f"{kind}_fast-")
+    assert {"data", "minutes", "seed", "validation", "licence"} <= set(network.card)
+    assert (WEIGHTS / f"{kind}_fast.onnx").stat().st_size < 16e6
+
+
+def test_unknown_name_lists_the_known_ones():
+    with pytest.raises(InputError, match="tdn network 'slow' is not known; use fast"):
+        OnnxNetwork("tdn", "slow")
+
+
+def test_truncated_network_is_refused(tmp_path):
+    path = tmp_path / "tdn_cut.onnx"
+    path.write_bytes((WEIGHTS / "tdn_fast.onnx").read_bytes()[:5000])
+    with pytest.raises(InputError, match=r"tdn_cut.onnx: not a usable ONNX network"):
+        OnnxNetwork("tdn", path)
+
+
+def test_missing_card_is_named(tmp_path):
+    shutil.copy(WEIGHTS / "tdn_fast.onnx", tmp_path / "mine.onnx")
+    with pytest.raises(InputError, match=r"mine.json: no readable model card"):
+        OnnxNetwork("tdn", tmp_path / "mine.onnx")
+
+
+def test_identity_follows_the_content(tmp_path):
+    path = tmp_path / "tdn_fast.onnx"
+    path.write_bytes((WEIGHTS / "tdn_fast.onnx").read_bytes() + b"\0")
+    shutil.copy(WEIGHTS / "tdn_fast.json", tmp_path / "tdn_fast.json")
+    try:
+        other = OnnxNetwork("tdn", path).network_id
+    except InputError:
+        return  # a strict parser refuses the extra byte, which is as good
+    assert other != OnnxNetwork("tdn", "fast").network_id

@@ -1,0 +1,90 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.pipeline import DepthStage, TouchPipeline
+from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.simulation.optics import TactoOptics
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tcn import load_tcn
+from midastouch_perception.tdn import load_tdn
+
+
+@pytest.fixture(scope="module")
+def touches(tool, sensor):
+    """Images over a plain background, and their true penetration."""
+    rng = np.random.default_rng(0)
+    sampling = ContactSampling(press=(0.5e-3, 1.5e-3), free_share=0.0)
+    penetration, normals = PenetrationRenderer(tool, sensor).render_with_normals(
+        sample_contact_poses(tool, 12, rng, sensor, sampling)
+    )
+    background = np.full((320, 240, 3), (120, 110, 130), np.uint8)
+    optics = TactoOptics(sensor)
+    images = [optics.image(p, background, rng, n) for p, n in zip(penetration, normals, strict=True)]
+    return images, background, penetration
+
+
+@pytest.fixture
+def pipeline():
+    ticks = iter(range(10**6))
+    return TouchPipeline(DepthStage(load_tdn("fast")), load_tcn("fast"), lambda: float(next(ticks)))
+
+
+def test_depth_is_recovered(touches, pipeline):
+    images, background, truth = touches
+    predicted = np.stack([pipeline.process(image, background).penetration for image in images])
+    half = truth.reshape(len(truth), 160, 2, 120, 2).mean(axis=(2, 4))
+    assert np.sqrt(((predicted - half) ** 2).mean()) < 0.2e-3
+    both, either = ((predicted > 0) & (half > 0)).sum(), ((predicted > 0) | (half > 0)).sum()
+    assert both / either > 0.85
+
+
+def test_a_touch_has_a_unit_code_and_an_area(touches, pipeline):
+    images, background, truth = touches
+    touch = pipeline.process(images[0], background)
+    assert touch.in_contact
+    assert np.linalg.norm(touch.code) == pytest.approx(1, abs=1e-5)
+    assert touch.network_id == pipeline.tcn.network_id
+    area = (truth[0] > 0).sum() * pipeline.tcn.sensor.pixel_area / 4
+    assert touch.area_m2 == pytest.approx(area, rel=0.3)
+    assert touch.ms == {"tdn": 1000.0, "tcn": 1000.0}
+
+
+def test_the_background_itself_is_no_contact_and_skips_the_network(touches, pipeline):
+    _, background, _ = touches
+    rng = np.random.default_rng(1)
+    noisy = np.clip(background + rng.normal(0, 2, background.shape), 0, 255).astype(np.uint8)
+    touch = pipeline.process(noisy, background)
+    assert not touch.in_contact
+    assert touch.code is None
+    assert touch.area_m2 == 0
+    assert not touch.penetration.any()
+    assert pipeline.depth.skipped == 1
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((240, 320, 3), np.uint8),
+        np.zeros((320, 240), np.uint8),
+        np.zeros((320, 240, 3), np.uint16),
+        np.zeros((320, 240, 3), np.float32),
+        np.zeros((320, 240, 4), np.uint8),
+        None,
+    ],
+)
+def test_wrong_images_are_refused(touches, pipeline, image):
+    with pytest.raises(InputError, match=r"tactile image: .*need"):
+        pipeline.process(image, touches[1])
+
+
+def test_wrong_background_is_named(touches, pipeline):
+    with pytest.raises(InputError, match="background: "):
+        pipeline.process(touches[0][0], np.zeros((10, 10, 3), np.uint8))
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_black_and_white_images_stay_finite(touches, pipeline, level):
+    touch = pipeline.process(np.full((320, 240, 3), level, np.uint8), touches[1])
+    assert np.isfinite(touch.penetration).all()
+    assert touch.code is None or np.isfinite(touch.code).all()

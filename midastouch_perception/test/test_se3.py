@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+tangent = arrays(float, (4, 6), elements=st.floats(-3, 3))
+seeds = st.integers(0, 2**31)
+
+
+@given(tangent)
+def test_exp_is_a_rigid_transform(xi):
+    transform = se3.exp(xi)
+    rotation = transform[:, :3, :3]
+    np.testing.assert_allclose(rotation @ rotation.transpose(0, 2, 1), np.tile(np.eye(3), (4, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(rotation), 1)
+
+
+@given(tangent)
+def test_exp_undoes_log(xi):
+    transform = se3.exp(xi)
+    np.testing.assert_allclose(se3.exp(se3.log(transform)), transform, atol=1e-9)
+
+
+@given(tangent)
+def test_log_undoes_exp_below_a_half_turn(xi):
+    xi = xi * [1, 1, 1, 0.55, 0.55, 0.55]
+    np.testing.assert_allclose(se3.log(se3.exp(xi)), xi, atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, np.pi - 1e-9, np.pi])
+def test_log_at_the_ends_of_the_angle(angle):
+    transform = se3.exp(np.array([0.1, -0.2, 0.3, 0, 0, angle]))
+    np.testing.assert_allclose(se3.exp(se3.log(transform)), transform, atol=1e-9)
+    assert se3.rotation_angle(transform[:3, :3]) == pytest.approx(angle, abs=1e-8)
+
+
+@given(tangent, tangent)
+def test_inverse(a, b):
+    ta, tb = se3.exp(a), se3.exp(b)
+    np.testing.assert_allclose(se3.inverse(ta @ tb), se3.inverse(tb) @ se3.inverse(ta), atol=1e-9)
+
+
+@given(tangent)
+def test_xyzquat_round_trip(xi):
+    transform = se3.exp(xi)
+    vector = se3.to_xyzquat(transform)
+    vector[:, 3:] *= 2.5  # quaternions off the unit sphere are accepted
+    np.testing.assert_allclose(se3.from_xyzquat(vector), transform, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ([0, 0, 0, 0, 0, 0, 0], "zero quaternion"),
+        ([np.nan, 0, 0, 0, 0, 0, 1], "non-finite"),
+        ([0, 0, 0, 1], "rows of 7"),
+    ],
+)
+def test_unusable_poses_are_refused(row, said):
+    with pytest.raises(InputError, match=said):
+        se3.from_xyzquat(np.array(row, float))
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_quat_mean_ignores_signs_and_finds_the_middle(seed):
+    rng = np.random.default_rng(seed)
+    centre = se3.random_rotations(1, rng)[0]
+    noise = rng.normal(0, 0.1, (50, 3))
+    spread = se3.exp(np.concatenate([np.zeros((100, 3)), np.concatenate([noise, -noise])], axis=1))[:, :3, :3]
+    quaternions = se3.to_xyzquat(se3.make(centre @ spread, np.zeros(3)))[:, 3:]
+    quaternions *= rng.choice([-1, 1], (100, 1))
+    mean = se3.from_xyzquat(np.concatenate([np.zeros(3), se3.quat_mean(quaternions)]))
+    assert se3.rotation_angle(mean[:3, :3].T @ centre) < 1e-6
+
+
+def test_interpolate_is_linear_and_spherical():
+    start, end = se3.exp(np.zeros(6)), se3.make(se3.exp(np.array([0, 0, 0, 0, 0, 1.0]))[:3, :3], [1, 2, 3])
+    middle = se3.interpolate(start, end, 0.25)
+    np.testing.assert_allclose(middle[:3, 3], [0.25, 0.5, 0.75])
+    assert se3.rotation_angle(middle[:3, :3]) == pytest.approx(0.25)
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_frame_from_normal_has_no_singular_direction(seed):
+    rng = np.random.default_rng(seed)
+    normals = rng.standard_normal((50, 3)) * [1e-3, 1e-3, 1] * rng.choice([-1, 1], (50, 1))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    frame = se3.frame_from_normal(normals, rng.uniform(0, 7, 50))
+    np.testing.assert_allclose(frame[:, :, 2], normals, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(frame), 1)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
+
+
+def test_tacto_gel_has_the_known_depths(sensor):
+    """Depths of the undeformed gel in TACTO: centre, top, left, corner."""
+    depth = sensor.gel_depth
+    assert depth[160, 120] == pytest.approx(0.0220, abs=1e-6)
+    assert depth[0, 120] == pytest.approx(0.01998, abs=1e-5)
+    assert depth[160, 0] == pytest.approx(0.02077, abs=1e-5)
+    assert depth[0, 0] == pytest.approx(0.01911, abs=1e-5)
+
+
+def test_gel_depth_lies_on_the_dome(sensor):
+    tangent_x, tangent_y = sensor.rays
+    depth = sensor.gel_depth
+    np.testing.assert_allclose(
+        sensor.gel_distance - sensor.sag(tangent_x * depth, tangent_y * depth), depth, atol=1e-9
+    )
+
+
+def test_real_digit_sees_a_smaller_patch():
+    real = SensorModel.load("digit_real")
+    assert 1e-3 / (real.gel_distance / real.focal) == pytest.approx(18.5, abs=0.1)
+    assert real.sag(0.0065, 0.0) == pytest.approx(1e-3, abs=2e-4)
+    assert real.sag(0.0, 0.009) == pytest.approx(1e-3, abs=3e-4)
+
+
+def test_scaled_keeps_the_view(sensor):
+    half = sensor.scaled(0.5)
+    assert (half.height, half.width) == (160, 120)
+    np.testing.assert_allclose(half.gel_depth.mean(), sensor.gel_depth.mean(), rtol=1e-4)
+    assert half.pixel_area == pytest.approx(4 * sensor.pixel_area)
+    assert half.content_id != sensor.content_id
+
+
+def test_own_model_by_path(tmp_path, sensor):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "width: 240\nheight: 320\nfocal: 300\ngel_distance: 0.022\n"
+        "dome: {radius_x: 0.03, radius_y: 0.04, semi_axis_z: 0.03}\n"
+    )
+    model = SensorModel.load(path)
+    assert model.name == "mine"
+    assert model.content_id != sensor.content_id
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("width: 240\n", "not a sensor model"),
+        ("- a list\n", "not a sensor model"),
+        ("width: 0\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {}\n", "must be positive"),
+        ("width: 240\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {radius_x: 1}\n", "dome needs"),
+    ],
+)
+def test_broken_models_are_refused(tmp_path, content, said):
+    path = tmp_path / "broken.yaml"
+    path.write_text(content)
+    with pytest.raises(InputError, match=f"broken.yaml: .*{said}"):
+        SensorModel.load(path)
+
+
+def test_unknown_name_lists_the_known_ones():
+    with pytest.raises(InputError, match="digit_real, digit_tacto"):
+        SensorModel.load("gelsight")
