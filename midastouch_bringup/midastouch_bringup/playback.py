@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 _SECOND = 1_000_000_000
+_SOON_S = 1e-6  # a wait shorter than this only spins
 
 
 class Playback:
@@ -90,7 +91,7 @@ class Playback:
                     self._anchor = (now, stamp_ns)
                 since, first = self._anchor
                 remaining = (stamp_ns - first) / _SECOND / self._rate - (now - since)
-                if remaining <= 0:
+                if remaining < _SOON_S:
                     return True
                 self._changed.wait(min(remaining, tick_s))
                 reached = first + round((self._now() - since) * self._rate * _SECOND)

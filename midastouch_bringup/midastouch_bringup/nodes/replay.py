@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -28,6 +27,7 @@ from midastouch_perception.ros.spin import run
 from ..messages import IMAGE_TOPIC, TF_STATIC_TOPIC, TF_TOPIC, Message, header_stamp_ns
 from ..playback import Playback
 from ..replay_source import INPUT_TOPICS, is_image, replay_messages
+from .message_types import message_class
 
 PARAMETERS = (
     Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
@@ -48,6 +48,7 @@ PARAMETERS = (
     Parameter("topics", "", "Topics of a bag to play, separated by spaces; empty: the pipeline's inputs"),
 )
 
+_DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
 RCLError = rclpy_implementation.RCLError
 _LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
 
@@ -168,7 +169,7 @@ class Replay(Node):
             # names relative to the node's namespace, as the live nodes use them; /tf is global by custom
             name = topic if topic in (TF_TOPIC, TF_STATIC_TOPIC) else topic.lstrip("/")
             self._outputs[topic] = self.create_publisher(
-                _message_class(type_name), name, _profile(topic, latched)
+                message_class(type_name), name, _profile(topic, latched)
             )
         return self._outputs[topic]
 
@@ -219,18 +220,10 @@ class Replay(Node):
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 
-def _message_class(type_name: str) -> type:
-    package, _, name = type_name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"message type {type_name} is not installed; install {package}") from error
-
-
 def _profile(topic: str, latched: bool) -> QoSProfile:
     if latched:
         return qos.latched(depth=100)  # several publishers' static transforms, one message each
-    return qos.TF if topic == TF_TOPIC else qos.stream_publisher()
+    return qos.TF if topic == TF_TOPIC else qos.stream_publisher(_DEPTH)
 
 
 def main(args: Sequence[str] | None = None) -> int:

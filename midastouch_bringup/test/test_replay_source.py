@@ -1,0 +1,77 @@
+"""The order in which a replay sends, and what it leaves out."""
+
+import dataclasses
+
+import pytest
+
+from midastouch_bringup.bags import BagWriter, write_bag
+from midastouch_bringup.messages import Message, sequence_messages, typestore
+from midastouch_bringup.replay_source import replay_messages
+from midastouch_perception.errors import InputError
+
+SECOND = 1_000_000_000
+STORE = typestore()
+
+
+def renamed(message: Message, *children: str) -> Message:
+    """A transform message with its frames renamed."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    for transform, child in zip(content.transforms, children, strict=True):
+        transform.child_frame_id = child
+    return dataclasses.replace(message, data=bytes(STORE.serialize_cdr(content, message.type_name)))
+
+
+def children(message: Message) -> list[str]:
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    return [transform.child_frame_id for transform in content.transforms]
+
+
+def test_bag_and_sequence_send_the_same_bytes(tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=4)
+    write_bag(sequence, tmp_path / "x.mcap")
+    direct = list(replay_messages(sequence.path))
+    assert list(replay_messages(tmp_path / "x.mcap")) == direct
+    assert direct == list(sequence_messages(sequence))
+
+
+def test_results_in_a_bag_are_not_played(tmp_path, simulated_sequence):
+    static, transforms, info, image = list(sequence_messages(simulated_sequence(n=1)))
+    status = dataclasses.replace(image, topic="/tactile/penetration")
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in (
+            static,
+            renamed(transforms, "object", "tool0"),
+            renamed(transforms, "object", "object"),
+            info,
+            status,
+            image,
+        ):
+            bag.write(message)
+    played = list(replay_messages(tmp_path / "x.mcap"))
+    assert [m.topic for m in played] == ["/tf_static", "/tf", "/camera_info", "/image_raw"]
+    assert children(played[1]) == ["tool0"]
+    chosen = replay_messages(tmp_path / "x.mcap", topics={"/tactile/penetration"})
+    assert [m.topic for m in chosen] == ["/tactile/penetration"]
+
+
+def test_transforms_can_lead_their_images(tmp_path, simulated_sequence):
+    """A recording where the transform of an image is written 0.2 s after the image."""
+    messages = list(sequence_messages(simulated_sequence(n=9)))
+    late = [dataclasses.replace(m, stamp_ns=m.stamp_ns + SECOND // 5) if m.topic == "/tf" else m for m in messages]
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in sorted(late, key=lambda m: m.stamp_ns):
+            bag.write(message)
+
+    def transforms_before_image(lead_ns, frame):
+        topics = [m.topic for m in replay_messages(tmp_path / "x.mcap", lead_ns=lead_ns)]
+        end = [i for i, topic in enumerate(topics) if topic == "/image_raw"][frame]
+        return topics[:end].count("/tf")
+
+    assert transforms_before_image(0, frame=4) <= 4  # that of frame 4 is still missing
+    assert transforms_before_image(SECOND // 2, frame=4) >= 5
+    assert len(list(replay_messages(tmp_path / "x.mcap", lead_ns=SECOND // 2))) == len(messages)
+
+
+def test_neither_bag_nor_sequence(tmp_path):
+    with pytest.raises(InputError, match="not a YCB-Slide sequence"):
+        list(replay_messages(tmp_path))
