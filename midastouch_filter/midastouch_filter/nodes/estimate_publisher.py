@@ -39,7 +39,7 @@ class EstimatePublisher:
 
     def __init__(self, node: Node, parameters: Parameters, clock: Callable[[], float]):
         self._parameters, self._clock = parameters, clock
-        self._next_view = -math.inf
+        self._last_view = -math.inf
         self.skipped = {"no_subscriber": 0, "view_rate": 0}
         depth = parameters["queue_depth"]
         latched, stream = qos.latched(depth), qos.stream_publisher(depth)
@@ -63,16 +63,12 @@ class EstimatePublisher:
         """Publish a status that stands for itself: no frame was processed."""
         self._status.publish(_status_to_msg(status, self._header(stamp)))
 
-    def estimate(
-        self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None
-    ) -> None:
+    def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
         header = self._header(stamp)
         if not _finite(estimate):
             # The status still goes out, so that whoever waits for the answer to this frame gets one.
-            reason = (
-                "the filter's result is not finite and was withheld; call reinitialize_global_localization"
-            )
+            reason = "the filter's result is not finite and was withheld; call reinitialize_global_localization"
             self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
             return
         if estimate.modes:
@@ -99,18 +95,17 @@ class EstimatePublisher:
         )
 
     def _view(self, header: Header, estimate: Estimate, running: ParticleFilter) -> None:
-        viewed = [
-            p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0
-        ]
+        viewed = [p for p in (self._particles, self._cloud, self._hypotheses) if p.get_subscription_count() > 0]
         if not viewed:
             self.skipped["no_subscriber"] += 1
             return
         rate, now = self._parameters["view_rate"], self._clock()
-        if rate > 0 and now < self._next_view:
+        period = 1.0 / rate if rate > 0 else 0.0
+        # A clock that ran back (a looped bag) does not silence the views until it has caught up.
+        if 0 <= now - self._last_view < period:
             self.skipped["view_rate"] += 1
             return
-        period = 1.0 / rate if rate > 0 else 0.0
-        self._next_view = now + period
+        self._last_view = now
         if self._hypotheses in viewed:
             lifetime = max(3 * period, 1.0)
             self._hypotheses.publish(markers.hypotheses(estimate.modes, header, lifetime))

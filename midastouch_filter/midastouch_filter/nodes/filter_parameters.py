@@ -26,9 +26,7 @@ _INITIAL_POSE = tuple(
 )
 
 _NODE = (
-    Parameter(
-        "mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"
-    ),
+    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"),
     Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`"),
     Parameter(
         "init_mode",
@@ -127,6 +125,4 @@ def start_of(parameters: Parameters) -> Start | None:
     value = {name: parameters[f"initial_pose.{name}"] for name in ("x", "y", "z", "roll", "pitch", "yaw")}
     rotation = Rotation.from_euler("xyz", [value["roll"], value["pitch"], value["yaw"]]).as_matrix()
     pose = se3.make(rotation, np.array([value["x"], value["y"], value["z"]]))
-    return Start(
-        pose, parameters["initial_pose.sigma_translation"], parameters["initial_pose.sigma_rotation"]
-    )
+    return Start(pose, parameters["initial_pose.sigma_translation"], parameters["initial_pose.sigma_rotation"])

@@ -93,9 +93,7 @@ class Localiser:
         if self._start is None:
             self._object.filter.initialise_uniform()
         else:
-            self._object.filter.initialise_gaussian(
-                self._start.pose, self._start.sigma_t, self._start.sigma_r
-            )
+            self._object.filter.initialise_gaussian(self._start.pose, self._start.sigma_t, self._start.sigma_r)
 
     def start_anywhere(self) -> None:
         """Spread over the whole surface, now and at every later restart."""

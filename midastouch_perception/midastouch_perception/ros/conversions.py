@@ -43,8 +43,7 @@ def image_from_msg(msg: Image) -> np.ndarray:
         raise InputError(f"image of {msg.width} x {msg.height} pixels is empty")
     if msg.step < row or len(msg.data) != msg.step * msg.height:
         raise InputError(
-            f"image says {msg.width} x {msg.height} {msg.encoding}, step {msg.step}, "
-            f"but holds {len(msg.data)} bytes"
+            f"image says {msg.width} x {msg.height} {msg.encoding}, step {msg.step}, but holds {len(msg.data)} bytes"
         )
     rows = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.step)[:, :row]
     pixels = np.ascontiguousarray(rows).view(kind)
@@ -86,13 +85,9 @@ def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:
 def points_from_msg(msg: PointCloud2) -> np.ndarray:
     """Points (K, 3) float32 of a cloud whose x, y, z are float32; other fields are passed over."""
     if msg.point_step == 0 or msg.row_step < msg.width * msg.point_step:
-        raise InputError(
-            f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}"
-        )
+        raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
     if len(msg.data) != msg.row_step * msg.height:
-        raise InputError(
-            f"cloud says {msg.height} rows of {msg.row_step} bytes but holds {len(msg.data)} bytes"
-        )
+        raise InputError(f"cloud says {msg.height} rows of {msg.row_step} bytes but holds {len(msg.data)} bytes")
     order = ">" if msg.is_bigendian else "<"
     offsets = {f.name: f.offset for f in msg.fields if f.datatype == PointField.FLOAT32 and f.count == 1}
     missing = [name for name in "xyz" if name not in offsets]
@@ -125,8 +120,7 @@ def points_to_msg(points: np.ndarray, header: Header, **extra: np.ndarray) -> Po
         height=1,
         width=len(columns),
         fields=[
-            PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1)
-            for i, name in enumerate(names)
+            PointField(name=name, offset=4 * i, datatype=PointField.FLOAT32, count=1) for i, name in enumerate(names)
         ],
         is_bigendian=False,
         point_step=step,

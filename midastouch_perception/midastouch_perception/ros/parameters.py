@@ -49,16 +49,11 @@ class Parameter:
     def _problem_of(self, value: Any, expected: type) -> str | None:
         if type(value) is not expected:
             hint = f"; write {float(value)}" if expected is float and type(value) is int else ""
-            return (
-                f"parameter '{self.name}' must be {expected.__name__}, "
-                f"got {type(value).__name__} {value!r}{hint}"
-            )
+            return f"parameter '{self.name}' must be {expected.__name__}, got {type(value).__name__} {value!r}{hint}"
         if expected is float and not math.isfinite(value):
             return f"parameter '{self.name}' must be finite, got {value}"
         if self.choices and value not in self.choices:
-            return (
-                f"parameter '{self.name}' must be one of {', '.join(map(str, self.choices))}, got {value!r}"
-            )
+            return f"parameter '{self.name}' must be one of {', '.join(map(str, self.choices))}, got {value!r}"
         if expected in (int, float):
             low = -math.inf if self.minimum is None else self.minimum
             high = math.inf if self.maximum is None else self.maximum
@@ -101,9 +96,7 @@ class Parameters:
         overrides = node._parameter_overrides
         for name in overrides:
             if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
-                raise InputError(
-                    f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}"
-                )
+                raise InputError(f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}")
         for name, parameter in self.table.items():
             value = overrides[name].value if name in overrides else parameter.default
             if problem := parameter.problem(value):

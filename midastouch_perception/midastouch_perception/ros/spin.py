@@ -7,9 +7,12 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import InputError
+
+RCLError = rclpy_implementation.RCLError
 
 
 def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
@@ -31,6 +34,10 @@ def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = N
         return 2
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RCLError:
+        # A signal shuts the context down under whatever is being published at that moment.
+        if rclpy.ok():
+            raise
     finally:
         executor.shutdown()
         for node in nodes:

@@ -1,0 +1,200 @@
+"""The chain from image to pose over DDS, with stand-ins for both networks and the real filter."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
+
+from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
+
+from midastouch_bringup.nodes.all_in_one import main, make_nodes
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook, build_codebook
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.nodes.tcn import TcnNode
+from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.ros.conversions import pose_from_msg, stamp_from_ns, stamp_ns, transform_to_msg
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import simulate_slide
+
+pytestmark = pytest.mark.dds
+SECOND = 1_000_000_000
+T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))
+
+
+class BookTcn(FakeTcn):
+    """The stand-in as `build_codebook` wants it: batches, a dimension and a calibration."""
+
+    dim = 48
+    calibration = {"temperature": 0.05, "outlier": 0.05}  # noqa: RUF012
+
+    def encode(self, penetration: np.ndarray) -> np.ndarray:
+        if penetration.ndim == 2:
+            return super().encode(penetration)
+        return np.stack([super(BookTcn, self).encode(one) for one in penetration])
+
+
+@dataclasses.dataclass(frozen=True)
+class Touches:
+    """A slide over a bundled object: its codebook's path, true poses T_obj_gel and images."""
+
+    mesh: Path
+    codebook: Path
+    poses: np.ndarray
+    images: list[np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def touches(tmp_path_factory) -> Touches:
+    path = bundled_objects()["eyebolt"]
+    mesh, sensor = ObjectMesh.load(path), SensorModel.load("digit_tacto")
+    book: Codebook = build_codebook(mesh, BookTcn(), sensor, size=1500, seed=0)
+    book_path = tmp_path_factory.mktemp("book") / "eyebolt.npz"
+    book.save(book_path)
+    poses = simulate_slide(mesh, sensor, 0.012, np.random.default_rng(3))
+    penetration = PenetrationRenderer(mesh, sensor.scaled(0.5)).render(poses)
+    images = []
+    for one in penetration:
+        image = BACKGROUND.copy()
+        image[:, :, 0] += np.clip(np.rint(one / 1e-5), 0, 155).astype(np.uint8).repeat(2, 0).repeat(2, 1)
+        images.append(image)
+    return Touches(path, book_path, poses, images)
+
+
+def parameters(touches: Touches, tmp_path: Path) -> dict[str, dict]:
+    background = str(tmp_path / "background.png")
+    cv2.imwrite(background, BACKGROUND)
+    queue = {"queue_depth": 50, "reliable": True}
+    x, y, z = touches.poses[0][:3, 3].tolist()
+    roll, pitch, yaw = _euler(touches.poses[0][:3, :3])
+    return {
+        "tdn": {**queue, "background": background},
+        "tcn": queue,
+        "particle_filter": {
+            **queue,
+            "mesh": str(touches.mesh),
+            "codebook": str(touches.codebook),
+            "init_mode": "pose",
+            **{f"initial_pose.{k}": v for k, v in zip(("x", "y", "z"), (x, y, z), strict=True)},
+            **{f"initial_pose.{k}": v for k, v in zip(("roll", "pitch", "yaw"), (roll, pitch, yaw), strict=True)},
+            "initial_pose.sigma_translation": 0.003,
+            "initial_pose.sigma_rotation": 0.15,
+            "max_particles": 3000,
+            "threads": 1,
+            "input_timeout": 1000.0,
+        },
+    }
+
+
+def _euler(rotation: np.ndarray) -> list[float]:
+    return Rotation.from_matrix(rotation).as_euler("xyz").tolist()
+
+
+def play(graph, touches: Touches) -> tuple[list[FilterStatus], list[PoseWithCovarianceStamped]]:
+    """Send every frame, wait for its answer; the answers and the poses."""
+    poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    images, tf = graph.publisher(Image, "image_raw"), graph.publisher(TFMessage, "/tf")
+    for i, (T_obj_gel, image) in enumerate(zip(touches.poses, touches.images, strict=True)):
+        stamp = SECOND + i * SECOND // 10
+        header = Header(stamp=stamp_from_ns(stamp), frame_id="base_link")
+        transform = transform_to_msg(T_BASE_OBJ @ T_obj_gel)
+        tf.publish(
+            TFMessage(
+                transforms=[TransformStamped(header=header, child_frame_id="digit_gel_frame", transform=transform)]
+            )
+        )
+        images.publish(image_msg(image, stamp))
+        graph.spin_until(lambda stamp=stamp: stamp in map(stamp_of, statuses), f"the answer to frame {i}")
+    graph.spin_until(lambda: len(poses) == len(touches.poses))
+    sent = {stamp_of(pose) for pose in poses}
+    return [status for status in statuses if stamp_of(status) in sent], poses
+
+
+def stamp_of(msg) -> int:
+    return stamp_ns(msg.header.stamp)
+
+
+def error(touches: Touches, msg: PoseWithCovarianceStamped) -> tuple[float, float]:
+    """(m, rad) of the last pose."""
+    off = se3.inverse(touches.poses[-1]) @ pose_from_msg(msg.pose.pose)
+    return float(np.linalg.norm(off[:3, 3])), float(se3.rotation_angle(off[:3, :3]))
+
+
+@pytest.fixture
+def overrides(touches, tmp_path) -> dict[str, dict]:
+    return parameters(touches, tmp_path)
+
+
+def run_separate(graph, touches, overrides):
+    graph.add(lambda **options: TdnNode(depth=FakeDepthStage(), **options), overrides["tdn"])
+    graph.add(lambda **options: TcnNode(tcn=BookTcn(), **options), overrides["tcn"])
+    graph.add(ParticleFilterNode, overrides["particle_filter"])
+    return play(graph, touches)
+
+
+def run_together(graph, touches, overrides):
+    graph.add_all(lambda options: make_nodes(depth=FakeDepthStage(), tcn=BookTcn(), options=options), overrides)
+    return play(graph, touches)
+
+
+def test_separate_nodes_and_all_in_one_give_the_same_estimate(graph, touches, overrides):
+    statuses, poses = run_separate(graph, touches, overrides)
+    translation, rotation = error(touches, poses[-1])
+    assert translation < 0.01
+    assert rotation < np.radians(40)
+    assert statuses[-1].state in ("converged", "ambiguous")
+    graph.remove_all()
+
+    together, poses_together = run_together(graph, touches, overrides)
+    assert [stamp_ns(s.header.stamp) for s in together[1:]] == [stamp_ns(s.header.stamp) for s in statuses[1:]]
+    difference = se3.inverse(pose_from_msg(poses[-1].pose.pose)) @ pose_from_msg(poses_together[-1].pose.pose)
+    assert np.linalg.norm(difference[:3, 3]) < 2e-3
+    assert se3.rotation_angle(difference[:3, :3]) < np.radians(3)
+
+
+def test_all_in_one_still_publishes_what_is_between_the_stages(graph, touches, overrides):
+    graph.add_all(lambda options: make_nodes(depth=FakeDepthStage(), tcn=BookTcn(), options=options), overrides)
+    codes = graph.listen(TactileCode, "tactile/code")
+    images = graph.publisher(Image, "image_raw")
+    images.publish(image_msg(touches.images[0], SECOND))
+    graph.spin_until(lambda: codes)
+    assert codes[0].in_contact
+    assert len(codes[0].code) == 48
+
+
+def test_help_names_the_driver(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["all_in_one", "--help"])
+    assert ended.value.code == 0
+    assert "--driver" in capsys.readouterr().out
+
+
+def test_bad_parameter_is_one_line_and_exit_code_2():
+    command = [sys.executable, "-m", "midastouch_bringup.nodes.all_in_one"]
+    refused = subprocess.run(
+        [*command, "--ros-args", "-p", "particle_filter:sede:=1"],
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert refused.returncode == 2
+    assert "no parameter 'sede'" in refused.stderr
+    assert "Traceback" not in refused.stderr
