@@ -9,7 +9,6 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import ExecuteProcess, OpaqueFunction
 from launch_ros.substitutions import ExecutableInPackage
 
-from midastouch_bringup.codebooks import codebook_path
 from midastouch_bringup.ros.launch_parts import declare, declare_recording, in_turn, include
 
 
@@ -25,6 +24,9 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _make_and_play(context: LaunchContext) -> list:
+    # here: `--show-args` need not wait for the libraries behind it
+    from midastouch_bringup.codebooks import codebook_path
+
     name = context.launch_configurations["object"]
     slide, codebook = Path("out/slides") / name, codebook_path(name)
     missing = []

@@ -143,6 +143,8 @@ def include(name: str, condition=None, **arguments: str) -> IncludeLaunchDescrip
 
 def in_turn(processes: list[ExecuteProcess], then: LaunchDescriptionEntity) -> list[LaunchDescriptionEntity]:
     """Run the processes one after the other, then do `then`; end the launch if one of them fails."""
+    if not processes:
+        return [then]
     handlers = []
     for process, following in zip(processes, [*processes[1:], then], strict=True):
 
@@ -150,7 +152,7 @@ def in_turn(processes: list[ExecuteProcess], then: LaunchDescriptionEntity) -> l
             return following if event.returncode == 0 else Shutdown(reason=f"{event.process_name} failed")
 
         handlers.append(RegisterEventHandler(OnProcessExit(target_action=process, on_exit=go_on)))
-    return [*handlers, *processes[:1]] if processes else [then]
+    return [*handlers, processes[0]]
 
 
 def start(package: str, executable: str, condition=None) -> OpaqueFunction:
