@@ -1,6 +1,16 @@
-"""Settings for every test of the workspace."""
+"""Settings for every test of the workspace.
+
+The packages are imported here, before any test: in importlib mode pytest calls `midastouch_filter/test/x.py`
+the module `midastouch_filter.test.x`, whose parent would be the folder in the workspace, not the package of
+that name inside it, unless that is loaded already.
+"""
 
 from hypothesis import settings
+
+import digit_driver  # noqa: F401
+import midastouch_bringup  # noqa: F401
+import midastouch_filter  # noqa: F401
+import midastouch_perception  # noqa: F401
 
 # the first example of a test may have to compile a kernel, so time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
