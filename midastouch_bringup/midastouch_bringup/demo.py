@@ -47,9 +47,10 @@ from .slide_simulation import cached_slide
 NODES = ("tdn", "tcn", "particle_filter")
 CODEBOOK_SIZE = 20_000
 SLIDE_LENGTH = 0.3  # m
-_SILENCE_S = 30.0  # without a status while the replay goes on
+_SILENCE_S = 120.0  # without a status while the replay goes on; the first one waits for compilation
 _LAST_STATUS_S = 5.0
 _COLUMNS = 5
+_FOUND_MM, _FOUND_DEG = 10, 15
 _GIF_FRAMES = 60
 
 
@@ -82,7 +83,7 @@ def _parameters(mesh: ObjectMesh, sequence: Sequence, out: Path) -> Path:
     """Parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = _config_folder()
     own = {
-        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2},
+        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2, "ack_timeout": 60.0},
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {
             "mesh": str(mesh.path),
@@ -229,6 +230,9 @@ def _rows(result: dict) -> tuple[list[str], list[list[str]]]:
         for name, ms in result["stage_ms"].items()
         if ms > 0
     ]
+    closest = result["final"]["closest mode"]
+    found = closest["trans_mm"] <= _FOUND_MM and closest["rot_deg"] <= _FOUND_DEG
+    rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", "yes" if found else "no"])
     rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
     rows.append(["state", f"{result['state']}, {result['n_particles']} particles, {result['n_modes']} modes"])
     return [result["object"], ""], rows
@@ -240,7 +244,7 @@ def _table(result: dict) -> str:
 
 def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
     run = record.snapshots
-    view = ObjectView(mesh, np.array([s.truth for s in run]), 760, 560)
+    view = ObjectView(mesh, np.array([s.truth for s in run]), 760)
     overview = save(run_figure(view, codebook, _moments(run), run, f"{mesh.name}, {len(run)} frames"), out / "run.png")
     errors = save(error_figure(run), out / "errors.png")
     final = out / "final.png"

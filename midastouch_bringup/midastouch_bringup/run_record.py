@@ -36,18 +36,21 @@ def read_run(path: str | Path) -> RunRecord:
     """
     results = {topic: dict(_by_stamp(path, topic)) for topic in (STATUS, MODES, PARTICLES, POSE, CODE, PENETRATION)}
     snapshots, n_particles, filter_ms = [], [], []
-    start = None
-    for index, frame in enumerate(read_bag(path)):
+    start, seen = None, set()
+    for frame in read_bag(path):
         start = frame.stamp_ns if start is None else start
         if frame.object_from_gel_true is None:
             raise InputError(f"{path}: no ground truth at {frame.stamp_ns / 1e9:.3f} s; record /tf of a replay")
         stamp = frame.stamp_ns
+        if stamp in seen:  # a replay sends a frame again when its answer takes long
+            continue
+        seen.add(stamp)
         if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES, PENETRATION)):
             continue
         status, pose = results[STATUS][stamp], results[POSE].get(stamp)
         snapshots.append(
             Snapshot(
-                frame=index,
+                frame=len(seen) - 1,
                 time=1e-9 * (stamp - start),
                 truth=frame.object_from_gel_true,
                 particles=_poses(results[PARTICLES][stamp].poses),

@@ -29,6 +29,13 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
     return parser
 
 
+def add_network_options(parser: argparse.ArgumentParser) -> None:
+    """Add --tdn, --tcn and --sensor, with which `Networks.load` is called."""
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
+    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+
+
 def positive_int(text: str) -> int:
     """argparse type: a whole number of at least 1."""
     return int(_checked(text, int, lambda value: value >= 1, "a whole number of at least 1"))

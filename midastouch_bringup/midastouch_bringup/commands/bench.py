@@ -21,6 +21,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")
     parser.add_argument("--frames", type=arguments.positive_int, default=150, help="of the slide (default 150)")
+    arguments.add_network_options(parser)
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
@@ -40,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.frames < 10:
         raise InputError(f"--frames {args.frames}: too few to time; give at least 10")
-    networks = Networks.load()
+    networks = Networks.load(args.tdn, args.tcn, args.sensor)
     mesh = arguments.load_mesh(args.object)
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
     sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * args.frames))

@@ -33,9 +33,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
     parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
-    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
-    parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
-    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+    arguments.add_network_options(parser)
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 

@@ -22,6 +22,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--codebook", required=True, metavar="FILE", help="codebook of the object")
     parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="touches (default 10000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the touches (default 0)")
+    arguments.add_network_options(parser)
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
@@ -41,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.table import number, text_table
 
     require_file(args.codebook, "codebook")
-    networks = Networks.load()
+    networks = Networks.load(args.tdn, args.tcn, args.sensor)
     mesh, codebook = arguments.load_object(Path(args.codebook).stem, args.mesh, args.codebook, networks)
     rng = np.random.default_rng(args.seed)
     with tqdm(total=args.queries, unit="touch", desc=mesh.name) as bar:

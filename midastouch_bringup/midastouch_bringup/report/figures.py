@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.files import atomic_path
@@ -38,9 +39,10 @@ def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run
     The paper's figure 7. `run` holds every recorded frame, `chosen` the columns.
     """
     columns = len(chosen)
-    figure = Figure(figsize=(3.1 * columns, 9.6), layout="constrained")
+    shape = 3.1 * view.camera.height / view.camera.width + 0.25
+    figure = Figure(figsize=(3.1 * columns, 4.9 + 2 * shape), layout="constrained")
     figure.suptitle(f"{title}\n{_LEGEND}", fontsize=9)
-    rows = figure.subfigures(4, 1, height_ratios=[1.25, 1.5, 1.5, 1.55])
+    rows = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
     deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
     for axes, snapshot in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
         if snapshot[1] == "image":
@@ -123,7 +125,9 @@ def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
 def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
     """A logarithmic error axis with plain numbers, light grid, no box."""
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(x_label, fontsize=9)
     axes.set_ylabel(label, fontsize=9)
     axes.tick_params(labelsize=8)

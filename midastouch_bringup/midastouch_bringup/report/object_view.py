@@ -20,21 +20,25 @@ ANGLE_COLOURS = colormaps["turbo"]
 HEAT_COLOURS = colormaps["YlOrRd"]
 TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
 ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
+_CELL = 0.003  # m; entries nearer together are at one place
+_BLENDED = 12
 
 
 class ObjectView:
-    """Draws pictures of `width` x `height` px of the mesh, seen where the poses `T_obj_gel` (N, 4, 4) touch
-    it.
+    """Draws pictures of the mesh, `width` px wide, from the side the poses `T_obj_gel` (N, 4, 4) touch.
 
     Later poses count more in the choice of the side, so that the end of a run is in sight.
     """
 
-    def __init__(self, mesh: ObjectMesh, poses: np.ndarray, width: int, height: int):
+    def __init__(self, mesh: ObjectMesh, poses: np.ndarray, width: int):
         self.mesh = mesh
         outward = np.asarray(poses)[:, :3, 2]
         direction = best_direction(outward, np.linspace(0.3, 1.0, len(outward)))
         surface = mesh.vertices[mesh.faces].reshape(-1, 3)
-        self.camera = Camera.around(surface, direction, _up(mesh, direction), width, height)
+        up = _up(mesh, direction)
+        spread = np.ptp(_spread(mesh, direction, up), axis=0)
+        height = int(width * np.clip(1.06 * spread[1] / spread[0], 0.4, 0.9))
+        self.camera = Camera.around(surface, direction, up, width, height)
         self._field: _LikelihoodField | None = None
 
     @cached_property
@@ -76,7 +80,7 @@ class ObjectView:
         for path in estimates:
             canvas.draw_points(path[:, :3, 3], ESTIMATE_COLOUR, radius=1.8, alpha=0.6)
         canvas.draw_lines(truth[:-1, :3, 3], truth[1:, :3, 3], TRUTH_COLOUR, radius=1.4)
-        canvas.draw_axes(truth[-1], self._axis_length, halo=True)
+        canvas.draw_axes(truth[-1], 0.4 * self._axis_length, halo=True)
         return canvas.image()
 
 
@@ -97,23 +101,25 @@ def _spread(mesh: ObjectMesh, direction: np.ndarray, up: np.ndarray) -> np.ndarr
 class _LikelihoodField:
     """Similarity of a touch to the codebook's entries as colours of surface points (P, 3) m.
 
-    Around each entry the best similarity over all yaws counts, as a touch may come with any; points blend the
-    entries next to them. Which entries those are does not depend on the touch and is found once.
+    Of the entries at one place, which differ in yaw and press, the most similar counts, as a touch may come with
+    any; points blend the places next to them. Which those are does not depend on the touch and is found once.
     """
 
     def __init__(self, codebook: Codebook, points: np.ndarray):
         self.codebook = codebook
         positions = codebook.poses[:, :3, 3]
-        tree = cKDTree(positions)
-        self._around = tree.query(positions, min(24, len(positions)))[1].reshape(len(positions), -1)
-        distance, index = tree.query(points, min(6, len(positions)), workers=-1)
+        cells, self._place = np.unique(np.round(positions / _CELL), axis=0, return_inverse=True)
+        tree = cKDTree(cells * _CELL)
+        distance, index = tree.query(points, min(_BLENDED, len(cells)), workers=-1)
         self._index = index.reshape(len(points), -1)
-        weight = 1.0 / (distance.reshape(len(points), -1) ** 2 + 1e-7)
+        distance = distance.reshape(len(points), -1)
+        weight = np.exp(-4 * (distance / np.maximum(distance[:, -1:], 1e-9)) ** 2)
         self._weight = weight / weight.sum(axis=1, keepdims=True)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
-        """RGB (P, 3) for a code (D,), from the 5th percentile of the entries' similarities to the best."""
-        best = (self.codebook.codes @ code)[self._around].max(axis=1)
+        """RGB (P, 3) for a code (D,), from the 5th percentile of the places' similarities to the best."""
+        best = np.full(self._place.max() + 1, -np.inf)
+        np.maximum.at(best, self._place.ravel(), self.codebook.codes @ code)
         low, high = np.percentile(best, 5), best.max()
         heat = np.clip((best - low) / max(high - low, 1e-9), 0, 1) ** 2
         return HEAT_COLOURS((heat[self._index] * self._weight).sum(axis=1))[:, :3]

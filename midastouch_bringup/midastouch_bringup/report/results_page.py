@@ -116,7 +116,7 @@ def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
         page.note(f"no picture of the paths: the mesh {sequence['mesh']} is not there")
         return
     truth = se3.from_xyzquat(np.array(sequence["truth"]))
-    view = ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900, 600)
+    view = ObjectView(ObjectMesh.load(sequence["mesh"]), truth, 900)
     estimates = []
     for trial in trials:
         known = [row for row in trial["per_frame"]["estimate"] if row is not None]

@@ -9,7 +9,7 @@ from midastouch_bringup.report.object_view import ObjectView
 
 @pytest.fixture(scope="module")
 def view(ball, run) -> ObjectView:
-    return ObjectView(ball, np.array([s.truth for s in run]), 120, 90)
+    return ObjectView(ball, np.array([s.truth for s in run]), 120)
 
 
 def test_error_series_are_in_millimetres_and_degrees(run):

@@ -9,7 +9,7 @@ from midastouch_perception import se3
 
 @pytest.fixture(scope="module")
 def view(ball, run) -> ObjectView:
-    return ObjectView(ball, np.array([s.truth for s in run]), 120, 90)
+    return ObjectView(ball, np.array([s.truth for s in run]), 120)
 
 
 def test_the_touched_side_is_seen(view, run):
