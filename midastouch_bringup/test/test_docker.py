@@ -88,9 +88,7 @@ def test_apt_leaves_nothing_behind(stage):
         if word == "RUN" and "apt-get" in argument:
             assert argument.startswith("apt-get update && ")
             assert "rm -rf /var/lib/apt/lists/*" in argument
-            assert all(
-                "--no-install-recommends" in part for part in re.findall(r"apt-get install[^&]*", argument)
-            )
+            assert all("--no-install-recommends" in part for part in re.findall(r"apt-get install[^&]*", argument))
             assert "upgrade" not in argument
 
 
@@ -110,11 +108,11 @@ def test_python_packages_are_pinned(name):
     assert all(re.fullmatch(r"[\w.-]+(\[[\w,]+\])?==[\w.]+", line) for line in lines)
 
 
-def test_pins_are_those_the_tests_run_with():
-    base = (ROOT / "tools" / "requirements" / "base.txt").read_text().splitlines()
-    tested = {line.split(" ;")[0] for line in base if "python_version < " not in line}
-    pins = (DOCKER / "requirements.txt").read_text().splitlines()
-    assert {line for line in pins if "==" in line} <= tested
+@pytest.mark.parametrize(("pins", "tested"), [("requirements.txt", "base.txt"), ("requirements-gpu.txt", "train.txt")])
+def test_pins_are_those_the_tests_run_with(pins, tested):
+    lines = (ROOT / "tools" / "requirements" / tested).read_text().splitlines()
+    known = {line.split(" ;")[0] for line in lines if "python_version < " not in line}
+    assert {line for line in (DOCKER / pins).read_text().splitlines() if "==" in line} <= known
 
 
 def packages():
@@ -122,9 +120,7 @@ def packages():
 
 
 def test_every_package_is_resolved_and_built():
-    sources = {
-        stage: " ".join(a for w, a in STAGES[stage][1] if w == "COPY") for stage in ("manifests", "build")
-    }
+    sources = {stage: " ".join(a for w, a in STAGES[stage][1] if w == "COPY") for stage in ("manifests", "build")}
     for package in packages():
         assert f"{package}/package.xml {package}/" in sources["manifests"]
         assert f"{package} src/{package}" in sources["build"]
