@@ -47,6 +47,7 @@ from .messages import (
     TRUTH_FRAME,
     TRUTH_GEL_FRAME,
     Message,
+    Topic,
     header_stamp_ns,
     sequence_messages,
     typestore,
@@ -79,9 +80,7 @@ class BagWriter:
                 tempfile.TemporaryDirectory(prefix=f".{self._path.name}.", dir=self._path.parent)
             )
             # the writer names the file inside after its folder, so the folder has the final name
-            self._writer = Writer(
-                Path(folder) / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP
-            )
+            self._writer = Writer(Path(folder) / self._path.stem, version=9, storage_plugin=StoragePlugin.MCAP)
             self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             for key, value in self._metadata.items():
                 self._writer.set_custom_data(key, value)
@@ -199,9 +198,14 @@ def read_bag(
         used = True
         yield BagFrame(stamp, _decode_image(message, path), pose, _true_pose(transforms, stamp))
     if not used:
-        raise InputError(
-            f"{path}: no image on {image_topic} has a pose ({reason}); record /tf and /tf_static"
-        )
+        raise InputError(f"{path}: no image on {image_topic} has a pose ({reason}); record /tf and /tf_static")
+
+
+def bag_topics(path: str | Path) -> list[Topic]:
+    """The topics of a bag. Raises InputError if it cannot be read."""
+    path = Path(path)
+    with _readable(path), AnyReader([path]) as reader:
+        return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections]
 
 
 def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Message]:

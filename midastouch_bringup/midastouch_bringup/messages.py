@@ -46,6 +46,15 @@ _SECOND = 1_000_000_000
 
 
 @dataclass(frozen=True)
+class Topic:
+    """A topic's name, its type such as `std_msgs/msg/String`, whether late subscribers get its last message."""
+
+    name: str
+    type_name: str
+    latched: bool = False
+
+
+@dataclass(frozen=True)
 class Message:
     """One serialised message.
 
@@ -58,6 +67,15 @@ class Message:
     stamp_ns: int
     data: bytes
     latched: bool = False
+
+
+SEQUENCE_TOPICS = (
+    Topic(TF_STATIC_TOPIC, TF_TYPE, latched=True),
+    Topic(TF_TOPIC, TF_TYPE),
+    Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo"),
+    Topic(IMAGE_TOPIC, IMAGE_TYPE),
+)
+"""What `sequence_messages` sends."""
 
 
 @functools.cache
@@ -135,9 +153,7 @@ def _static_transforms(store: Typestore, stamp: int) -> Message:
     looking_down = se3.exp(np.array([0, 0, 0, np.pi, 0, 0]))[:3, :3]
     distance = SensorModel.load("digit_tacto").gel_distance
     transforms = [
-        _transform(
-            store, stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))
-        ),
+        _transform(store, stamp, GEL_FRAME, OPTICAL_FRAME, se3.make(looking_down, np.array([0, 0, distance]))),
         _transform(store, stamp, BASE_FRAME, TRUTH_FRAME, BASE_FROM_OBJECT),
     ]
     content = store.types[TF_TYPE](transforms=transforms)

@@ -7,11 +7,14 @@ import heapq
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from .bags import bag_messages, is_bag
+from midastouch_perception.errors import InputError
+
+from .bags import bag_messages, bag_topics, is_bag
 from .datasets import load_sequence
 from .messages import (
     CAMERA_INFO_TOPIC,
     IMAGE_TOPIC,
+    SEQUENCE_TOPICS,
     TF_STATIC_TOPIC,
     TF_TOPIC,
     Message,
@@ -28,34 +31,52 @@ ESTIMATED_FRAMES = frozenset({"object"})
 """Frames that a filter publishes: from a bag they would fight with those of the filter that listens."""
 
 
-def is_image(message: Message) -> bool:
-    """Whether the message ends a frame."""
-    return message.topic.startswith(IMAGE_TOPIC)
+def is_image(topic: str) -> bool:
+    """Whether a message on this topic ends a frame."""
+    return topic.startswith(IMAGE_TOPIC)
 
 
-def replay_messages(
-    path: str | Path, topics: Collection[str] = INPUT_TOPICS, lead_ns: int = 0
-) -> Iterator[Message]:
-    """Messages of the sequence or bag at `path` in the order in which a replay sends them.
+class ReplaySource:
+    """The sequence or bag at `path`; `topics` are the ones it will send.
 
-    `lead_ns` sends what is no image this much earlier, relative to the images of a bag. A replay that waits
-    for every image's result needs it: the transform after an image must go out before its result can come.
-    Raises InputError if `path` is neither or cannot be read.
+    Of a bag only those in `wanted` are taken. Raises InputError if `path` is neither or cannot be read, also
+    while messages are read.
     """
-    if not is_bag(path):
-        yield from sequence_messages(load_sequence(path))
-        return
-    if lead_ns == 0:
-        yield from _without_estimates(bag_messages(path, topics))
-        return
-    # Two passes over the file: one reader cannot be at two places.
-    images = (message for message in bag_messages(path, topics) if is_image(message))
-    others = (message for message in bag_messages(path, topics) if not is_image(message))
-    yield from heapq.merge(
-        _without_estimates(others),
-        images,
-        key=lambda message: message.stamp_ns + (lead_ns if is_image(message) else 0),
-    )
+
+    def __init__(self, path: str | Path, wanted: Collection[str] = INPUT_TOPICS) -> None:
+        self._path = Path(path)
+        self._sequence = None if is_bag(self._path) else load_sequence(self._path)
+        if self._sequence is not None:
+            self.topics = list(SEQUENCE_TOPICS)
+            return
+        present = bag_topics(self._path)
+        self.topics = [topic for topic in present if topic.name in wanted]
+        if not self.topics:
+            names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
+            raise InputError(f"{self._path}: has no {', '.join(sorted(wanted))}; it has {names}")
+
+    def messages(self, lead_ns: int = 0) -> Iterator[Message]:
+        """The messages in the order in which a replay sends them.
+
+        `lead_ns` sends what is no image this much earlier, relative to the images of a bag. A replay that
+        waits for every image's result needs it: the transform after an image must go out before its result
+        can come.
+        """
+        if self._sequence is not None:
+            yield from sequence_messages(self._sequence)
+            return
+        names = {topic.name for topic in self.topics}
+        if lead_ns == 0:
+            yield from _without_estimates(bag_messages(self._path, names))
+            return
+        # Two passes over the file: one reader cannot be at two places.
+        images = (message for message in bag_messages(self._path, names) if is_image(message.topic))
+        others = (message for message in bag_messages(self._path, names) if not is_image(message.topic))
+        yield from heapq.merge(
+            _without_estimates(others),
+            images,
+            key=lambda message: message.stamp_ns + (lead_ns if is_image(message.topic) else 0),
+        )
 
 
 def _without_estimates(messages: Iterator[Message]) -> Iterator[Message]:

@@ -6,7 +6,7 @@ import pytest
 
 from midastouch_bringup.bags import BagWriter, write_bag
 from midastouch_bringup.messages import Message, sequence_messages, typestore
-from midastouch_bringup.replay_source import replay_messages
+from midastouch_bringup.replay_source import ReplaySource
 from midastouch_perception.errors import InputError
 
 SECOND = 1_000_000_000
@@ -29,8 +29,8 @@ def children(message: Message) -> list[str]:
 def test_bag_and_sequence_send_the_same_bytes(tmp_path, simulated_sequence):
     sequence = simulated_sequence(n=4)
     write_bag(sequence, tmp_path / "x.mcap")
-    direct = list(replay_messages(sequence.path))
-    assert list(replay_messages(tmp_path / "x.mcap")) == direct
+    direct = list(ReplaySource(sequence.path).messages())
+    assert list(ReplaySource(tmp_path / "x.mcap").messages()) == direct
     assert direct == list(sequence_messages(sequence))
 
 
@@ -47,10 +47,10 @@ def test_results_in_a_bag_are_not_played(tmp_path, simulated_sequence):
             image,
         ):
             bag.write(message)
-    played = list(replay_messages(tmp_path / "x.mcap"))
+    played = list(ReplaySource(tmp_path / "x.mcap").messages())
     assert [m.topic for m in played] == ["/tf_static", "/tf", "/camera_info", "/image_raw"]
     assert children(played[1]) == ["tool0"]
-    chosen = replay_messages(tmp_path / "x.mcap", topics={"/tactile/penetration"})
+    chosen = ReplaySource(tmp_path / "x.mcap", {"/tactile/penetration"}).messages()
     assert [m.topic for m in chosen] == ["/tactile/penetration"]
 
 
@@ -63,15 +63,25 @@ def test_transforms_can_lead_their_images(tmp_path, simulated_sequence):
             bag.write(message)
 
     def transforms_before_image(lead_ns, frame):
-        topics = [m.topic for m in replay_messages(tmp_path / "x.mcap", lead_ns=lead_ns)]
+        topics = [m.topic for m in ReplaySource(tmp_path / "x.mcap").messages(lead_ns=lead_ns)]
         end = [i for i, topic in enumerate(topics) if topic == "/image_raw"][frame]
         return topics[:end].count("/tf")
 
     assert transforms_before_image(0, frame=4) <= 4  # that of frame 4 is still missing
     assert transforms_before_image(SECOND // 2, frame=4) >= 5
-    assert len(list(replay_messages(tmp_path / "x.mcap", lead_ns=SECOND // 2))) == len(messages)
+    assert len(list(ReplaySource(tmp_path / "x.mcap").messages(lead_ns=SECOND // 2))) == len(messages)
 
 
 def test_neither_bag_nor_sequence(tmp_path):
     with pytest.raises(InputError, match="not a YCB-Slide sequence"):
-        list(replay_messages(tmp_path))
+        list(ReplaySource(tmp_path).messages())
+
+
+def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=2)
+    write_bag(sequence, tmp_path / "x.mcap")
+    of_sequence, of_bag = ReplaySource(sequence.path).topics, ReplaySource(tmp_path / "x.mcap").topics
+    assert set(of_sequence) == set(of_bag)
+    assert {m.topic for m in sequence_messages(sequence)} == {topic.name for topic in of_bag}
+    with pytest.raises(InputError, match="has no /pose; it has /camera_info, /image_raw, /tf, /tf_static"):
+        ReplaySource(tmp_path / "x.mcap", {"/pose"})

@@ -45,11 +45,7 @@ def write_sequence(
     Raises InputError if `path` holds anything but a sequence, or if frames and poses differ in number.
     """
     path = Path(path)
-    if (
-        path.exists()
-        and not (path / "tactile_data.pkl").is_file()
-        and (not path.is_dir() or any(path.iterdir()))
-    ):
+    if path.exists() and not (path / "tactile_data.pkl").is_file() and (not path.is_dir() or any(path.iterdir())):
         raise InputError(f"{path}: exists and is not a sequence; choose another folder")
     dome = sensor.gel_distance - sensor.gel_depth
     with atomic_path(path) as folder:
@@ -58,15 +54,11 @@ def write_sequence(
         penetrations = []
         for i, (image, penetration) in enumerate(frames):
             if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
-                raise InputError(
-                    f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240"
-                )
+                raise InputError(f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240")
             heights = np.clip(np.round((penetration + dome) / _HEIGHT_UNIT), 0, 255).astype(np.uint8)
             _write_image(folder / "tactile_images" / f"{i}.jpg", image)
             _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
-            _write_image(
-                folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255
-            )
+            _write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)
             penetrations.append(np.round(penetration * 1e6).astype(np.int16))
         n = len(penetrations)
         if not n == len(poses_true) == len(poses_measured) or n == 0:
@@ -74,9 +66,7 @@ def write_sequence(
                 f"{path}: {n} frames, {len(poses_true)} true and {len(poses_measured)} measured poses; "
                 "a sequence needs one of each per frame"
             )
-        np.savez_compressed(
-            folder / PENETRATION_FILE, frames=np.arange(n), penetration_um=np.stack(penetrations)
-        )
+        np.savez_compressed(folder / PENETRATION_FILE, frames=np.arange(n), penetration_um=np.stack(penetrations))
         _write_image(folder / BACKGROUND_FILE, background)
         camera_from_gel = se3.make(np.eye(3), np.array([0, 0, sensor.gel_distance]))
         data = {
@@ -92,5 +82,6 @@ def write_sequence(
 def _write_image(file: Path, image: np.ndarray) -> None:
     """Write grey or RGB; raises OSError where OpenCV only returns False."""
     bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR) if image.ndim == 3 else image
-    if not cv2.imwrite(str(file), bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]):
+    options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if file.suffix == ".jpg" else []
+    if not cv2.imwrite(str(file), bgr, options):
         raise OSError(f"{file}: could not be written; is the disk full?")

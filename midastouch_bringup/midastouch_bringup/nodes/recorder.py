@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from rclpy.node import Node
 
@@ -16,24 +15,11 @@ from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
 from ..bags import BagWriter
-from ..messages import CAMERA_INFO_TOPIC, IMAGE_TOPIC, IMAGE_TYPE, TF_STATIC_TOPIC, TF_TOPIC, TF_TYPE, Message
+from ..messages import SEQUENCE_TOPICS, Message, Topic
 from .message_types import message_class
 
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic to record: its name, its type such as `std_msgs/msg/String`, whether its publisher latches."""
-
-    name: str
-    type_name: str
-    latched: bool = False
-
-
 TOPICS = (
-    Topic(IMAGE_TOPIC, IMAGE_TYPE),
-    Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo"),
-    Topic(TF_TOPIC, TF_TYPE),
-    Topic(TF_STATIC_TOPIC, TF_TYPE, latched=True),
+    *SEQUENCE_TOPICS,
     Topic("/tactile/contact", "midastouch_msgs/msg/TactileContact"),
     Topic("/tactile/code", "midastouch_msgs/msg/TactileCode"),
     Topic("/filter_status", "midastouch_msgs/msg/FilterStatus", latched=True),
@@ -56,9 +42,7 @@ class Recorder(Node):
     if the path is taken or a message type is not installed.
     """
 
-    def __init__(
-        self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs
-    ) -> None:
+    def __init__(self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs) -> None:
         super().__init__("recorder", **kwargs)
         path = Parameters(self, PARAMETERS)["path"]
         if not path:

@@ -12,7 +12,6 @@ from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMsg
 from std_srvs.srv import Trigger
 
@@ -24,10 +23,12 @@ from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
-from ..messages import IMAGE_TOPIC, TF_STATIC_TOPIC, TF_TOPIC, Message, header_stamp_ns
+from ..messages import TF_STATIC_TOPIC, TF_TOPIC, Message, Topic, header_stamp_ns
 from ..playback import Playback
-from ..replay_source import INPUT_TOPICS, is_image, replay_messages
+from ..replay_source import INPUT_TOPICS, ReplaySource, is_image
 from .message_types import message_class
+
+RCLError = rclpy_implementation.RCLError
 
 PARAMETERS = (
     Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
@@ -49,7 +50,6 @@ PARAMETERS = (
 )
 
 _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
-RCLError = rclpy_implementation.RCLError
 _LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
 
 
@@ -69,16 +69,13 @@ class Replay(Node):
         self.finished = threading.Event()
         self.error: InputError | None = None
         self.frames_sent = self.frames_repeated = self.frames_lost = 0
+        self._told = 0  # newest time on /clock, ns
 
-        self._outputs: dict[str, Publisher] = {}
-        self._image = self._publisher_of(IMAGE_TOPIC, "sensor_msgs/msg/Image", False)
-        self._clock_output = (
-            self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
-        )
+        self._source = ReplaySource(self._settings["source"], self._settings["topics"].split() or INPUT_TOPICS)
+        self._outputs = {topic.name: self._output(topic) for topic in self._source.topics}
+        self._clock_output = self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
         if self._settings["ack_topic"]:
-            self.create_subscription(
-                FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50)
-            )
+            self.create_subscription(FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50))
         self.create_service(Trigger, "~/pause", self._pause)
         self.create_service(Trigger, "~/resume", self._resume)
         self.create_service(Trigger, "~/step", self._step)
@@ -101,6 +98,7 @@ class Replay(Node):
             self._wait_for_listeners()
             while not self._playback.stopped:
                 self._playback.rewind()
+                self._told = 0
                 self._play_once()
                 if not self._settings["loop"]:
                     break
@@ -125,25 +123,23 @@ class Replay(Node):
                 return
             frame.append(message)
             self._send(message)
-            if is_image(message):
+            if is_image(message.topic):
                 self._until_acknowledged(frame)
                 self._playback.frame_sent()
                 self.frames_sent += 1
                 frame = []
 
     def _messages(self):
-        topics = self._settings["topics"].split() or INPUT_TOPICS
         lead = _LEAD_NS if self._settings["ack_topic"] else 0
         start = None
-        for message in replay_messages(self._settings["source"], topics, lead):
+        for message in self._source.messages(lead):
             start = message.stamp_ns + self._settings["start_offset"] * 1e9 if start is None else start
             if message.latched or message.stamp_ns >= start:
                 yield message
 
     def _send(self, message: Message) -> None:
         self._tick(message.stamp_ns)
-        publisher = self._publisher_of(message.topic, message.type_name, message.latched)
-        publisher.publish(message.data)
+        self._outputs[message.topic].publish(message.data)
 
     def _until_acknowledged(self, frame: list[Message]) -> None:
         """Hold the next frame back; repeat this one, transforms included, while no status answers it."""
@@ -164,33 +160,41 @@ class Replay(Node):
                     self._send(message)
         self.frames_lost += 1
 
-    def _publisher_of(self, topic: str, type_name: str, latched: bool) -> Publisher:
-        if topic not in self._outputs:
-            # names relative to the node's namespace, as the live nodes use them; /tf is global by custom
-            name = topic if topic in (TF_TOPIC, TF_STATIC_TOPIC) else topic.lstrip("/")
-            self._outputs[topic] = self.create_publisher(
-                message_class(type_name), name, _profile(topic, latched)
-            )
-        return self._outputs[topic]
+    def _output(self, topic: Topic) -> Publisher:
+        # names relative to the node's namespace, as the live nodes use them; /tf is global by custom
+        name = topic.name if topic.name in (TF_TOPIC, TF_STATIC_TOPIC) else topic.name.lstrip("/")
+        if topic.latched:
+            profile = qos.latched(_DEPTH)
+        else:
+            profile = qos.TF if topic.name == TF_TOPIC else qos.stream_publisher(_DEPTH)
+        return self.create_publisher(message_class(topic.type_name), name, profile)
 
     def _wait_for_listeners(self) -> None:
         """Until as many as asked for listen; of a filter that acknowledges, until it listens to TF too."""
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         ack_topic = self._settings["ack_topic"]
+        images = [topic for topic in self._outputs if is_image(topic)]
         while not self._playback.stopped:
-            missing = self._settings["wait_for_subscribers"] - self._image.get_subscription_count()
-            waits_for = [f"{missing} more subscribers of {self._image.topic_name}"] if missing > 0 else []
+            waits_for = []
+            missing = self._settings["wait_for_subscribers"] - sum(map(self._listeners, images))
+            if missing > 0:
+                waits_for.append(f"{missing} more subscribers of {' and '.join(images)}")
+            if ack_topic and TF_TOPIC in self._outputs and not self._listeners(TF_TOPIC):
+                waits_for.append(f"a subscriber of {TF_TOPIC}")
             if ack_topic and not self.count_publishers(ack_topic):
                 waits_for.append(f"a publisher of {ack_topic}")
-            if ack_topic and not self.count_subscribers(TF_TOPIC):
-                waits_for.append(f"a subscriber of {TF_TOPIC}")
             if not waits_for:
                 return
             self.get_logger().info(f"waiting for {', '.join(waits_for)}", throttle_duration_sec=5.0)
             steady.sleep_for(Duration(seconds=0.02))
 
+    def _listeners(self, topic: str) -> int:
+        return self._outputs[topic].get_subscription_count()
+
     def _tick(self, recorded_ns: int) -> None:
-        if self._clock_output is not None:
+        """Tell the recorded time; a frame sent again, or transforms sent early, do not turn it back."""
+        if self._clock_output is not None and recorded_ns > self._told:
+            self._told = recorded_ns
             self._clock_output.publish(ClockMsg(clock=stamp_from_ns(recorded_ns)))
 
     def _on_status(self, status: FilterStatus) -> None:
@@ -218,12 +222,6 @@ class Replay(Node):
         if self.frames_lost:
             return WARN, f"{self.frames_lost} frames were never acknowledged", values
         return OK, "finished" if self.finished.is_set() else "playing", values
-
-
-def _profile(topic: str, latched: bool) -> QoSProfile:
-    if latched:
-        return qos.latched(depth=100)  # several publishers' static transforms, one message each
-    return qos.TF if topic == TF_TOPIC else qos.stream_publisher(_DEPTH)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -1,0 +1,91 @@
+"""The recorder over real DDS: what is published is in the bag, to the byte, and the bag is whole or absent."""
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rosbags.highlevel import AnyReader
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from midastouch_bringup.bags import bag_messages, bag_metadata, bag_topics, read_bag
+from midastouch_bringup.messages import Topic
+from midastouch_bringup.nodes.recorder import TOPICS, Recorder
+from midastouch_bringup.nodes.replay import Replay
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
+
+pytestmark = pytest.mark.dds
+
+
+def test_a_replayed_sequence_is_recorded_frame_by_frame(graph, tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=8)
+    path = tmp_path / "recorded.mcap"
+    node = graph.add(Replay, {"source": str(sequence.path), "rate": 0.0, "wait_for_subscribers": 1})
+    recorder = graph.add(Recorder, {"path": str(path)}, metadata={"object": "test_object"})
+    graph.spin_until(
+        lambda: all(p.get_subscription_count() for p in node.publishers if p.topic_name in recorder.counts),
+        "the recorder to be connected",
+    )
+    node.start()
+    graph.spin_until(lambda: recorder.counts["/image_raw"] == recorder.counts["/tf"] == 8, "all frames")
+    assert not path.exists()
+    graph.remove_all()
+    frames = list(read_bag(path))
+    assert [frame.stamp_ns for frame in frames] == sequence.stamps_ns.tolist()
+    for i, frame in enumerate(frames):
+        np.testing.assert_array_equal(frame.image, sequence.image(i))
+        np.testing.assert_allclose(frame.object_from_gel_true, sequence.poses_true[i], atol=1e-9)
+    assert bag_metadata(path) == {"object": "test_object"}
+    assert {t.name: t.latched for t in bag_topics(path)}["/tf_static"]
+
+
+def test_custom_messages_and_a_latched_one_sent_before(graph, tmp_path):
+    path = tmp_path / "bag"
+    topics = [topic for topic in TOPICS if topic.name in ("/tactile/code", "/filter_status")]
+    status = FilterStatus(state="lost", reason="test", skipped_names=["a"], skipped_counts=[2**40])
+    graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched()).publish(status)
+    recorder = graph.add(Recorder, {"path": str(path)}, topics=topics)
+    codes = graph.publisher(TactileCode, "tactile/code")
+    codes.publish(TactileCode(in_contact=True, contact_area=1e-5, code=[0.6, 0.8], network_id="net"))
+    graph.spin_until(lambda: all(recorder.counts.values()), "both messages")
+    graph.remove_all()
+    with AnyReader([path]) as reader:
+        messages = {c.topic: reader.deserialize(data, c.msgtype) for c, _, data in reader.messages()}
+    assert messages["/filter_status"].reason == "test"
+    assert messages["/filter_status"].skipped_counts.tolist() == [2**40]
+    np.testing.assert_allclose(messages["/tactile/code"].code, [0.6, 0.8])
+
+
+def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
+    path = tmp_path / "x.mcap"
+    topics = [Topic("/image_raw", "sensor_msgs/msg/Image")]
+    recorder = graph.add(Recorder, {"path": str(path), "use_sim_time": True}, topics=topics)
+    images, clock = graph.publisher(Image, "image_raw"), graph.publisher(Clock, "/clock")
+    images.publish(Image(header=Header(frame_id="early")))
+    graph.spin_until(lambda: recorder.counts["/image_raw"] == 1, "the early image")
+    for n, second in ((2, 5), (3, 7)):
+        clock.publish(Clock(clock=Time(sec=second)))
+        graph.spin_until(lambda s=second: recorder.get_clock().now().nanoseconds == s * 10**9, "the time")
+        images.publish(Image())
+        graph.spin_until(lambda n=n: recorder.counts["/image_raw"] == n, "the image")
+    graph.remove_all()
+    assert [message.stamp_ns for message in bag_messages(path)] == [5 * 10**9, 5 * 10**9, 7 * 10**9]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "topics", "message"),
+    [
+        ({}, TOPICS, "'path' is empty"),
+        ({"path": "{tmp}/thesis.txt"}, TOPICS, "not a bag; choose another name"),
+        ({"path": "{tmp}/x"}, [Topic("/a", "moon_msgs/msg/Cheese")], "install moon_msgs"),
+        ({"path": "{tmp}/x"}, [Topic("/a", "cheese")], "'cheese' is not known"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused(graph, tmp_path, parameters, topics, message):
+    (tmp_path / "thesis.txt").write_text("precious")
+    parameters = {key: value.format(tmp=tmp_path) for key, value in parameters.items()}
+    with pytest.raises(InputError, match=message):
+        graph.add(Recorder, parameters, topics=topics)
+    assert [file.name for file in tmp_path.iterdir()] == ["thesis.txt"]
