@@ -93,9 +93,7 @@ class _ConfigNode:
         return resolve(self.state.get("_content", self.state.get("_val")))
 
 
-def _array(
-    content: Any, dtype: _Dtype, shape: tuple, order: str, resolve: Callable[[Any], Any]
-) -> np.ndarray:
+def _array(content: Any, dtype: _Dtype, shape: tuple, order: str, resolve: Callable[[Any], Any]) -> np.ndarray:
     plain = dtype.dtype()
     size = math.prod(shape)
     if plain is None:

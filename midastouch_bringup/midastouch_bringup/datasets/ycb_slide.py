@@ -63,9 +63,7 @@ def _load_simulated(path: Path) -> Sequence:
     data = _require_keys(restricted_pickle.load(file), ("gelposes", "gelposes_meas"), file)
     true, measured = _transforms(data["gelposes"], file), _transforms(data["gelposes_meas"], file)
     if len(true) != len(measured):
-        raise InputError(
-            f"{file}: {len(true)} gelposes but {len(measured)} gelposes_meas; get the file again"
-        )
+        raise InputError(f"{file}: {len(true)} gelposes but {len(measured)} gelposes_meas; get the file again")
     n = len(true)
     images = _numbered_images(path / "tactile_images", n)
     return Sequence(
@@ -152,9 +150,7 @@ def _load_real(path: Path) -> Sequence:
     tracked = _require_keys(data["poses"], ("DIGIT",), file)
     objects = [str(key) for key in tracked if key != "DIGIT"]
     if len(objects) != 1:
-        raise InputError(
-            f"{file}: poses of {objects or 'no object'} beside DIGIT, expected exactly one object"
-        )
+        raise InputError(f"{file}: poses of {objects or 'no object'} beside DIGIT, expected exactly one object")
     world_digit, world_object = (_rows(tracked[key], file) for key in ("DIGIT", objects[0]))
     times = np.asarray(data["timestamps"], float)
     names = [Path(str(name)).name for name in data["digit_frames"]]
@@ -251,9 +247,7 @@ def _require_keys(data: Any, keys: tuple[str, ...], file: Path) -> dict:
     if not isinstance(data, dict):
         raise InputError(f"{file}: holds {type(data).__name__}, expected a dictionary; get the file again")
     if missing := [key for key in keys if key not in data]:
-        raise InputError(
-            f"{file}: has no {', '.join(missing)}; it has {', '.join(map(str, data)) or 'nothing'}"
-        )
+        raise InputError(f"{file}: has no {', '.join(missing)}; it has {', '.join(map(str, data)) or 'nothing'}")
     return data
 
 

@@ -13,9 +13,7 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
 SHARED = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "ycb_slide_sim"
-needs_shared = pytest.mark.skipif(
-    not SHARED.is_dir(), reason="the development slides are not beside the clone"
-)
+needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the development slides are not beside the clone")
 
 
 @needs_shared
