@@ -14,26 +14,33 @@ from ..sensor_model import SensorModel
 from ..triangle_grid import TriangleGrid
 
 _NEAR = 1e-3  # m, the camera's near plane
+_WORTH_THREADS = 8  # poses; fewer are drawn sooner than threads are woken
 
 
 class PenetrationRenderer:
     """Renders one mesh for one sensor model.
 
-    Args: mesh; sensor, whose width x height is the size of the maps (see `SensorModel.scaled`).
+    Args: mesh; sensor, whose width x height is the size of the maps (see `SensorModel.scaled`); margin [m]: surface
+    up to this far below the undeformed gel is seen too, as negative penetration down to -margin. Pose alignment needs
+    it to know what is about to touch.
     """
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel):
-        self.mesh, self.sensor = mesh, sensor
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, margin: float = 0.0):
+        self.mesh, self.sensor, self.margin = mesh, sensor, margin
         cell = float(np.clip(mesh.diagonal / 40, 2e-3, 8e-3))
         self._grid = TriangleGrid(mesh.vertices[mesh.faces], cell)
-        self._gel_depth = np.ascontiguousarray(sensor.gel_depth, np.float32)
+        self._gel_depth = np.ascontiguousarray(sensor.gel_depth + margin, np.float32)
 
     def render(self, poses: np.ndarray) -> np.ndarray:
         """Penetration maps (N, H, W) float32 [m] at gel poses `T_obj_gel` (N, 4, 4).
 
-        Penetration is the undeformed gel's depth minus the surface's along the camera axis, 0 without contact.
+        Penetration is the undeformed gel's depth minus the surface's along the camera axis, `-margin` (0) where there
+        is nothing.
         """
-        return self._rasterise(poses, False)[0]
+        penetration = self._rasterise(poses, False)[0]
+        if self.margin:
+            penetration -= np.float32(self.margin)
+        return penetration
 
     def render_with_normals(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Penetration (N, H, W) float32 [m] and smooth-shaded normals (N, H, W, 3) float32 in the gel frame.
@@ -63,61 +70,77 @@ class PenetrationRenderer:
         sensor, grid = self.sensor, self._grid
         penetration = np.zeros((len(poses), sensor.height, sensor.width), np.float32)
         faces = np.full(penetration.shape if with_faces else (len(poses), 0, 0), -1, np.int32)
-        _rasterise(
+        arguments = (
             poses, grid.corners, grid.origin, grid.cell, grid.shape, grid.start, grid.items,
-            self._gel_depth, sensor.focal, sensor.gel_distance, with_faces, penetration, faces,
-            numba.get_num_threads(),
+            self._gel_depth, sensor.focal, sensor.gel_distance, self.margin, with_faces, penetration, faces,
         )  # fmt: skip
+        if len(poses) < _WORTH_THREADS:
+            _rasterise_share(0, 1, *arguments)
+        else:
+            _rasterise(numba.get_num_threads(), *arguments)
         return penetration, faces
 
 
 @numba.njit(cache=True, parallel=True)
 def _rasterise(
-    poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, with_faces, penetration, faces,
-    n_threads,
+    n_threads, poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, margin, with_faces,
+    penetration, faces,
 ):  # fmt: skip
-    n = poses.shape[0]
-    height, width = gel_depth.shape
-    # the view frustum above the undeformed gel, as a box in the gel frame
-    half_x, half_y, half_z = 0.5 * width / focal * distance, 0.5 * height / focal * distance, 0.5 * distance
-    slack = 0.8661 * cell
     for thread in numba.prange(n_threads):
-        seen = np.full(corners.shape[0], -1, np.int32)
-        q = np.empty((3, 3))
-        edge = np.empty((3, 3))
-        low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-        for i in range(thread, n, n_threads):
-            rotation, translation = poses[i, :3, :3], poses[i, :3, 3]
-            for k in range(3):
-                centre = translation[k] + rotation[k, 2] * half_z
-                reach = abs(rotation[k, 0]) * half_x + abs(rotation[k, 1]) * half_y + abs(rotation[k, 2]) * half_z
-                low[k] = max(int(np.floor((centre - reach - origin[k]) / cell)), 0)
-                high[k] = min(int(np.floor((centre + reach - origin[k]) / cell)), shape[k] - 1)
-            for x in range(low[0], high[0] + 1):
-                dx = origin[0] + (x + 0.5) * cell - translation[0]
-                for y in range(low[1], high[1] + 1):
-                    dy = origin[1] + (y + 0.5) * cell - translation[1]
-                    for z in range(low[2], high[2] + 1):
-                        dz = origin[2] + (z + 0.5) * cell - translation[2]
-                        c = (x * shape[1] + y) * shape[2] + z
-                        if start[c] == start[c + 1]:
+        _rasterise_share(
+            thread, n_threads, poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, margin,
+            with_faces, penetration, faces,
+        )  # fmt: skip
+
+
+@numba.njit(cache=True, nogil=True)
+def _rasterise_share(
+    first, step, poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, margin, with_faces,
+    penetration, faces,
+):  # fmt: skip
+    """Render every `step`-th pose from `first` on."""
+    height, width = gel_depth.shape
+    # the view frustum down to `margin` below the gel, as a box in the gel frame
+    deepest = distance + margin
+    half_x, half_y, half_z = 0.5 * width / focal * deepest, 0.5 * height / focal * deepest, 0.5 * deepest
+    middle_z = 0.5 * (distance - margin)
+    slack = 0.8661 * cell
+    seen = np.full(corners.shape[0], -1, np.int32)
+    q = np.empty((3, 3))
+    edge = np.empty((3, 3))
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for i in range(first, poses.shape[0], step):
+        rotation, translation = poses[i, :3, :3], poses[i, :3, 3]
+        for k in range(3):
+            centre = translation[k] + rotation[k, 2] * middle_z
+            reach = abs(rotation[k, 0]) * half_x + abs(rotation[k, 1]) * half_y + abs(rotation[k, 2]) * half_z
+            low[k] = max(int(np.floor((centre - reach - origin[k]) / cell)), 0)
+            high[k] = min(int(np.floor((centre + reach - origin[k]) / cell)), shape[k] - 1)
+        for x in range(low[0], high[0] + 1):
+            dx = origin[0] + (x + 0.5) * cell - translation[0]
+            for y in range(low[1], high[1] + 1):
+                dy = origin[1] + (y + 0.5) * cell - translation[1]
+                for z in range(low[2], high[2] + 1):
+                    dz = origin[2] + (z + 0.5) * cell - translation[2]
+                    c = (x * shape[1] + y) * shape[2] + z
+                    if start[c] == start[c + 1]:
+                        continue
+                    if abs(rotation[0, 0] * dx + rotation[1, 0] * dy + rotation[2, 0] * dz) > half_x + slack:
+                        continue
+                    if abs(rotation[0, 1] * dx + rotation[1, 1] * dy + rotation[2, 1] * dz) > half_y + slack:
+                        continue
+                    up = rotation[0, 2] * dx + rotation[1, 2] * dy + rotation[2, 2] * dz
+                    if abs(up - middle_z) > half_z + slack:
+                        continue
+                    for j in range(start[c], start[c + 1]):
+                        f = items[j]
+                        if seen[f] == i:
                             continue
-                        if abs(rotation[0, 0] * dx + rotation[1, 0] * dy + rotation[2, 0] * dz) > half_x + slack:
-                            continue
-                        if abs(rotation[0, 1] * dx + rotation[1, 1] * dy + rotation[2, 1] * dz) > half_y + slack:
-                            continue
-                        up = rotation[0, 2] * dx + rotation[1, 2] * dy + rotation[2, 2] * dz
-                        if abs(up - half_z) > half_z + slack:
-                            continue
-                        for j in range(start[c], start[c + 1]):
-                            f = items[j]
-                            if seen[f] == i:
-                                continue
-                            seen[f] = i
-                            _draw(
-                                f, corners[f], rotation, translation, gel_depth, focal, distance, q, edge,
-                                with_faces, penetration[i], faces[i],
-                            )  # fmt: skip
+                        seen[f] = i
+                        _draw(
+                            f, corners[f], rotation, translation, gel_depth, focal, distance, deepest, q, edge,
+                            with_faces, penetration[i], faces[i],
+                        )  # fmt: skip
 
 
 @numba.njit(cache=True)
@@ -147,9 +170,11 @@ def _edges(q, edge):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _draw(f, corners, rotation, translation, gel_depth, focal, distance, q, edge, with_faces, penetration, faces):
+def _draw(
+    f, corners, rotation, translation, gel_depth, focal, distance, deepest, q, edge, with_faces, penetration, faces
+):
     nearest = _to_camera(corners, rotation, translation, distance, q)
-    if nearest >= distance:  # below the gel's apex plane: cannot touch
+    if nearest >= deepest:  # below the gel's apex plane: out of view
         return
     height, width = gel_depth.shape
     left, right, top, bottom = 0, width - 1, 0, height - 1

@@ -116,7 +116,7 @@ def train(
         loss = loss_function(output.float(), penetration.to(device))
         run.update(loss)
         recent.append(float(loss.detach()))
-        if run.step % 500 == 0 or run.progress >= 1:
+        if run.step % 250 == 0 or run.progress >= 1:
             figures = validate(run.averaged(UNet), checks)
             run.record(loss=float(np.mean(recent)), **figures)
             recent.clear()
