@@ -9,9 +9,7 @@ def generate_launch_description() -> LaunchDescription:
     """Node `particle_filter`."""
     return LaunchDescription(
         [
-            *declare(
-                *COMMON, "object", "mesh", "codebook", "init_mode", "seed", "tf_prefix", "sensor_prefix"
-            ),
+            *declare(*COMMON, "object", "mesh", "codebook", "init_mode", "seed", "tf_prefix", "sensor_prefix"),
             start("midastouch_filter", "particle_filter"),
         ]
     )

@@ -16,10 +16,7 @@ def generate_launch_description() -> LaunchDescription:
     ur_driver = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(ur_control),
         launch_arguments={
-            **{
-                name: LaunchConfiguration(name)
-                for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")
-            },
+            **{name: LaunchConfiguration(name) for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")},
             "launch_rviz": "false",
         }.items(),
         condition=IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver")),
@@ -27,12 +24,9 @@ def generate_launch_description() -> LaunchDescription:
     rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
     return LaunchDescription(
         [
-            *declare(
-                *COMMON, "serial", "autostart", "composed", "object", "mesh", "codebook", "init_mode", "seed"
-            ),
-            *declare(
-                "arm", "robot_ip", "ur_type", "use_mock_hardware", "tf_prefix", "frames_file", "tool_frame"
-            ),
+            *declare(*COMMON, "serial", "autostart", "composed", "background"),
+            *declare("object", "mesh", "codebook", "init_mode", "seed"),
+            *declare("arm", "robot_ip", "ur_type", "use_mock_hardware", "tf_prefix", "frames_file", "tool_frame"),
             *declare("sensor_prefix", "use_rviz", "rviz_config"),
             ur_driver,
             start("midastouch_bringup", "ur_tf", condition=rtde),

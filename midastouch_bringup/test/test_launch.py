@@ -303,6 +303,25 @@ def test_a_recording_is_played_without_loss_in_its_own_time():
 
 
 @pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize(
+    ("inside", "used"),
+    [
+        (["background.png", "tactile_images"], "background.png"),
+        (["tactile_images"], "tactile_images"),
+        (["frames"], "frames"),
+        ([], ""),
+    ],
+)
+def test_a_sequence_brings_its_background(tmp_path, inside, used):
+    for name in inside:
+        (tmp_path / name).mkdir()
+    values = parameters(carry_out("replay", bag=str(tmp_path))["midastouch_bringup", "replay"])
+    assert values["/tdn"]["background"] == (str(tmp_path / used) if used else "")
+    given = carry_out("replay", bag=str(tmp_path), background="mine.png")
+    assert parameters(given["midastouch_bringup", "replay"])["/tdn"]["background"] == "mine.png"
+
+
+@pytest.mark.usefixtures("stand_ins")
 def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
     from midastouch_bringup.cli import build_parser
 

@@ -63,6 +63,10 @@ ARGUMENTS = {
         bool,
     ),
     # perception and filter
+    "background": Argument(
+        "No-contact image of this sensor, or a folder of its images; empty: from the first images, or from bag",
+        sets=(("tdn", "background"),),
+    ),
     "composed": Argument("Run perception and filter in one process", "false", _YES_NO),
     "object": Argument(
         "Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)"
@@ -130,7 +134,7 @@ def declare_recording(**defaults: str) -> list[DeclareLaunchArgument]:
     """Declarations of what a launch of a recording takes: its own time, and no frame lost."""
     overlay = str(SHARE / "config" / "replay.yaml")
     names = [name for name in COMMON if name not in ("use_sim_time", "params_overlay")]
-    names += ["rate", "loop", "composed", "mesh", "codebook", "init_mode", "seed"]
+    names += ["rate", "loop", "composed", "background", "mesh", "codebook", "init_mode", "seed"]
     names += ["tf_prefix", "sensor_prefix", "use_rviz", "rviz_config"]
     return declare(*names, use_sim_time="true", params_overlay=overlay, **defaults)
 
@@ -204,6 +208,8 @@ def parameters(given: dict[str, str]) -> dict[str, dict]:
             )
         found.setdefault("mesh", str(objects[given["object"]]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
+    if given.get("bag") and not given.get("background"):
+        overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
         overrides["particle_filter"]["base_frame_id"] = f"{given['tf_prefix']}base_link"
     if prefix := given.get("sensor_prefix"):
@@ -211,3 +217,11 @@ def parameters(given: dict[str, str]) -> dict[str, dict]:
         for node in ("tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     return merged([*files, overrides])
+
+
+def _background_of(recording: Path) -> dict[str, str]:
+    """Where a sequence folder holds the sensor's no-contact image, else the images to estimate it from."""
+    for inside in ("background.png", "tactile_images", "frames"):
+        if (recording / inside).exists():
+            return {"background": str((recording / inside).resolve())}
+    return {}
