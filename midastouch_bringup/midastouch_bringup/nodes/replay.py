@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -50,6 +51,9 @@ PARAMETERS = (
 )
 
 _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
+# The first frame may be lost between two other nodes that have not found each other yet. That the filter sees it
+# twice does no harm: it answers a stamp it knows at once.
+_FIRST_TIMEOUT_S = 2.0
 _LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
 
 
@@ -146,15 +150,18 @@ class Replay(Node):
         if not self._settings["ack_topic"]:
             return
         stamp = header_stamp_ns(frame[-1].data)
-        timeout = self._settings["ack_timeout"]
-        for attempt in range(1, self._settings["ack_attempts"] + 1):
+        timeout, attempts = self._settings["ack_timeout"], self._settings["ack_attempts"]
+        if self.frames_sent == 0 and timeout > _FIRST_TIMEOUT_S:
+            attempts = math.ceil(attempts * timeout / _FIRST_TIMEOUT_S)
+            timeout = _FIRST_TIMEOUT_S
+        for attempt in range(1, attempts + 1):
             if self._playback.wait_for_acknowledgement(stamp, timeout) or self._playback.stopped:
                 return
             self.get_logger().warning(
                 f"no {self._settings['ack_topic']} for the frame at {stamp / 1e9:.3f} s after {timeout} s "
                 f"(attempt {attempt})"
             )
-            if attempt < self._settings["ack_attempts"]:
+            if attempt < attempts:
                 self.frames_repeated += 1
                 for message in frame:
                     self._send(message)
