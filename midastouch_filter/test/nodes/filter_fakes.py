@@ -61,9 +61,7 @@ class FakeFilter:
         covariance = np.diag([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
         pose = np.full((4, 4), np.nan) if self.spoil else self._pose
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
-        status = Status(
-            self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5}
-        )
+        status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
         return Estimate(modes, status)
 
     @property
@@ -91,14 +89,10 @@ def loader_of(filters: list[FakeFilter]):
 def code_msg(stamp: int, network_id: str = "fake", in_contact: bool = True) -> TactileCode:
     header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_gel_frame")
     code = array.array("f", [0.6, 0.8] if in_contact else [])
-    return TactileCode(
-        header=header, in_contact=in_contact, contact_area=1e-5, code=code, network_id=network_id
-    )
+    return TactileCode(header=header, in_contact=in_contact, contact_area=1e-5, code=code, network_id=network_id)
 
 
-def tf_msg(
-    stamp: int, pose: np.ndarray, parent: str = "base_link", child: str = "digit_gel_frame"
-) -> TFMessage:
+def tf_msg(stamp: int, pose: np.ndarray, parent: str = "base_link", child: str = "digit_gel_frame") -> TFMessage:
     header = Header(stamp=stamp_from_ns(stamp), frame_id=parent)
     transform = transform_to_msg(pose)
     return TFMessage(transforms=[TransformStamped(header=header, child_frame_id=child, transform=transform)])

@@ -69,9 +69,7 @@ def test_ellipsoid_points_along_its_covariance():
     covariance = np.zeros((6, 6))
     covariance[:3, :3] = 1e-6 * np.outer(direction, direction)
     (ellipsoid,) = [
-        m
-        for m in markers.hypotheses([Mode(1.0, np.eye(4), covariance, 1)], HEADER, 1.0).markers
-        if m.ns == "modes"
+        m for m in markers.hypotheses([Mode(1.0, np.eye(4), covariance, 1)], HEADER, 1.0).markers if m.ns == "modes"
     ]
     q = ellipsoid.pose.orientation
     rotation = se3.from_xyzquat(np.array([0, 0, 0, q.x, q.y, q.z, q.w]))[:3, :3]

@@ -254,9 +254,7 @@ def test_without_an_object_it_says_so_until_one_is_set(graph, tmp_path):
     assert status.state == "uninitialised"
     assert "set_object" in status.reason
     meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
-    refused = graph.call(
-        SetObject, "set_object", SetObject.Request(mesh_path="/bad.ply", codebook_path="/a.npz")
-    )
+    refused = graph.call(SetObject, "set_object", SetObject.Request(mesh_path="/bad.ply", codebook_path="/a.npz"))
     assert (refused.success, refused.message) == (False, "/bad.ply: not a mesh")
     request = SetObject.Request(mesh_path="/data/mug.ply", codebook_path="/data/mug.npz")
     assert graph.call(SetObject, "set_object", request).success

@@ -61,9 +61,7 @@ class FakeTf2:
             if not {target, source} <= known:
                 raise FakeTf2.LookupException(f"{source} unknown")
             chosen = [
-                m
-                for m in self.moving + self.static
-                if m.header.frame_id == target and m.child_frame_id == source
+                m for m in self.moving + self.static if m.header.frame_id == target and m.child_frame_id == source
             ]
             if not chosen:
                 raise FakeTf2.ConnectivityException("two trees")
