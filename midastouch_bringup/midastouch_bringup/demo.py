@@ -68,7 +68,8 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     codebook = cached_codebook(mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)
     print(f"3/5  replay, tdn, tcn and particle_filter as processes, ROS_DOMAIN_ID={domain}", flush=True)
     bag = out / "run.mcap"
-    seconds = _run_nodes(sequence, _parameters(mesh, sequence, out), bag, out / "log", domain)
+    with atomic_path(bag) as temporary:
+        seconds = _run_nodes(sequence, _parameters(mesh, sequence, out), temporary, out / "log", domain)
     print(f"4/5  reading {bag}", flush=True)
     record = read_run(bag)
     print("5/5  pictures", flush=True)
