@@ -1,0 +1,124 @@
+"""A user's first hour, small: simulate, build a codebook, evaluate everything, report. With the shipped networks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from midastouch_bringup import cli
+
+BENCH_TIMES = {"p50", "p95", "cpu"}
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory) -> Path:
+    """A folder with a slide over the eyebolt and its codebook, made by the commands."""
+    folder = tmp_path_factory.mktemp("workspace")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert cli.main(["simulate", "eyebolt", "--out", "eyebolt/00", "--length", "0.015", "--seed", "1"]) == 0
+        assert cli.main(["build-codebook", "eyebolt", "--size", "300"]) == 0
+    (folder / "small.yaml").write_text("max_particles: 2000\n")
+    return folder
+
+
+@pytest.fixture
+def run(workspace, monkeypatch, capsys):
+    """Run a command in the workspace; returns its output and the JSON it wrote, if any."""
+    monkeypatch.chdir(workspace)
+
+    def run(*arguments: str) -> tuple[str, dict | None]:
+        status = cli.main(list(arguments))
+        captured = capsys.readouterr()
+        assert status == 0, captured.err
+        written = arguments[arguments.index("--json") + 1] if "--json" in arguments else None
+        return captured.out, written and json.loads(Path(written).read_text())
+
+    return run
+
+
+def test_evaluate_finds_mesh_and_codebook_by_name(run):
+    output, result = run("evaluate", "eyebolt/00", "--seeds", "2", "--config", "small.yaml", "--json", "evaluate.json")
+    assert [t["seed"] for t in result["trials"]] == [0, 1]
+    assert result["summary"]["objects"]["eyebolt"]["trials"] == 2
+    assert result["sequences"][0]["background"] == "background.png"
+    assert result["trials"][0]["ms"]["tdn"] > 0
+    assert result["machine"]["versions"]["onnxruntime"]
+    assert result["config"]["filter"]["max_particles"] == 2000
+    assert "eyebolt" in output
+
+
+def test_evaluate_is_the_same_every_time(run):
+    options = ("--config", "small.yaml", "--seeds", "1", "--init", "uniform", "--json")
+    results = [run("evaluate", "eyebolt/00", *options, name)[1] for name in ("one.json", "two.json")]
+    first, second = (result["trials"][0]["per_frame"]["estimate"] for result in results)
+    assert first == second
+
+
+def test_evaluate_tdn(run):
+    output, result = run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
+    (sequence,) = result["sequences"]
+    assert set(sequence) >= {
+        "sequence", "frames", "rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame", "background",
+    }  # fmt: skip
+    assert sequence["rmse_mm"] == pytest.approx(result["summary"]["rmse_mm"])
+    assert 0 < sequence["rmse_mm"] < 0.4
+    assert "eyebolt/00" in output
+
+
+def test_single_touch(run):
+    _, result = run(
+        "single-touch", "--codebook", "out/codebooks/eyebolt.npz", "--queries", "25", "--json", "touch.json"
+    )
+    assert set(result["summary"]) == {
+        "normalised_top25_error", "median", "random_error", "geodesic_normalised_top25_error",
+    }  # fmt: skip
+    assert 0 < result["summary"]["normalised_top25_error"] < 0.9
+    assert (result["object"], result["queries"]) == ("eyebolt", 25)
+
+
+def test_bench_has_the_keys_of_the_design(run):
+    _, result = run("bench", "--object", "eyebolt", "--codebook-size", "300", "--frames", "10", "--json", "bench.json")
+    for key in ("tdn_ms", "tcn_ms", "end_to_end_ms"):
+        assert set(result[key]) == BENCH_TIMES
+    assert set(result["filter_ms"]) == {"50000", "10000", "1000"}
+    assert set(result["lookup_ms"]["50000"]) == BENCH_TIMES
+    assert result["filter_ms"]["50000"]["cpu"] > result["filter_ms"]["1000"]["cpu"]
+    for key in ("threads", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):
+        assert result[key] > 0
+
+
+def test_report_takes_all_of_them(run, workspace):
+    run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
+    run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
+    output, _ = run("report", "short.json", "tdn.json", "--out", "report")
+    assert output.strip() == "report/index.html"
+    assert (workspace / "report" / "0_eyebolt_00_paths.png").is_file()
+
+
+def test_to_bag_writes_what_replay_can_play(run, workspace):
+    from midastouch_bringup.bags import read_bag
+
+    run("to-bag", "eyebolt/00", "--out", "slide.mcap")
+    assert len(list(read_bag(workspace / "slide.mcap"))) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["evaluate", "eyebolt/00", "--mesh", "ball"], "built for the mesh 'eyebolt', not for this 'ball'"),
+        (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "sensor"),
+        (["evaluate", "eyebolt/00", "--tdn", "slow"], "tdn network 'slow' is not known"),
+        (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
+        (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
+        (["bench", "--frames", "3"], "--frames 3: too few"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(workspace, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(workspace)
+    assert cli.main(arguments) == 2
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert lines[-1].startswith("midastouch: error: ")
+    assert message in lines[-1]
