@@ -28,7 +28,7 @@ class FilterConfig:
     # --- number of particles (paper appendix C; KLD sampling, Fox 2001)
     min_particles: int = _number(500, 1, 1_000_000, "", "fewest particles")
     max_particles: int = _number(50_000, 1, 5_000_000, "", "most particles; also the number at the start")
-    pf_err: float = _number(0.05, 1e-3, 0.5, "", "KLD sampling: allowed divergence from the true distribution")
+    pf_err: float = _number(0.02, 1e-3, 0.5, "", "KLD sampling: allowed divergence from the true distribution")
     pf_z: float = _number(
         3.0, 0.0, 6.0, "", "KLD sampling: quantile of the standard normal, not a probability (3 means 99.87 %)"
     )
@@ -38,10 +38,9 @@ class FilterConfig:
     kld_sampling: bool = _switch(True, "adapt the number of particles; off keeps max_particles")
 
     # --- motion model (paper equation 1)
-    noise_translation: float = _number(5e-4, 0.0, 0.05, "m", "noise per moving step in contact, each axis, sigma")
-    noise_rotation: float = _number(
-        math.radians(1.0), 0.0, 1.0, "rad", "noise per moving step in contact, each axis, sigma"
-    )
+    noise_translation: float = _number(1e-3, 0.0, 0.05, "m", "noise per step in contact, each axis, sigma")
+    noise_rotation: float = _number(math.radians(2.0), 0.0, 1.0, "rad", "noise per step in contact, each axis, sigma")
+    noise_converged: float = _number(0.25, 0.0, 1.0, "", "share of both that is left once one mode dominates")
     noise_per_metre: float = _number(0.02, 0.0, 1.0, "m/m", "further translation noise per distance moved")
     noise_per_radian: float = _number(0.02, 0.0, 1.0, "rad/rad", "further rotation noise per angle turned")
     update_min_d: float = _number(2e-4, 0.0, 0.1, "m", "the arm is at rest until it has moved this far")
@@ -52,10 +51,10 @@ class FilterConfig:
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.004, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
+        0.01, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
     smoothing_neighbours: int = _number(
-        0, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
+        8, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
     )
 
     # --- surface constraint (paper appendix C, pruning)
@@ -70,7 +69,7 @@ class FilterConfig:
     resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
     recovery_alpha_slow: float = _number(0.02, 1e-4, 1.0, "", "rate of the long average of the likelihood")
-    recovery_alpha_fast: float = _number(0.3, 1e-3, 1.0, "", "rate of the short average of the likelihood")
+    recovery_alpha_fast: float = _number(0.5, 1e-3, 1.0, "", "rate of the short average of the likelihood")
     recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest share of particles injected per update")
 
     # --- modes and status

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
@@ -21,7 +22,7 @@ from .estimate import Estimate, Mode, modes_from_moments
 from .lookup import PoseLookup
 from .measurement_model import MeasurementModel
 from .modes import ModeFinder
-from .motion_model import MotionModel, Odometry
+from .motion_model import Exploration, MotionModel, Odometry
 from .particles import Particles
 from .recovery import LikelihoodTrend
 from .regions import Regions
@@ -65,16 +66,21 @@ class ParticleFilter:
         if not np.isfinite(self._poses).all():
             raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")
         self._network_id = str(codebook.meta.get("tcn", ""))
-        self._rng = np.random.default_rng(seed)
         self._workers = Workers(c.threads)
         self._lookup = PoseLookup(self._poses, self._workers)
-        self._motion = MotionModel(c, self._rng, self._workers)
         self._measurement = MeasurementModel(codebook, self._lookup, c, self._workers)
         grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
         self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
         self._regions = Regions(self._lookup, self._poses, c.region_size)
         self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
         self._clock = clock
+        self.reset(seed)
+
+    def reset(self, seed: int) -> None:
+        """Forget everything but object and settings: the filter is then as if made anew with this seed."""
+        c = self.config
+        self._rng = np.random.default_rng(seed)
+        self._motion = MotionModel(c, self._rng, self._workers)
         self._gates = {
             "at_rest": gates.RestGate(c),
             "no_contact": gates.ContactGate(),
@@ -85,7 +91,10 @@ class ParticleFilter:
         }
         self._refused: Counter[str] = Counter()
         self._state = StateMachine(c)
+        self._watch = Stopwatch(self._clock)
+        self._note = self._restarted = ""
         self._particles: Particles | None = None
+        self._path_since_touch = np.inf
 
     # ------------------------------------------------------------------ start
 
@@ -118,11 +127,17 @@ class ParticleFilter:
         self._particles = particles
         self._weights = particles.weights
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
+        self._exploration = Exploration(self.config)
         self._modes: list[Mode] = []
         self._path_since_lookup = 0.0
         self._path_since_touch = np.inf
         self._in_contact = False
         self._gates["at_rest"].reset()
+        self._gates["unchanged_code"].reset()
+
+    def force_update(self) -> None:
+        """Count the next touch in full, even if the arm rests or the code is the last one again."""
+        self._path_since_touch = np.inf
         self._gates["unchanged_code"].reset()
 
     # ------------------------------------------------------------------ one step
@@ -172,7 +187,7 @@ class ParticleFilter:
         motion = self._gates["at_rest"].motion(motion)
         if motion is None:
             return False
-        self._motion.propagate(self._particles, motion, in_contact)
+        self._motion.propagate(self._particles, motion, self._exploration.share if in_contact else 0.0)
         self._path_since_lookup += motion.path
         self._path_since_touch += motion.path
         return True
@@ -187,8 +202,8 @@ class ParticleFilter:
         except ValueError as error:
             self._refuse("bad_code", str(error))
             return None
-        first = np.isinf(self._path_since_touch)
-        if not (moved or first) or self._gates["unchanged_code"].skips(code):
+        due = np.isinf(self._path_since_touch)
+        if not (moved or due) or self._gates["unchanged_code"].skips(code):
             return None
         return code
 
@@ -215,6 +230,7 @@ class ParticleFilter:
         share = min(1.0, self._path_since_touch / self.config.correlation_length)
         self._path_since_touch = 0.0
         self._trend.update(resampling.log_sum_exp(particles.log_weights + log_ratio), share)
+        self._exploration.update(self._modes[0].weight if self._modes else 0.0, share)
         log_ratio *= share
         log_ratio += particles.log_weights
         total = resampling.log_sum_exp(log_ratio)
@@ -271,6 +287,7 @@ class ParticleFilter:
     def mark_stale(self, reason: str) -> Status:
         """Say from outside that input has stopped, for the reason given; returns the status to publish."""
         self._state.mark_stale(reason)
+        self._note = ""
         return self._status()
 
     @property

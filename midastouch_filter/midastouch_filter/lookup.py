@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+from pykdtree.kdtree import KDTree
+
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
-from pykdtree.kdtree import KDTree
 
 from .particles import Particles
 from .workers import Workers

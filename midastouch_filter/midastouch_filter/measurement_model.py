@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
+
 from midastouch_perception.errors import InputError
 
 from .config import FilterConfig
@@ -106,12 +107,13 @@ class MeasurementModel:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
         if not self._smoothing:
             return self.log_ratio[particles.entries]
+        lookup, rate = self._lookup, np.float32(-0.5 / self._lookup.spacing**2)
         out = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
             lambda low, high, _: _interpolate(
-                low, high, particles.positions, particles.quaternions, particles.entries, self._lookup.records,
-                self._lookup.neighbours, self._smoothing, np.float32(-0.5 / self._lookup.spacing**2), self.log_ratio, out,
+                low, high, particles.positions, particles.quaternions, particles.entries, lookup.records,
+                lookup.neighbours, self._smoothing, rate, self.log_ratio, out,
             ),
         )  # fmt: skip
         return out

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
 import numpy as np
-from midastouch_perception import se3
 
 from . import quaternion
 from .config import FilterConfig
@@ -19,29 +19,58 @@ _ORTHONORMAL = 1e-3  # largest deviation of R^T R from I that still counts as a 
 
 @dataclass(frozen=True)
 class Odometry:
-    """Motion of the sensor between two frames, `T_gel(t-1)_gel(t)`: matrix (4, 4), distance m, angle rad."""
+    """Motion of the sensor between two frames, `T_gel(t-1)_gel(t)`.
+
+    transform (4, 4); row (7,) float32, the same as position and quaternion; distance m; angle rad.
+    """
 
     transform: np.ndarray
+    row: np.ndarray
     distance: float
     angle: float
 
     @classmethod
     def from_matrix(cls, transform: np.ndarray) -> Odometry:
         """Checked odometry; raises ValueError saying what is wrong if it is no finite rigid transform."""
-        transform = np.asarray(transform, float)
+        transform = np.ascontiguousarray(transform, float)
         if transform.shape != (4, 4):
             raise ValueError(f"odometry of shape {transform.shape} instead of (4, 4)")
         if not np.isfinite(transform).all():
             raise ValueError("odometry is not finite")
-        rotation = transform[:3, :3]
-        if np.abs(rotation.T @ rotation - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(rotation) < 0:
+        error, row = _decompose(transform)
+        if not error < _ORTHONORMAL:
             raise ValueError("odometry is not a rigid transform")
-        return cls(transform, float(np.linalg.norm(transform[:3, 3])), float(se3.rotation_angle(rotation)))
+        distance = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+        angle = 2 * math.atan2(math.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2), abs(row[6]))
+        return cls(transform, row.astype(np.float32), distance, angle)
 
     @property
     def path(self) -> float:
         """Distance moved and turned together [m]; 1 rad counts as 10 mm."""
         return self.distance + ROTATION_SCALE * self.angle
+
+
+class Exploration:
+    """Share of the noise floor in use, in [noise_converged, 1]: all while several places compete.
+
+    The odometry errors of an arm do not add up along the way, so the floor stands for no real error. It lets each
+    mode find its best pose between the coarse poses of the codebook, without which chance decides which mode
+    survives; once one mode holds most of the weight it only blurs the answer, and is annealed.
+    """
+
+    _RATE = 0.3  # change per independent touch
+
+    def __init__(self, config: FilterConfig):
+        self._config = config
+        self.share = 1.0
+
+    def update(self, dominant_mass: float, touch_share: float) -> None:
+        """After a touch, counted as `touch_share` of an independent one."""
+        step = 1.0 - self._RATE * touch_share
+        if dominant_mass >= self._config.converged_mass:
+            self.share = max(self.share * step, self._config.noise_converged)
+        else:
+            self.share = min(self.share / step, 1.0)
 
 
 class MotionModel:
@@ -55,27 +84,25 @@ class MotionModel:
         self._config, self._workers = config, workers
         self._streams = rng.spawn(CHUNKS)
 
-    def propagate(self, particles: Particles, odometry: Odometry, in_contact: bool) -> None:
+    def propagate(self, particles: Particles, odometry: Odometry, exploration: float) -> None:
         """Apply equation 1 in place: every particle moves by the odometry, then by its own noise.
 
-        The noise has a floor that keeps duplicates of resampling apart; it is left out in the air, where no
-        touch corrects it.
+        The noise has a floor, scaled by `exploration` in [0, 1] (see `Exploration`).
         """
         c = self._config
-        sigma_t = c.noise_per_metre * odometry.distance + (c.noise_translation if in_contact else 0.0)
-        sigma_r = c.noise_per_radian * odometry.angle + (c.noise_rotation if in_contact else 0.0)
-        self._move(particles, odometry.transform, np.repeat([sigma_t, sigma_r], 3))
+        sigma_t = c.noise_per_metre * odometry.distance + exploration * c.noise_translation
+        sigma_r = c.noise_per_radian * odometry.angle + exploration * c.noise_rotation
+        self._move(particles, odometry, np.repeat([sigma_t, sigma_r], 3))
 
     def scatter(self, particles: Particles, spacing: float) -> None:
         """Spread particles in place along the surface, by about the distance `spacing` [m] between them.
 
         The gel frame's x and y lie along the surface, and z is its normal: so the noise is in x, y and yaw.
         """
-        sigma = 0.25 * spacing
-        self._move(particles, np.eye(4), np.array([sigma, sigma, 0, 0, 0, sigma / ROTATION_SCALE]))
+        sigma = 0.25 * spacing * np.array([1, 1, 0, 0, 0, 1 / ROTATION_SCALE])
+        self._move(particles, Odometry.from_matrix(np.eye(4)), sigma)
 
-    def _move(self, particles: Particles, transform: np.ndarray, sigma: np.ndarray) -> None:
-        step = se3.to_xyzquat(transform).astype(np.float32)
+    def _move(self, particles: Particles, odometry: Odometry, sigma: np.ndarray) -> None:
         noisy = bool(sigma.any())
         # a turn by w is the quaternion (w/2, 1), normalised
         scale = (sigma * [1, 1, 1, 0.5, 0.5, 0.5]).astype(np.float32)
@@ -85,10 +112,30 @@ class MotionModel:
             if noisy:
                 self._streams[chunk].standard_normal(out=noise[low:high], dtype=np.float32)
             _compose(
-                low, high, particles.positions, particles.quaternions, step, noise, noisy, scale
+                low, high, particles.positions, particles.quaternions, odometry.row, noise, noisy, scale
             )
 
         self._workers.run(len(particles), kernel)
+
+
+@numba.njit(cache=True)
+def _decompose(transform):
+    """How far (4, 4) is from a rigid transform, and its row [x y z qx qy qz qw]."""
+    r = transform[:3, :3]
+    error = np.abs(transform[3] - np.array([0.0, 0.0, 0.0, 1.0])).max()
+    for i in range(3):
+        for j in range(3):
+            dot = r[0, i] * r[0, j] + r[1, i] * r[1, j] + r[2, i] * r[2, j]
+            error = max(error, abs(dot - (i == j)))
+    determinant = (
+        r[0, 0] * (r[1, 1] * r[2, 2] - r[1, 2] * r[2, 1])
+        - r[0, 1] * (r[1, 0] * r[2, 2] - r[1, 2] * r[2, 0])
+        + r[0, 2] * (r[1, 0] * r[2, 1] - r[1, 1] * r[2, 0])
+    )
+    row = np.empty(7)
+    row[:3] = transform[:3, 3]
+    row[3:] = quaternion.from_matrix(r)
+    return (error if determinant > 0 else np.inf), row
 
 
 @numba.njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Quaternion arithmetic for Numba kernels. Quaternions are xyzw and unit; everything is float32 scalars."""
+"""Quaternion arithmetic for Numba kernels. Quaternions are xyzw and unit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 @numba.njit(cache=True, inline="always")
 def multiply(ax, ay, az, aw, bx, by, bz, bw):
-    """Hamilton product a * b."""
+    """Hamilton product a * b of float32 scalars."""
     return (
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,
@@ -19,7 +19,7 @@ def multiply(ax, ay, az, aw, bx, by, bz, bw):
 
 @numba.njit(cache=True, inline="always")
 def rotate(qx, qy, qz, qw, x, y, z):
-    """Vector (x, y, z) turned by the quaternion: v + 2 w (u x v) + 2 u x (u x v)."""
+    """Vector (x, y, z) of float32 scalars turned by the quaternion: v + 2 w (u x v) + 2 u x (u x v)."""
     two = np.float32(2.0)
     tx, ty, tz = two * (qy * z - qz * y), two * (qz * x - qx * z), two * (qx * y - qy * x)
     return (
@@ -27,3 +27,23 @@ def rotate(qx, qy, qz, qw, x, y, z):
         y + qw * ty + qz * tx - qx * tz,
         z + qw * tz + qx * ty - qy * tx,
     )
+
+
+@numba.njit(cache=True)
+def from_matrix(r):
+    """Quaternion (4,) of a rotation matrix (3, 3) float64, by its largest component (Shepperd 1978)."""
+    q = np.empty(4)
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    largest, k = trace, 3
+    for i in range(3):
+        if r[i, i] > largest:
+            largest, k = r[i, i], i
+    if k == 3:
+        q[3] = 1.0 + trace
+        q[0], q[1], q[2] = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    else:
+        i, j = (k + 1) % 3, (k + 2) % 3
+        q[k] = 1.0 + r[k, k] - r[i, i] - r[j, j]
+        q[i], q[j] = r[i, k] + r[k, i], r[j, k] + r[k, j]
+        q[3] = r[j, i] - r[i, j]
+    return q / np.sqrt((q * q).sum())

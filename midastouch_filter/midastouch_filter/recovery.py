@@ -16,7 +16,9 @@ _COLLAPSE = 0.45  # share of log(outlier) beyond which the short average counts 
 class LikelihoodTrend:
     """Long and short running averages of the log-likelihood ratio that the particles predicted.
 
-    Attributes: short, long [nats]; 0 is what particles spread at random would predict.
+    Attributes: short, long [nats]; 0 is what particles spread at random would predict. Single touches count at
+    most as twice the worst ratio and at least as half of it with the sign turned: one impossible touch must not
+    poison the averages, and praise from long ago must not delay the alarm.
     """
 
     def __init__(self, config: FilterConfig, outlier: float):
@@ -24,8 +26,8 @@ class LikelihoodTrend:
         self.short = self.long = 0.0
 
     def update(self, log_likelihood: float, share: float) -> None:
-        """Add one touch, counted as `share` of an independent one; -inf counts as the worst ratio twice over."""
-        value = max(log_likelihood, 2 * self._worst)
+        """Add one touch, counted as `share` of an independent one."""
+        value = min(max(log_likelihood, 2 * self._worst), -0.5 * self._worst)
         self.short += self._config.recovery_alpha_fast * share * (value - self.short)
         self.long += self._config.recovery_alpha_slow * share * (value - self.long)
 

@@ -89,6 +89,8 @@ class StateMachine:
     def _narrow(self, e: Evidence) -> tuple[bool, str]:
         c = self._config
         slack = c.hysteresis if self._converged else 1.0
+        if e.support > _FOUND:
+            return False, "the last touches fit the particles badly"
         if e.mode_mass < c.converged_mass / slack:
             return False, f"the dominant mode holds {e.mode_mass:.0%} only"
         if e.spread_t > c.converged_translation * slack:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+
 from midastouch_perception.mesh import ObjectMesh
 
 from .config import FilterConfig
@@ -22,20 +23,21 @@ _COARSE = 4  # fine nodes per coarse one while building
 
 
 class SurfaceGrid:
-    """Signed distance to a mesh's surface, negative inside, exact within `band` metres of it.
+    """Signed distance to a mesh's surface, negative inside, right within `band` metres of it.
 
-    Attributes: spacing m; band m, where distances saturate.
+    Attributes: spacing m, of the nodes; limit m, where distances saturate, a little more than `band`.
     """
 
     def __init__(self, mesh: ObjectMesh, band: float):
-        self.band = band
+        # a cell with one saturated corner interpolates wrongly: keep such cells out of the band
+        self.limit = band + 2 * _FINEST
         low, high = mesh.bounds
-        margin = band + _FINEST
+        margin = self.limit + _FINEST
         volume = float(np.prod(high - low + 2 * margin))
         self.spacing = max(_FINEST, (volume / _LARGEST_GRID) ** (1 / 3))
         self._origin = low - margin
         counts = np.ceil((high + margin - self._origin) / self.spacing).astype(int) + 1
-        self._values = np.full(counts, round(band / _UNIT), np.int16)
+        self._values = np.full(counts, round(self.limit / _UNIT), np.int16)
         self._fill(mesh)
         self._origin32 = self._origin.astype(np.float32)
 
@@ -53,29 +55,29 @@ class SurfaceGrid:
 
         # a block's nodes lie within its half diagonal of its centre: farther blocks hold saturated nodes only
         centre = signed_distance(mesh, self._origin + blocks * self.spacing + half_block)
-        reach = self.band + np.sqrt(3) * half_block
-        self._values[tuple(nodes(centre < -reach).T)] = -round(self.band / _UNIT)
+        reach = self.limit + np.sqrt(3) * half_block
+        self._values[tuple(nodes(centre < -reach).T)] = -round(self.limit / _UNIT)
         near = nodes(np.abs(centre) <= reach)
         signed = signed_distance(mesh, self._origin + near * self.spacing)
-        self._values[tuple(near.T)] = np.clip(signed, -self.band, self.band) / _UNIT
+        self._values[tuple(near.T)] = np.clip(signed, -self.limit, self.limit) / _UNIT
 
     def distance(self, positions: np.ndarray, workers: Workers) -> np.ndarray:
-        """Signed distances (N,) float32 [m] of positions (N, 3) float32; `band` outside the grid."""
+        """Signed distances (N,) float32 [m] of positions (N, 3) float32; `limit` outside the grid."""
         out = np.empty(len(positions), np.float32)
         workers.run(
             len(positions),
             lambda low, high, _: _interpolate(
                 low, high, positions, self._values, self._origin32, np.float32(1 / self.spacing),
-                np.float32(_UNIT), np.float32(self.band), out,
+                np.float32(_UNIT), np.float32(self.limit), out,
             ),
         )  # fmt: skip
         return out
 
     def project(self, particles: Particles, lowest: float, highest: float, workers: Workers) -> None:
-        """Move particles nearer than `band` along the distance's gradient into [lowest, highest] m, in place."""
+        """Move particles nearer than `limit` along the distance's gradient into [lowest, highest] m, in place."""
         distance = self.distance(particles.positions, workers)
         wanted = np.clip(distance, lowest, highest)
-        off = np.flatnonzero((distance != wanted) & (np.abs(distance) < self.band))
+        off = np.flatnonzero((distance != wanted) & (np.abs(distance) < self.limit))
         if not len(off):
             return
         step = np.float32(0.5 * self.spacing) * np.eye(3, dtype=np.float32)
@@ -139,7 +141,7 @@ class SurfaceConstraint:
 
 
 @numba.njit(cache=True, nogil=True)
-def _interpolate(low, high, positions, values, origin, per_metre, unit, band, out):
+def _interpolate(low, high, positions, values, origin, per_metre, unit, limit, out):
     nx, ny, nz = values.shape
     one = np.float32(1.0)
     for i in range(low, high):
@@ -147,7 +149,7 @@ def _interpolate(low, high, positions, values, origin, per_metre, unit, band, ou
         y = (positions[i, 1] - origin[1]) * per_metre
         z = (positions[i, 2] - origin[2]) * per_metre
         if not (x >= 0 and y >= 0 and z >= 0 and x < nx - 1 and y < ny - 1 and z < nz - 1):
-            out[i] = band
+            out[i] = limit
             continue
         ix, iy, iz = int(x), int(y), int(z)
         fx, fy, fz = x - np.float32(ix), y - np.float32(iy), z - np.float32(iz)

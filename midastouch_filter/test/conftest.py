@@ -1,0 +1,116 @@
+"""A small world for the filter: an object without symmetry, a codebook and slides over it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import settings
+
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+
+# the first call of a kernel compiles it
+settings.register_profile("filter", deadline=None, derandomize=True)
+settings.load_profile("filter")
+
+NETWORK = "fourier-test"
+
+
+def bumpy_mesh() -> ObjectMesh:
+    """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places."""
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    directions = np.random.default_rng(3).standard_normal((12, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    bumps = np.exp(15 * (sphere.vertices @ directions.T - 1)).sum(axis=1)
+    vertices = sphere.vertices * (1 + 0.12 * bumps[:, None]) * [0.05, 0.035, 0.025]
+    return ObjectMesh.from_arrays(vertices, sphere.faces, "bumpy")
+
+
+def poses_at(mesh: ObjectMesh, points: np.ndarray, yaw: np.ndarray, penetration: float | np.ndarray) -> np.ndarray:
+    """Contact poses `T_obj_gel` (N, 4, 4) at the surface points nearest to points (N, 3)."""
+    closest, _, face = mesh.closest_points(points)
+    normals = mesh.face_normals[face]
+    depth = np.broadcast_to(penetration, len(points))[:, None]
+    return se3.make(se3.frame_from_normal(normals, yaw), closest - depth * normals)
+
+
+def random_poses(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> np.ndarray:
+    """n contact poses, uniform over surface, yaw and a penetration of 0.5-2 mm."""
+    points = mesh.sample_surface(n, rng)[0]
+    return poses_at(mesh, points, rng.uniform(0, 2 * np.pi, n), rng.uniform(5e-4, 2e-3, n))
+
+
+class FourierEncoder:
+    """Codes (N, 64) that vary smoothly with the pose: random Fourier features of position and rotation."""
+
+    def __init__(self, dim: int = 64, length: float = 0.012, seed: int = 5):
+        rng = np.random.default_rng(seed)
+        self.frequency = rng.standard_normal((12, dim // 2)) / length
+        self.phase = rng.uniform(0, 2 * np.pi, dim // 2)
+
+    def __call__(self, poses: np.ndarray) -> np.ndarray:
+        rotation = 0.007 * poses[:, :3, :3].reshape(-1, 9)
+        angle = np.concatenate([poses[:, :3, 3], rotation], axis=1) @ self.frequency + self.phase
+        codes = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
+        return (codes / np.linalg.norm(codes, axis=1, keepdims=True)).astype(np.float32)
+
+
+def make_codebook(poses: np.ndarray, codes: np.ndarray) -> SimpleNamespace:
+    """What the filter needs of a codebook."""
+    return SimpleNamespace(poses=poses, codes=codes, meta={"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK})
+
+
+def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float = 0.0015) -> np.ndarray:
+    """A slide (n, 4, 4) over the surface in steps of about `step` metres, turning slowly."""
+    pose = random_poses(mesh, 1, rng)[0]
+    out = [pose]
+    heading, yaw = rng.uniform(0, 2 * np.pi), 0.0
+    for _ in range(n - 1):
+        heading += rng.normal(0, 0.05)
+        ahead = pose[:3, 3] + step * (np.cos(heading) * pose[:3, 0] + np.sin(heading) * pose[:3, 1])
+        normal = mesh.face_normals[mesh.closest_points(ahead[None])[2][0]]
+        # carry the frame along: the old x axis, made perpendicular to the new normal
+        x = pose[:3, 0] - normal * (normal @ pose[:3, 0])
+        x /= np.linalg.norm(x)
+        yaw = rng.normal(0, 0.02)
+        turn = se3.exp([0, 0, 0, 0, 0, yaw])
+        closest = mesh.closest_points(ahead[None])[0][0]
+        pose = se3.make(np.stack([x, np.cross(normal, x), normal], axis=1), closest - 1e-3 * normal) @ turn
+        heading -= yaw
+        out.append(pose)
+    return np.stack(out)
+
+
+def odometry_of(poses: np.ndarray) -> list[np.ndarray | None]:
+    """Motion between successive poses, None for the first frame."""
+    return [None, *(se3.inverse(a) @ b for a, b in pairwise(poses))]
+
+
+def with_pose_noise(poses: np.ndarray, rng: np.random.Generator, sigma_t: float, sigma_r: float) -> np.ndarray:
+    """Measured poses: each with its own error, sigma_t [m] and sigma_r [rad] per axis."""
+    noise = rng.standard_normal((len(poses), 6)) * np.repeat([sigma_t, sigma_r], 3)
+    return poses @ se3.exp(noise)
+
+
+@pytest.fixture(scope="session")
+def world() -> SimpleNamespace:
+    """mesh, poses (8000), encode, codebook, and the functions above."""
+    mesh = bumpy_mesh()
+    poses = random_poses(mesh, 8000, np.random.default_rng(1))
+    encode = FourierEncoder()
+    return SimpleNamespace(
+        mesh=mesh,
+        poses=poses,
+        encode=encode,
+        codebook=make_codebook(poses, encode(poses)),
+        make_codebook=make_codebook,
+        random_poses=random_poses,
+        poses_at=poses_at,
+        make_slide=make_slide,
+        odometry_of=odometry_of,
+        with_pose_noise=with_pose_noise,
+    )
