@@ -176,3 +176,15 @@ def test_clouds_are_not_built_for_nobody(graph, depth, background):
 def test_bad_parameters_fail_at_start(graph, depth, parameters):
     with pytest.raises(InputError):
         start(graph, depth, **parameters)
+
+
+def test_the_shipped_network_runs_in_the_node(graph, background):
+    graph.add(TdnNode, {**REPLAY, "background": background})
+    images = graph.publisher(Image, "image_raw")
+    contacts = graph.listen(TactileContact, "tactile/contact")
+    pressed = BACKGROUND.copy()
+    cv2.circle(pressed, (120, 160), 30, (150, 90, 60), -1)
+    for stamp, pixels in enumerate([BACKGROUND, pressed]):
+        images.publish(image_msg(pixels, stamp + 1))
+    graph.spin_until(lambda: len(contacts) == 2)
+    assert [c.in_contact for c in contacts] == [False, True]
