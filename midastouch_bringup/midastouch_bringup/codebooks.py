@@ -15,6 +15,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet
 
 CODEBOOK_FOLDER = Path("out/codebooks")
+_CACHE = Path("out/cache/codebooks")
 
 
 def codebook_path(object_name: str) -> Path:
@@ -50,4 +51,4 @@ def cached_codebook(mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, 
 
 def cached_codebook_path(mesh: ObjectMesh, size: int) -> Path:
     """Where `cached_codebook` keeps it."""
-    return CODEBOOK_FOLDER / f"{mesh.name}_{size}.npz"
+    return _CACHE / f"{mesh.name}_{size}.npz"

@@ -16,7 +16,7 @@ from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
 from .datasets import write_sequence
 
-SLIDE_FOLDER = Path("out/slides")
+_CACHE = Path("out/cache/slides")
 NOISE_T, NOISE_R = 5e-4, np.radians(1.0)
 """Standard deviations [m, rad] of the measured poses (paper section 5)."""
 
@@ -72,7 +72,7 @@ def simulate_sequence(
 
 def cached_slide(mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int = 0) -> Path:
     """Folder of the slide with this seed from an earlier call, simulated if there is none."""
-    folder = SLIDE_FOLDER / mesh.name / f"{mesh.sha256[:8]}_{1e3 * length:.0f}mm_{seed}"
+    folder = _CACHE / mesh.name / f"{mesh.sha256[:8]}_{1e3 * length:.0f}mm_{seed}"
     if not folder.is_dir():
         simulate_sequence(mesh, sensor, length, seed, folder, progress=True)
     return folder

@@ -35,7 +35,7 @@ def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
         assert name in (out / "index.html").read_text()
     assert (out / "run.mcap").stat().st_size > 100_000
     # slide and codebook are kept: nothing is simulated twice
-    assert (tmp_path / "out" / "codebooks" / "eyebolt_400.npz").is_file()
+    assert (tmp_path / "out" / "cache" / "codebooks" / "eyebolt_400.npz").is_file()
 
 
 def test_a_node_that_dies_fails_the_demo_with_the_end_of_its_log(tmp_path, monkeypatch, capsys):
