@@ -40,7 +40,7 @@ from .report.animation import write_gif
 from .report.figures import error_figure, run_figure, save
 from .report.object_view import ObjectView
 from .report.page import Page
-from .report.snapshot import Snapshot
+from .report.snapshot import moments
 from .run_record import DIAGNOSTICS, PENETRATION, RunRecord, read_run
 from .slide_simulation import cached_slide
 
@@ -246,7 +246,9 @@ def _table(result: dict) -> str:
 def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
     run = record.snapshots
     view = ObjectView(mesh, np.array([s.truth for s in run]), 760)
-    overview = save(run_figure(view, codebook, _moments(run), run, f"{mesh.name}, {len(run)} frames"), out / "run.png")
+    overview = save(
+        run_figure(view, codebook, moments(run, _COLUMNS), run, f"{mesh.name}, {len(run)} frames"), out / "run.png"
+    )
     errors = save(error_figure(run), out / "errors.png")
     final = out / "final.png"
     with atomic_path(final) as temporary:
@@ -262,12 +264,6 @@ def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, resul
     page.picture(errors, "Errors over time")
     page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     return page.write(out / "index.html")
-
-
-def _moments(run: list[Snapshot]) -> list[Snapshot]:
-    """The columns of the overview: the start, which changes fast, is shown more densely than the end."""
-    last = len(run) - 1
-    return [run[round(last * share**1.7)] for share in np.linspace(0, 1, min(_COLUMNS, len(run)))]
 
 
 def _ticked(items: list, bar: tqdm):

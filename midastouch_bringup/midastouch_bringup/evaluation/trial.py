@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
+from midastouch_filter.refinement import reduced_relief
 from midastouch_perception import se3
 from midastouch_perception.pipeline import Touch, TouchPipeline
 
@@ -35,7 +36,8 @@ Observer = Callable[[TrialFrame, Touch, Estimate, ParticleFilter], None]
 
 def measure(touch: Touch) -> Measurement:
     """What the filter is told of a touch."""
-    return Measurement(touch.in_contact, touch.code, touch.area_m2, touch.network_id)
+    relief = reduced_relief(touch.penetration) if touch.in_contact else None
+    return Measurement(touch.in_contact, touch.code, touch.area_m2, touch.network_id, relief)
 
 
 def run_trial(

@@ -8,23 +8,24 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 from PIL import Image
 
 from midastouch_perception.files import atomic_path
 
 from .figures import MODE_COLOUR, PARTICLE_COLOUR, PENETRATION_COLOURS, error_series, style_error_axes
 from .object_view import ObjectView
-from .snapshot import Snapshot
+from .snapshot import Snapshot, moments
 
 
 def write_gif(
     path: Path, view: ObjectView, run: list[Snapshot], frames: int, progress: Callable[[list], object] = iter
 ) -> Path:
-    """Write about `frames` evenly spaced snapshots of `run` to `path`, shown for 6 s; the last one stays 2 s.
+    """Write up to `frames` snapshots of `run` (see `moments`) to `path`, shown for 6 s; the last one stays 2 s.
 
     progress: wraps the list that is iterated over (such as tqdm).
     """
-    chosen = [run[i] for i in np.unique(np.linspace(0, len(run) - 1, frames).round().astype(int))]
+    chosen = moments(run, frames)
     stage = _Stage(run)
     pictures = [stage.draw(view, snapshot) for snapshot in progress(chosen)]
     # One palette for all frames: no flicker, and unchanged pixels compress away. The touch is small but
@@ -63,6 +64,7 @@ class _Stage:
             for name, colour in (("particles", PARTICLE_COLOUR), ("closest mode", MODE_COLOUR)):
                 axes.plot(self._series["time"], self._series[name][row], color=colour, lw=1.4, label=name)
             style_error_axes(axes, label, "time [s]" if row else "")
+            axes.yaxis.set_major_locator(LogLocator())
             self._marks.append(axes.axvline(0, color="black", lw=1))
         axes.legend(frameon=False, fontsize=7, loc="upper right")
         self._title = self._figure.text(0.02, 0.94, "", fontsize=12)

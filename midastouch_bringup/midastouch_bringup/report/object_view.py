@@ -34,11 +34,12 @@ class ObjectView:
         self.mesh = mesh
         outward = np.asarray(poses)[:, :3, 2]
         direction = best_direction(outward, np.linspace(0.3, 1.0, len(outward)))
-        surface = mesh.vertices[mesh.faces].reshape(-1, 3)
+        tips = poses[:, :3, 3:] + self._axis_length * poses[:, :3, :3]
+        shown = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 3), np.swapaxes(tips, 1, 2).reshape(-1, 3)])
         up = _up(mesh, direction)
-        spread = np.ptp(_spread(mesh, direction, up), axis=0)
+        spread = np.ptp(_spread(shown, direction, up), axis=0)
         height = int(width * np.clip(1.06 * spread[1] / spread[0], 0.4, 0.9))
-        self.camera = Camera.around(surface, direction, up, width, height)
+        self.camera = Camera.around(shown, direction, up, width, height)
         self._field: _LikelihoodField | None = None
 
     @cached_property
@@ -87,15 +88,15 @@ class ObjectView:
 def _up(mesh: ObjectMesh, direction: np.ndarray) -> np.ndarray:
     """The picture's up direction: the object's z axis, unless the object would then stand taller than
     wide."""
-    seen = [np.ptp(_spread(mesh, direction, up), axis=0) for up in np.eye(3)[[2, 0]]]
+    seen = [np.ptp(_spread(mesh.vertices, direction, up), axis=0) for up in np.eye(3)[[2, 0]]]
     lying = seen[1][0] / seen[1][1] > 1.5 * seen[0][0] / seen[0][1]
     return np.eye(3)[0 if lying else 2]
 
 
-def _spread(mesh: ObjectMesh, direction: np.ndarray, up: np.ndarray) -> np.ndarray:
+def _spread(points: np.ndarray, direction: np.ndarray, up: np.ndarray) -> np.ndarray:
     x = np.cross(up, direction)
     x /= max(np.linalg.norm(x), 1e-9)
-    return mesh.vertices @ np.stack([x, np.cross(direction, x)], axis=1)
+    return points @ np.stack([x, np.cross(direction, x)], axis=1)
 
 
 class _LikelihoodField:

@@ -6,6 +6,8 @@ import dataclasses
 
 import numpy as np
 
+from ..evaluation.metrics import particle_rmse
+
 
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
@@ -36,3 +38,17 @@ class Snapshot:
     penetration: np.ndarray
     code: np.ndarray | None
     state: str
+
+
+def moments(run: list[Snapshot], count: int) -> list[Snapshot]:
+    """At most `count` snapshots that tell the run: the first, the last, more of them while the error falls fast.
+
+    Even steps of a clock that runs half by time and half by how far the particles' error has fallen, in log.
+    """
+    error = np.array([particle_rmse(s.particles, s.truth)[0] for s in run])
+    fallen = -np.log(np.minimum.accumulate(np.maximum(error, 1e-6)))
+    clock = np.linspace(0, 1, len(run))
+    if fallen[-1] > fallen[0]:
+        clock = 0.5 * clock + 0.5 * (fallen - fallen[0]) / (fallen[-1] - fallen[0])
+    chosen = np.searchsorted(clock, np.linspace(0, clock[-1], count))
+    return [run[i] for i in np.unique(np.minimum(chosen, len(run) - 1))]
