@@ -253,8 +253,7 @@ def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, resul
     final = out / "final.png"
     with atomic_path(final) as temporary:
         Image.fromarray(view.particles(run[-1])).save(temporary)
-    bar = tqdm(unit="picture", total=_GIF_FRAMES, leave=False)
-    with bar:
+    with tqdm(unit="picture") as bar:
         animation = write_gif(out / "run.gif", view, run, _GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
     page = Page(f"MidasTouch demo: {mesh.name}")
     page.table(*_rows(result))
@@ -267,6 +266,7 @@ def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, resul
 
 
 def _ticked(items: list, bar: tqdm):
+    bar.reset(len(items))
     for item in items:
         yield item
         bar.update()
