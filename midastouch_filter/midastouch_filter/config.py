@@ -32,8 +32,8 @@ class FilterConfig:
     pf_z: float = _number(
         3.0, 0.0, 6.0, "", "KLD sampling: quantile of the standard normal, not a probability (3 means 99.87 %)"
     )
-    region_size: float = _number(
-        0.005, 1e-3, 0.05, "m", "edge of the SE(3) cells for KLD sampling and clustering; 1 rad counts as 10 mm"
+    region_radius: float = _number(
+        0.005, 1e-3, 0.05, "m", "of the SE(3) cells for KLD sampling and clustering; 1 rad counts as 10 mm"
     )
     kld_sampling: bool = _switch(True, "adapt the number of particles; off keeps max_particles")
 

@@ -19,7 +19,7 @@ from midastouch_perception.mesh import ObjectMesh
 from . import gates, initialisation, kld, resampling
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
-from .lookup import PoseLookup
+from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
 from .modes import ModeFinder
 from .motion_model import Exploration, MotionModel, Odometry
@@ -62,16 +62,19 @@ class ParticleFilter:
         clock: Callable[[], float] = lambda: 0.0,
     ):
         self.config = c = config or FilterConfig()
-        self._poses = np.asarray(codebook.poses, float)
-        if not np.isfinite(self._poses).all():
+        if not np.isfinite(codebook.poses).all():
             raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")
+        self._order = along_curve(codebook.poses)
+        self._poses = np.asarray(codebook.poses, float)[self._order]
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._workers = Workers(c.threads)
         self._lookup = PoseLookup(self._poses, self._workers)
-        self._measurement = MeasurementModel(codebook, self._lookup, c, self._workers)
+        self._measurement = MeasurementModel(
+            codebook.codes[self._order], codebook.meta, self._lookup, c, self._workers
+        )
         grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
         self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
-        self._regions = Regions(self._lookup, self._poses, c.region_size)
+        self._regions = Regions(self._lookup, c.region_radius)
         self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
         self._clock = clock
         self.reset(seed)
@@ -115,7 +118,7 @@ class ParticleFilter:
         if not (0 <= sigma_t < np.inf and 0 <= sigma_r < np.inf):
             raise InputError(f"prior pose: sigmas {sigma_t} m, {sigma_r} rad must be finite and not negative")
         drawn = initialisation.gaussian_poses(prior, sigma_t, sigma_r, self.config.max_particles, self._rng)
-        self._start(self._around(self._lookup.exact(drawn)))
+        self._start(self._around(np.sort(self._lookup.exact(drawn))))
 
     def _around(self, entries: np.ndarray) -> Particles:
         """Equally weighted particles at codebook entries (n,), spread over the gaps between them."""
@@ -243,8 +246,8 @@ class ParticleFilter:
 
     def _resample(self, code: np.ndarray) -> None:
         """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
-        injection = self._trend.injection
         n = len(self._particles)
+        injection = self._trend.injection
         even = self._gates["effective_size"].skips(resampling.effective_size(self._weights), n)
         if even and not injection:
             return
@@ -302,8 +305,8 @@ class ParticleFilter:
 
     @property
     def codebook_indices(self) -> np.ndarray:
-        """Codebook entry (N,) int32 of each particle, as of the last touch."""
-        return self._particles.entries if self._particles else np.empty(0, np.int32)
+        """Codebook entry (N,) of each particle, as of the last touch."""
+        return self._order[self._particles.entries] if self._particles else np.empty(0, np.int64)
 
     def _report(self) -> Estimate:
         if self._particles is None:

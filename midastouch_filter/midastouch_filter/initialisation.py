@@ -8,12 +8,12 @@ from midastouch_perception import se3
 
 
 def uniform_entries(n_entries: int, n: int, rng: np.random.Generator) -> np.ndarray:
-    """n codebook entries (n,) over the whole surface, which the codebook covers evenly.
+    """n codebook entries (n,), ascending, over the whole surface, which the codebook covers evenly.
 
-    Stratified: no entry is drawn once more than another.
+    Stratified: no entry is drawn more than once more than another.
     """
     rounds = -(-n // n_entries)
-    return np.concatenate([rng.permutation(n_entries) for _ in range(rounds)])[:n]
+    return np.sort(np.concatenate([rng.permutation(n_entries) for _ in range(rounds)])[:n])
 
 
 def gaussian_poses(

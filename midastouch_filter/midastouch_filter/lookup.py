@@ -90,6 +90,20 @@ class PoseLookup:
         return distance
 
 
+def along_curve(poses: np.ndarray) -> np.ndarray:
+    """Order (M,) of poses (M, 4, 4) along a space-filling curve, by position.
+
+    Entries near in space are then near in memory, which makes walking the graph several times faster.
+    """
+    t = poses[:, :3, 3]
+    cells = ((t - t.min(axis=0)) / max(np.ptp(t, axis=0).max(), 1e-9) * 1023).astype(np.int64)
+    code = np.zeros(len(t), np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
 def _features(poses: np.ndarray) -> np.ndarray:
     """(N, 12) float32 whose Euclidean distance is the distance between the poses (N, 4, 4)."""
     rotation = (ROTATION_SCALE / np.sqrt(2)) * poses[:, :3, :3].reshape(-1, 9)

@@ -11,8 +11,6 @@ ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numba
 import numpy as np
 
@@ -23,9 +21,6 @@ from .lookup import PoseLookup, squared_distance
 from .particles import Particles
 from .workers import Workers
 
-if TYPE_CHECKING:
-    from midastouch_perception.codebook import Codebook
-
 _SAMPLE = 2048  # codebook entries that stand for the rest of the book while only occupied entries are scored
 
 
@@ -35,12 +30,13 @@ class MeasurementModel:
     Attributes: log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
     """
 
-    def __init__(self, codebook: Codebook, lookup: PoseLookup, config: FilterConfig, workers: Workers):
-        self._codes = np.ascontiguousarray(codebook.codes, np.float32)
+    def __init__(self, codes: np.ndarray, meta: dict, lookup: PoseLookup, config: FilterConfig, workers: Workers):
+        """`codes` (M, D) in the order of `lookup`'s poses; `meta` holds `temperature` and `outlier`."""
+        self._codes = np.ascontiguousarray(codes, np.float32)
         if not np.isfinite(self._codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
-        self._temperature = config.temperature or float(codebook.meta["temperature"])
-        self.outlier = config.outlier or float(codebook.meta["outlier"])
+        self._temperature = config.temperature or float(meta["temperature"])
+        self.outlier = config.outlier or float(meta["outlier"])
         if not (self._temperature > 0 and 0 < self.outlier < 1):
             raise InputError(
                 f"codebook: temperature {self._temperature} and outlier share {self.outlier} are not a calibration;"

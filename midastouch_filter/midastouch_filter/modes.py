@@ -21,8 +21,14 @@ from .workers import CHUNKS, Workers
 _VALLEY = 0.5  # two peaks stay two modes if the density between them falls below this share of the lower one
 _MOST_MODES = 64  # reported; the mass of any further ones counts as "rest"
 
+# while particles are spread all over, only the heaviest regions can belong to a mode worth reporting; the mass of the
+# others counts as "rest"
+_MOST_REGIONS = 4096
+
 # sums per mode: weight, w*t (3), w*t*t' (6), w*q (4), w*q*q' (10), w*t*q' (12), number of particles
 _SUMS = 37
+
+_TRIANGLE = {n: np.triu_indices(n) for n in (3, 4)}
 
 
 @dataclass(frozen=True)
@@ -66,6 +72,8 @@ class ModeFinder:
         """Peak regions (m,) of the modes and the mode (K,) of each region, -1 for none."""
         r = self._regions
         occupied = np.flatnonzero(mass)
+        if len(occupied) > _MOST_REGIONS:
+            occupied = np.sort(occupied[np.argpartition(-mass[occupied], _MOST_REGIONS)[:_MOST_REGIONS]])
         density = _smooth(occupied, mass, r.start, r.neighbours)
         order = occupied[np.argsort(-density[occupied], kind="stable")]
         root = _climb(order, density, r.start, r.neighbours, self._centres, self._squared_radius)
@@ -108,7 +116,7 @@ class ModeFinder:
 def _symmetric(upper: np.ndarray, n: int) -> np.ndarray:
     """(m, n, n) symmetric matrices from rows of their upper triangles."""
     out = np.empty((len(upper), n, n))
-    i, j = np.triu_indices(n)
+    i, j = _TRIANGLE[n]
     out[:, i, j] = upper
     out[:, j, i] = upper
     return out

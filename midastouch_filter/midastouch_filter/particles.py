@@ -29,7 +29,7 @@ class Particles:
         return cls(
             np.ascontiguousarray(rows[:, :3], np.float32),
             np.ascontiguousarray(rows[:, 3:], np.float32),
-            np.full(len(rows), -np.log(len(rows))),
+            np.full(len(rows), -np.log(max(len(rows), 1))),
             np.ascontiguousarray(entries, np.int32),
         )
 

@@ -6,56 +6,59 @@ every particle its cell by one look-up, whatever their number; counting and clus
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
-from .lookup import ROTATION_SCALE, PoseLookup
-
-_AXIS_BITS = 10
+from .lookup import PoseLookup, squared_distance
 
 
 class Regions:
-    """Groups of codebook entries within cells of edge `size` [m]; 1 rad counts as 10 mm.
+    """Groups of codebook entries within `radius` [m] of the group's centre; 1 rad counts as 10 mm.
 
-    Attributes: of_entry (M,) int32, the region of each codebook entry; centre (K,) int32, the entry that stands
-    for each region; start (K + 1,), neighbours: compressed rows of the regions adjacent to each region.
+    Attributes: of_entry (M,) int32, the region of each codebook entry; centre (K,) int32, the entry in the middle
+    of each region; start (K + 1,), neighbours: compressed rows of the regions adjacent to each region.
     """
 
-    def __init__(self, lookup: PoseLookup, poses: np.ndarray, size: float):
-        # two axes determine a rotation; a step of size/r in an axis is a turn of about size in metres
-        axes = poses[:, :3, [0, 2]].reshape(-1, 6) * (ROTATION_SCALE / size)
-        cells = np.floor(np.concatenate([poses[:, :3, 3] / size, axes], axis=1)).astype(np.int64)
-        cells -= cells.min(axis=0)
-        of_entry = np.unique(_pack(cells), return_inverse=True)[1]
-        self.of_entry = of_entry.astype(np.int32)
-        self.centre = _most_central(lookup, self.of_entry)
-        # neighbours farther apart than three cells only tell that the codebook is coarse there
-        edges = lookup.neighbour_distance < 3 * size
-        source = np.repeat(self.of_entry, lookup.neighbours.shape[1])[edges.ravel()]
-        target = self.of_entry[lookup.neighbours.ravel()][edges.ravel()]
+    def __init__(self, lookup: PoseLookup, radius: float):
+        self.of_entry, self.centre = _cover(lookup.records, lookup.neighbours, np.float32(radius**2))
+        # neighbours that far apart only tell that the codebook is coarse there
+        edges = (lookup.neighbour_distance < 3 * radius).ravel()
+        source = np.repeat(self.of_entry, lookup.neighbours.shape[1])[edges].astype(np.int64)
+        target = self.of_entry[lookup.neighbours.ravel()][edges].astype(np.int64)
         count = len(self.centre)
-        pairs = np.unique(np.concatenate([source * np.int64(count) + target, target * np.int64(count) + source]))
-        source, target = pairs // count, pairs % count
-        apart = source != target
-        self.neighbours = target[apart].astype(np.int32)
-        self.start = np.searchsorted(source[apart], np.arange(count + 1)).astype(np.int64)
+        pairs = np.concatenate([source * count + target, target * count + source])
+        source, target = np.divmod(np.unique(pairs[np.tile(source != target, 2)]), count)
+        self.neighbours = target.astype(np.int32)
+        self.start = np.searchsorted(source, np.arange(count + 1)).astype(np.int64)
 
     def __len__(self) -> int:
         return len(self.centre)
 
 
-def _pack(cells: np.ndarray) -> np.ndarray:
-    """One sortable number (M,) per row of small non-negative integers (M, 9)."""
-    _, packed = np.unique(cells[:, :3] @ (1 << _AXIS_BITS * np.arange(3)), return_inverse=True)
-    for column in cells[:, 3:].T:
-        packed = packed * (column.max() + 1) + column
-    return packed
+@numba.njit(cache=True)
+def _cover(records, neighbours, squared_radius):
+    """Take the first entry left as a centre and everything left within the radius of it, until nothing is left.
 
-
-def _most_central(lookup: PoseLookup, of_entry: np.ndarray) -> np.ndarray:
-    """For each region the entry (K,) nearest to the mean position of its entries."""
-    size = np.bincount(of_entry)
-    positions = lookup.records[:, :3].astype(float)
-    mean = np.stack([np.bincount(of_entry, weights=p) for p in positions.T], axis=1) / size[:, None]
-    off = np.linalg.norm(positions - mean[of_entry], axis=1)
-    order = np.lexsort((off, of_entry))
-    return order[np.concatenate([[0], np.cumsum(size)[:-1]])].astype(np.int32)
+    What lies within the radius is reached through the neighbour graph.
+    """
+    count = records.shape[0]
+    of_entry, centre = np.full(count, -1, np.int32), np.empty(count, np.int32)
+    stack = np.empty(count, np.int32)
+    regions = 0
+    for i in range(count):
+        if of_entry[i] >= 0:
+            continue
+        c = records[i]
+        of_entry[i], centre[regions], stack[0] = regions, i, i
+        height = 1
+        while height > 0:
+            height -= 1
+            for other in neighbours[stack[height]]:
+                if of_entry[other] >= 0:
+                    continue
+                if squared_distance(c[0], c[1], c[2], c[4], c[5], c[6], c[7], records[other]) <= squared_radius:
+                    of_entry[other] = regions
+                    stack[height] = other
+                    height += 1
+        regions += 1
+    return of_entry, centre[:regions].copy()

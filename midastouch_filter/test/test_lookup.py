@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.lookup import PoseLookup
+from midastouch_filter.lookup import PoseLookup, along_curve
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
@@ -79,3 +79,10 @@ def test_repeated_poses_are_no_trouble():
 def test_a_book_of_one_pose_is_refused():
     with pytest.raises(InputError, match="1 poses"):
         PoseLookup(np.eye(4)[None], Workers(1))
+
+
+def test_order_along_the_curve_brings_neighbours_together(world):
+    order = along_curve(world.poses)
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(world.poses)))
+    jump = np.linalg.norm(np.diff(world.poses[order, :3, 3], axis=0), axis=1)
+    assert np.median(jump) < 0.2 * np.median(np.linalg.norm(np.diff(world.poses[:, :3, 3], axis=0), axis=1))

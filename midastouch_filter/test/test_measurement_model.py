@@ -17,7 +17,7 @@ def lookup(world):
 
 
 def model(world, lookup, **config):
-    return MeasurementModel(world.codebook, lookup, FilterConfig(**config), WORKERS)
+    return MeasurementModel(world.codebook.codes, world.codebook.meta, lookup, FilterConfig(**config), WORKERS)
 
 
 def test_is_the_stated_log_likelihood_ratio(world, lookup):
@@ -107,10 +107,8 @@ def test_length_of_the_code_does_not_matter(world, lookup, scale):
 
 
 def test_refuses_a_book_without_calibration_or_with_nan(world, lookup):
-    book = world.make_codebook(world.poses, world.codebook.codes)
-    book.meta["temperature"] = 0.0
+    codes, meta = world.codebook.codes, world.codebook.meta
     with pytest.raises(InputError, match="temperature"):
-        MeasurementModel(book, lookup, FilterConfig(), WORKERS)
-    broken = world.make_codebook(world.poses, np.full_like(world.codebook.codes, np.nan))
+        MeasurementModel(codes, meta | {"temperature": 0.0}, lookup, FilterConfig(), WORKERS)
     with pytest.raises(InputError, match="not finite"):
-        MeasurementModel(broken, lookup, FilterConfig(), WORKERS)
+        MeasurementModel(np.full_like(codes, np.nan), meta, lookup, FilterConfig(), WORKERS)
