@@ -99,6 +99,15 @@ class ParticleFilter:
         self._particles: Particles | None = None
         self._path_since_touch = np.inf
 
+    def warm_up(self, seed: int) -> None:
+        """Take some steps, so that every kernel is compiled or loaded before the first real one; then `reset`."""
+        self.initialise_uniform()
+        forward = np.eye(4)
+        for k in range(4):
+            forward[0, 3] = 1e-3 * k
+            self.step(forward, Measurement(True, self._measurement.code_of(k % 2)))
+        self.reset(seed)
+
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:
@@ -215,6 +224,8 @@ class ParticleFilter:
         if self._path_since_lookup > self._lookup.reach:
             self._lookup.relocate(self._particles)
         self._path_since_lookup = 0.0
+        if self.config.project_to_surface:
+            self._surface.project(self._particles)
         return self._lookup.follow(self._particles)
 
     def _weigh(self, code: np.ndarray, book_distance: np.ndarray) -> bool:
