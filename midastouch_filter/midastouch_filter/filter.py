@@ -15,6 +15,7 @@ import numpy as np
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
 
 from . import gates, initialisation, kld, resampling
 from .config import FilterConfig
@@ -25,6 +26,7 @@ from .modes import ModeFinder
 from .motion_model import Exploration, MotionModel, Odometry
 from .particles import Particles
 from .recovery import LikelihoodTrend
+from .refinement import Refinement
 from .regions import Regions
 from .state import Evidence, StateMachine, Status
 from .stopwatch import Stopwatch
@@ -37,12 +39,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown."""
+    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; relief
+    (80, 60) m, the felt penetration reduced by `refinement.reduced_relief`, or None."""
 
     in_contact: bool
     code: np.ndarray | None = None
     contact_area: float = 0.0
     network_id: str = ""
+    relief: np.ndarray | None = None
 
 
 class ParticleFilter:
@@ -76,8 +80,13 @@ class ParticleFilter:
         self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
         self._regions = Regions(self._lookup, c.region_radius)
         self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
+        self._refinement = self._make_refinement(mesh, codebook) if c.refinement else None
         self._clock = clock
         self.reset(seed)
+
+    def _make_refinement(self, mesh: ObjectMesh, codebook: Codebook) -> Refinement | None:
+        sensor = codebook.meta.get("sensor")
+        return Refinement(mesh, SensorModel.load(sensor), self.config) if sensor else None
 
     def reset(self, seed: int) -> None:
         """Forget everything but object and settings: the filter is then as if made anew with this seed."""
@@ -91,6 +100,7 @@ class ParticleFilter:
             "effective_size": gates.EffectiveSizeGate(c),
             "whole_book": gates.OccupiedGate(),
             "unmoved_modes": gates.UnmovedGate(),
+            "wide_modes": gates.WideGate(),
         }
         self._refused: Counter[str] = Counter()
         self._state = StateMachine(c)
@@ -174,12 +184,16 @@ class ParticleFilter:
         if touched is not None:
             with self._watch.stage("lookup"):
                 distance = self._look_up()
+            share = self._evidence_share()
             with self._watch.stage("weights"):
-                alive = self._weigh(touched, distance)
+                alive = self._weigh(touched, distance, share)
             with self._watch.stage("resampling"):
                 self._resample(touched) if alive else self._restart(touched)
         with self._watch.stage("modes"):
             self._find_modes(moved or touched is not None)
+        if touched is not None and self._refinement is not None and measurement.relief is not None:
+            with self._watch.stage("refinement"):
+                self._refine(measurement.relief, share)
         return self._report()
 
     def _predict(self, odometry: np.ndarray | None, in_contact: bool) -> bool:
@@ -228,11 +242,20 @@ class ParticleFilter:
             self._surface.project(self._particles)
         return self._lookup.follow(self._particles)
 
-    def _weigh(self, code: np.ndarray, book_distance: np.ndarray) -> bool:
-        """Equation 2, as a log-likelihood ratio, and the surface constraint. False if no particle survives.
+    def _evidence_share(self) -> float:
+        """How much of this touch counts, in [0, 1], and start measuring the path to the next one.
 
         Touches nearer together than the correlation length see nearly the same patch: they are no independent
-        evidence, so both count in proportion to the path since the last one.
+        evidence, so they count in proportion to the path between them.
+        """
+        share = min(1.0, self._path_since_touch / self.config.correlation_length)
+        self._path_since_touch = 0.0
+        return share
+
+    def _weigh(self, code: np.ndarray, book_distance: np.ndarray, share: float) -> bool:
+        """Equation 2, as a log-likelihood ratio, and the surface constraint, both to the power `share`.
+
+        False if no particle survives.
         """
         particles = self._particles
         if self._gates["whole_book"].skips(len(particles), len(self._lookup)):
@@ -241,8 +264,6 @@ class ParticleFilter:
             self._measurement.score_book(code)
         log_ratio = self._surface.log_weight(particles, book_distance)
         log_ratio += self._measurement.log_likelihood(particles)
-        share = min(1.0, self._path_since_touch / self.config.correlation_length)
-        self._path_since_touch = 0.0
         self._trend.update(resampling.log_sum_exp(particles.log_weights + log_ratio), share)
         self._exploration.update(self._modes[0].weight if self._modes else 0.0, share)
         log_ratio *= share
@@ -295,6 +316,17 @@ class ParticleFilter:
         if self._modes and self._gates["unmoved_modes"].skips(changed):
             return
         self._modes = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
+
+    def _refine(self, relief: np.ndarray, share: float) -> None:
+        """Let the relief place the particles of narrow modes."""
+        members = self._mode_finder.members(self._particles)
+        fit = self._refinement.apply(self._particles, members, self._modes, relief, share)
+        if self._gates["wide_modes"].skips(fit is None):
+            return
+        if fit > self.config.relief_fit:
+            self._trend.explained()
+        self._weights = self._particles.weights
+        self._modes = modes_from_moments(self._mode_finder.moments(self._particles, self._weights))
 
     # ------------------------------------------------------------------ answers
 

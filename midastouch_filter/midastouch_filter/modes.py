@@ -65,8 +65,20 @@ class ModeFinder:
     def find(self, particles: Particles, weights: np.ndarray) -> Moments:
         """Moments of the modes of particles with normalised weights (N,)."""
         mass = np.bincount(self._regions.of_entry[particles.entries], weights, minlength=len(self._regions))
-        peaks, mode_of_region = self._cluster(mass)
-        return self._sum(particles, weights, peaks, mode_of_region)
+        self._peaks, self._mode_of_region = self._cluster(mass)
+        return self.moments(particles, weights)
+
+    def moments(self, particles: Particles, weights: np.ndarray) -> Moments:
+        """Moments of the modes found last, for particles that were moved or weighed since."""
+        moments, order = self._sum(particles, weights, self._peaks, self._mode_of_region)
+        rank = np.full(len(order) + 1, -1, np.int32)
+        rank[order] = np.arange(len(order), dtype=np.int32)
+        self._rank_of_region = rank[self._mode_of_region]
+        return moments
+
+    def members(self, particles: Particles) -> np.ndarray:
+        """Mode (N,) int32 of each particle, numbered as the latest moments, -1 for none."""
+        return self._rank_of_region[self._regions.of_entry[particles.entries]]
 
     def _cluster(self, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Peak regions (m,) of the modes and the mode (K,) of each region, -1 for none."""
@@ -87,7 +99,7 @@ class ModeFinder:
         mode_of_root[peaks] = np.arange(len(peaks), dtype=np.int32)
         return peaks, mode_of_root[root]
 
-    def _sum(self, particles, weights, peaks, mode_of_region) -> Moments:
+    def _sum(self, particles, weights, peaks, mode_of_region) -> tuple[Moments, np.ndarray]:
         reference = self._centres[peaks].astype(float)
         partial = np.zeros((CHUNKS, len(peaks), _SUMS))
         self._workers.run(
@@ -99,9 +111,10 @@ class ModeFinder:
         )  # fmt: skip
         total = partial.sum(axis=0)
         # the order of the regions' masses, rounding aside; sorted again so that it is exact
-        total, reference = (x[np.argsort(-total[:, 0], kind="stable")] for x in (total, reference))
+        order = np.argsort(-total[:, 0], kind="stable")
+        total, reference = total[order], reference[order]
         mean = total[:, 1:-1] / np.maximum(total[:, :1], np.finfo(float).tiny)
-        return Moments(
+        moments = Moments(
             np.concatenate([reference[:, :3], reference[:, 4:]], axis=1),
             total[:, 0],
             total[:, -1].astype(int),
@@ -111,6 +124,7 @@ class ModeFinder:
             _symmetric(mean[:, 13:23], 4),
             mean[:, 23:35].reshape(-1, 3, 4),
         )
+        return moments, order
 
 
 def _symmetric(upper: np.ndarray, n: int) -> np.ndarray:

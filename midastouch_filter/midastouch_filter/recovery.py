@@ -31,6 +31,10 @@ class LikelihoodTrend:
         self.short += self._config.recovery_alpha_fast * share * (value - self.short)
         self.long += self._config.recovery_alpha_slow * share * (value - self.long)
 
+    def explained(self) -> None:
+        """The relief itself fits the belief: whatever the codes say, the particles are not lost."""
+        self.short = max(self.short, 0.0)
+
     @property
     def support(self) -> float:
         """Short average as a share of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""

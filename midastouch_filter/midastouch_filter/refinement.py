@@ -1,0 +1,118 @@
+"""Coarse to fine: once particles form narrow modes, let the felt relief itself place them.
+
+The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
+Gaussian the relief has a closed-form update: `alignment.py` gives the posterior mean and covariance, and the mode's
+particles are moved as a whole so that they have them (a deterministic ensemble Kalman update, Bishop et al. 2001).
+It costs a dozen rendered views per mode instead of one per particle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from scipy.spatial.transform import Rotation
+
+from .alignment import Aligned, ReliefAlignment
+from .config import FilterConfig
+from .estimate import Mode
+from .particles import Particles
+
+RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
+_FLOOR = np.repeat([2e-4, np.radians(0.3)], 3) ** 2  # m^2, rad^2: no mode is surer than this before it is aligned
+_LARGEST_EVIDENCE = 5.0  # nats one relief may speak for one mode and against another
+
+
+def reduced_relief(penetration: np.ndarray) -> np.ndarray:
+    """Relief (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
+    rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
+    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)
+
+
+class Refinement:
+    """Moves the particles of narrow modes to where the relief puts them."""
+
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig):
+        self._config = config
+        self._alignment = ReliefAlignment(
+            mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
+        )
+        self._jitter = np.diag(np.repeat([config.noise_translation, config.noise_rotation], 3) ** 2)
+
+    def apply(
+        self, particles: Particles, members: np.ndarray, modes: list[Mode], relief: np.ndarray, share: float
+    ) -> float | None:
+        """Update the particles of narrow modes in place; None if no mode is narrow enough.
+
+        members (N,): mode of each particle, -1 for none; relief (80, 60) m; share in [0, 1]: how much of this frame
+        is evidence independent of the last. Between several narrow modes, mass moves to those the relief fits.
+        Returns the fit of the heaviest of them, in [0, 1].
+        """
+        c = self._config
+        narrow = [
+            k
+            for k, mode in enumerate(modes[: c.refined_modes])
+            if mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
+        ]
+        aligned: dict[int, Aligned] = {}
+        for k in narrow:
+            prior = _in_own_frame(modes[k]) + np.diag(_FLOOR)
+            aligned[k] = posterior = self._alignment.align(modes[k].pose, prior + self._jitter, relief)
+            if posterior.fit > c.relief_fit:
+                mean, covariance = _without_jitter(modes[k].pose, prior, self._jitter, posterior)
+                _move(particles, np.flatnonzero(members == k), modes[k].pose, prior, mean, covariance)
+        if len(aligned) > 1:
+            self._weigh(particles, members, aligned, share)
+        return aligned[narrow[0]].fit if narrow else None
+
+    @staticmethod
+    def _weigh(particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float) -> None:
+        best = max(a.log_evidence for a in aligned.values())
+        concerned = np.isin(members, list(aligned))
+        before = np.logaddexp.reduce(particles.log_weights[concerned])
+        for k, posterior in aligned.items():
+            change = share * max(posterior.log_evidence - best, -_LARGEST_EVIDENCE)
+            particles.log_weights[members == k] += change
+        particles.log_weights[concerned] += before - np.logaddexp.reduce(particles.log_weights[concerned])
+
+
+def _in_own_frame(mode: Mode) -> np.ndarray:
+    """A mode's covariance (6, 6) in its pose's own axes instead of the object's."""
+    turn = np.kron(np.eye(2), mode.pose[:3, :3])
+    return turn.T @ mode.covariance @ turn
+
+
+def _without_jitter(
+    pose: np.ndarray, prior: np.ndarray, jitter: np.ndarray, posterior: Aligned
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (4, 4) and covariance (6, 6) of the mode, given the posterior of mode plus this frame's jitter.
+
+    An arm reports each pose with an error of its own that does not stay: the relief sees the sum of both, and only
+    the mode's share of the innovation may move the particles for good (conditioning of a joint Gaussian).
+    """
+    total = prior + jitter
+    gain = np.linalg.solve(total, prior).T
+    offset = gain @ se3.log(se3.inverse(pose) @ posterior.pose)
+    covariance = prior - gain @ (total - posterior.covariance) @ gain.T
+    return pose @ se3.exp(offset), 0.5 * (covariance + covariance.T)
+
+
+def _move(
+    particles: Particles,
+    which: np.ndarray,
+    pose: np.ndarray,
+    prior: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+) -> None:
+    """Map particles spread as N(pose, prior) to N(mean, covariance), by the affine map of their Cholesky factors."""
+    shrink = np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(prior))
+    turn = Rotation.from_matrix(pose[:3, :3])
+    deviation = np.empty((len(which), 6))
+    deviation[:, :3] = (particles.positions[which] - pose[:3, 3]) @ pose[:3, :3]
+    deviation[:, 3:] = (turn.inv() * Rotation.from_quat(particles.quaternions[which])).as_rotvec()
+    deviation = deviation @ shrink.T
+    particles.positions[which] = mean[:3, 3] + deviation[:, :3] @ mean[:3, :3].T
+    turned = Rotation.from_matrix(mean[:3, :3]) * Rotation.from_rotvec(deviation[:, 3:])
+    particles.quaternions[which] = turned.as_quat()
