@@ -40,9 +40,7 @@ def _read_image(path: Path, height: int, width: int) -> np.ndarray:
     if image is None:
         raise InputError(f"{path}: not an image; use PNG or JPEG")
     if image.shape[:2] != (height, width):
-        raise InputError(
-            f"{path}: {image.shape[1]} x {image.shape[0]} pixels, the sensor model has {width} x {height}"
-        )
+        raise InputError(f"{path}: {image.shape[1]} x {image.shape[0]} pixels, the sensor model has {width} x {height}")
     return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 

@@ -9,6 +9,17 @@ import numpy as np
 from ..pipeline import DepthStage
 from ..tcn import TactileCodeNet
 
+# Metres. Far below what the depth network can tell apart, far above what a cloud of float32 loses.
+_STEP = np.float32(1e-6)
+
+
+def in_steps(penetration: np.ndarray) -> np.ndarray:
+    """Penetration rounded to 1 um: exactly the same whether it came as an array or through a cloud.
+
+    Without it the two would differ in the last bit, which a particle filter turns into another random run.
+    """
+    return np.rint(penetration / _STEP) * _STEP
+
 
 @dataclass(frozen=True)
 class Depth:
@@ -46,7 +57,7 @@ class ImageStage:
         penetration, contact = self._depth.process(image, background)
         self._image, self._background = image, background
         if contact.in_contact:
-            masked = np.where(contact.mask, penetration, np.float32(0))
+            masked = in_steps(np.where(contact.mask, penetration, np.float32(0)))
             self._last = Depth(True, contact.area_m2, masked)
         else:
             self._last = Depth(False, 0.0, np.zeros_like(penetration))
@@ -77,6 +88,7 @@ class CodeStage:
 
     def process(self, penetration: np.ndarray, area_m2: float) -> Code:
         """`penetration` (H, W) float32 [m], zero outside the contact of area `area_m2`."""
+        penetration = in_steps(penetration)
         if not penetration.any():
             self.skipped["no_contact"] += 1
             return Code(False, 0.0, np.zeros(0, np.float32), self._tcn.network_id)

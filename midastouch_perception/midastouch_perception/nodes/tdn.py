@@ -35,9 +35,7 @@ PARAMETERS = (
         "",
         "No-contact image of this sensor, or a folder of its images; empty: estimated from the first ones",
     ),
-    Parameter(
-        "background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000
-    ),
+    Parameter("background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000),
     Parameter(
         "still_threshold",
         2.0,
@@ -150,9 +148,7 @@ class TdnNode(Node):
         if self._capture is not None:
             response.success, response.message = False, "a capture is already under way"
             return response
-        self._capture = BackgroundCapture(
-            self.parameters["background_frames"], self.parameters["still_threshold"]
-        )
+        self._capture = BackgroundCapture(self.parameters["background_frames"], self.parameters["still_threshold"])
         self._captured = Future(executor=self.executor)
         timeout = self.parameters["capture_timeout"]
         timer = self.create_timer(

@@ -115,8 +115,14 @@ class Graph:
 
 @contextlib.contextmanager
 def open_graph() -> Iterator[Graph]:
-    """A graph for one test, on a DDS domain that no robot uses (unless ROS_DOMAIN_ID names one)."""
-    rclpy.init(args=[], domain_id=int(os.environ.get("ROS_DOMAIN_ID", "44")))
+    """A graph for one test, on this machine only and in a DDS domain of this process' own.
+
+    ROS_DOMAIN_ID, where set, names the domain instead. Programs that the test starts inherit both.
+    """
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    # Linux keeps the ports of domains 0 to 101 out of its ephemeral range
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
+    rclpy.init(args=[], domain_id=int(os.environ["ROS_DOMAIN_ID"]))
     graph = Graph()
     try:
         yield graph

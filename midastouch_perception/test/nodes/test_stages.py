@@ -10,7 +10,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 
 from midastouch_perception.contact import Contact
-from midastouch_perception.nodes.stages import CodeStage, ImageStage
+from midastouch_perception.nodes.stages import CodeStage, ImageStage, in_steps
+from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
+from midastouch_perception.sensor_model import SensorModel
 
 
 def test_an_unchanged_image_reuses_the_depth():
@@ -36,6 +38,15 @@ def test_no_contact_leaves_no_penetration():
     assert not depth.in_contact
     assert depth.area_m2 == 0
     assert not depth.penetration.any()
+
+
+def test_the_way_through_a_cloud_changes_no_bit():
+    sensor = SensorModel.load("digit_tacto").scaled(0.5)
+    penetration = in_steps(np.random.default_rng(0).uniform(3e-5, 2e-3, (160, 120)).astype(np.float32))
+    cloud = cloud_from_penetration(penetration, penetration > 0, sensor)
+    restored = penetration_from_cloud(cloud, sensor)
+    assert (restored != penetration).any(), "else nothing is shown"
+    np.testing.assert_array_equal(in_steps(restored), penetration)
 
 
 def test_code_stage_gates():
