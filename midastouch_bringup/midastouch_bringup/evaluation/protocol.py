@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -67,8 +68,10 @@ def run_sequence(
         for i, image in zip(indices[:count], images, strict=False):
             yield TrialFrame(i, image, sequence.poses_measured[i], sequence.poses_true[i])
 
+    particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
+
     def trial(seed: int, count: int | None, observe) -> dict:
-        particle_filter = ParticleFilter(mesh, codebook, config, seed)
+        particle_filter.reset(seed)
         protocol.start(particle_filter, mesh, sequence.poses_true[indices[0]])
         return run_trial(frames(count), networks.pipeline(), background, particle_filter, observe)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
@@ -77,6 +78,7 @@ class _Record:
         self._columns: dict[str, list] = {}
         self._seconds: list[float] = []
         self._initial: dict[str, float] = {}
+        self._filter_ms: Counter[str] = Counter()
 
     def start(self, truth: np.ndarray, particle_filter: ParticleFilter) -> None:
         """Errors before the first step, of the start itself."""
@@ -84,6 +86,7 @@ class _Record:
 
     def add(self, frame, touch, estimate, particle_filter, seconds, filter_seconds) -> None:
         self._seconds.append(seconds)
+        self._filter_ms.update(estimate.status.ms)
         status, truth = estimate.status, frame.truth
         poses, weights = particle_filter.poses, particle_filter.weights
         modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
@@ -119,6 +122,7 @@ class _Record:
             # the 5th percentile of the rate is the 95th of the time per frame
             "hz_p05": float(1 / np.percentile(seconds, 95)),
             "ms": {stage: float(np.mean(columns[f"ms_{stage}"])) for stage in STAGES},
+            "filter_stages_ms": {name: ms / len(seconds) for name, ms in self._filter_ms.items()},
             "initial": self._initial,
             "final": {key: columns[key][-1] for key in FINAL_KEYS},
             "converged_at_frame": columns["frame"][state.index("converged")] if "converged" in state else None,

@@ -34,7 +34,7 @@ class PosePipeline:
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
         code = self._codes[int(image[0, 0, 0])]
-        return Touch(True, 1e-4, code, np.zeros((16, 12), np.float32), NETWORK, {"tdn": 2.0, "tcn": 1.0})
+        return Touch(True, 1e-4, code, np.zeros((160, 120), np.float32), NETWORK, {"tdn": 2.0, "tcn": 1.0})
 
 
 class StubSequence(SimpleNamespace):
