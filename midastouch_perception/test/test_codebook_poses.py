@@ -34,7 +34,7 @@ def test_yaw_is_even(poses):
 def test_entries_touch(poses, tool, sensor):
     deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
     assert (deepest > 2e-4).mean() > 0.97
-    assert deepest.max() < 2.1e-3
+    assert deepest.max() < 2.2e-3
 
 
 def test_sizes_are_exact(tool, sensor):

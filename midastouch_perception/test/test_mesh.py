@@ -7,13 +7,16 @@ from midastouch_perception.mesh import ObjectMesh
 
 
 def brute_force_distance(mesh, points):
-    """Distances by trimesh's own triangle projection, every point against every triangle."""
-    triangles = mesh.vertices[mesh.faces]
+    """Distances by trimesh's own triangle projection, every point against every triangle.
+
+    In millimetres: trimesh's absolute tolerances are made for larger numbers than a scan's in metres.
+    """
+    triangles = mesh.vertices[mesh.faces] * 1e3
     out = []
-    for point in points:
+    for point in points * 1e3:
         closest = trimesh.triangles.closest_point(triangles, np.tile(point, (len(triangles), 1)))
         out.append(np.linalg.norm(closest - point, axis=1).min())
-    return np.array(out)
+    return np.array(out) / 1e3
 
 
 def test_closest_points_are_exact(block):

@@ -8,17 +8,7 @@ import numpy as np
 
 from ..pipeline import DepthStage
 from ..tcn import TactileCodeNet
-
-# Metres. Far below what the depth network can tell apart, far above what a cloud of float32 loses.
-_STEP = np.float32(1e-6)
-
-
-def in_steps(penetration: np.ndarray) -> np.ndarray:
-    """Penetration rounded to 1 um: exactly the same whether it came as an array or through a cloud.
-
-    Without it the two would differ in the last bit, which a particle filter turns into another random run.
-    """
-    return np.rint(penetration / _STEP) * _STEP
+from .steps import in_steps
 
 
 @dataclass(frozen=True)
@@ -66,12 +56,14 @@ class ImageStage:
 
 @dataclass(frozen=True)
 class Code:
-    """What is known of one touch: `values` (D,) float32, L2-normalised; empty without contact."""
+    """What is known of one touch: `values` (D,) float32, L2-normalised, empty without contact; penetration
+    (H, W) float32 m that it was computed from."""
 
     in_contact: bool
     area_m2: float
     values: np.ndarray
     network_id: str
+    penetration: np.ndarray
 
 
 class CodeStage:
@@ -91,10 +83,10 @@ class CodeStage:
         penetration = in_steps(penetration)
         if not penetration.any():
             self.skipped["no_contact"] += 1
-            return Code(False, 0.0, np.zeros(0, np.float32), self._tcn.network_id)
+            return Code(False, 0.0, np.zeros(0, np.float32), self._tcn.network_id, penetration)
         if self._penetration is not None and np.array_equal(penetration, self._penetration):
             self.skipped["cloud_unchanged"] += 1
         else:
             self._values = np.asarray(self._tcn.encode(penetration), np.float32)
             self._penetration = penetration
-        return Code(True, area_m2, self._values, self._tcn.network_id)
+        return Code(True, area_m2, self._values, self._tcn.network_id, penetration)

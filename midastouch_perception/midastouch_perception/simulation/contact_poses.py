@@ -12,6 +12,8 @@ from ..sensor_model import SensorModel
 from .renderer import PenetrationRenderer
 
 MAX_PENETRATION = 2e-3  # m: the gel is not pressed deeper
+_TOLERANCE = 1e-4  # m
+_PULLS = 4
 MAX_EXCESS = 2e-3  # m: a pose that sinks this much beyond the wanted press would put the sensor's body into the object
 
 
@@ -63,11 +65,18 @@ class Reachability:
         self._renderer = PenetrationRenderer(mesh, sensor.scaled(0.25))
 
     def settle(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration, and which (N,) of them are reachable."""
+        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration, and which (N,) of them can be reached and touch."""
         deepest = self._renderer.render(poses).max(axis=(1, 2)).astype(float)
+        reachable = deepest - press <= MAX_EXCESS
         poses = poses.copy()
-        poses[:, :3, 3] += np.maximum(deepest - MAX_PENETRATION, 0)[:, None] * poses[:, :3, 2]
-        return poses, deepest - press <= MAX_EXCESS
+        # on a flank, pulling back by the excess does not take all of it away: the deepest point moves along
+        for _ in range(_PULLS):
+            deep = np.flatnonzero(reachable & (deepest > MAX_PENETRATION))
+            if not len(deep):
+                break
+            poses[deep, :3, 3] += (deepest[deep] - MAX_PENETRATION)[:, None] * poses[deep, :3, 2]
+            deepest[deep] = self._renderer.render(poses[deep]).max(axis=(1, 2))
+        return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
 
 
 def sample_contact_poses(

@@ -10,7 +10,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 
 from midastouch_perception.contact import Contact
-from midastouch_perception.nodes.stages import CodeStage, ImageStage, in_steps
+from midastouch_perception.nodes.stages import CodeStage, ImageStage
+from midastouch_perception.nodes.steps import in_steps
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel
 

@@ -19,7 +19,7 @@ def poses(tool, sensor):
 def test_poses_touch_within_limits(tool, sensor, poses):
     deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
     assert (deepest > 1e-4).mean() > 0.95
-    assert deepest.max() < MAX_PENETRATION + 1e-4
+    assert deepest.max() < MAX_PENETRATION + 2e-4
 
 
 def test_two_percent_hover(tool, sensor):
@@ -33,7 +33,8 @@ def test_tilt_is_a_few_degrees_from_the_face_normals(block, sensor):
     poses = sample_contact_poses(block, 500, np.random.default_rng(2), sensor, sampling)
     _, _, face = block.closest_points(poses[:, :3, 3])
     tilt = np.degrees(np.arccos(np.clip((poses[:, :3, 2] * block.face_normals[face]).sum(axis=1), -1, 1)))
-    assert np.sqrt((tilt[tilt < 30] ** 2).mean()) == pytest.approx(5, abs=1.5)
+    # the median of |N(0, 5 deg)| is 3.4 deg; on the rounded edges the nearest face is another one
+    assert np.median(tilt) == pytest.approx(3.4, abs=1.0)
 
 
 def test_yaw_is_uniform(poses):

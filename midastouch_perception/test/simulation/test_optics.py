@@ -24,18 +24,18 @@ def test_gel_normals_are_the_dome_s(sensor):
     dome = dict(sensor.dome)
     c = dome["semi_axis_z"]
     root = np.sqrt(1 - x**2 / (c * dome["radius_x"]) - y**2 / (c * dome["radius_y"]))
-    expected = np.stack([x / (dome["radius_x"] * root), y / (dome["radius_y"] * root), np.ones_like(x)], axis=-1)
+    expected = np.stack([-x / (dome["radius_x"] * root), -y / (dome["radius_y"] * root), np.ones_like(x)], axis=-1)
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     np.testing.assert_allclose(gel_normals(sensor)[2:-2, 2:-2], expected[2:-2, 2:-2], atol=2e-3)
 
 
 def test_undeformed_gel_has_tacto_s_colours(sensor):
-    """Green from the upper left, red from the upper right, blue from below; dim, far from saturation."""
+    """Each spot shines across the gel: red, from the right, lights the left; dim, far from saturation."""
     image = render_gel(np.zeros((320, 240), np.float32), None, sensor, Illumination.tacto())
     red, green, blue = np.moveaxis(image, -1, 0)
-    assert red[:, 200].mean() > red[:, 40].mean()
-    assert green[:, 40].mean() > green[:, 200].mean()
-    assert blue[280].mean() > blue[40].mean()
+    assert red[:, 40].mean() > red[:, 200].mean()
+    assert green[:, 200].mean() > green[:, 40].mean()
+    assert blue[40].mean() > blue[280].mean()
     assert 40 < image.mean() < 160
     assert image.max() < 250
 
