@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel

@@ -9,10 +9,11 @@ It costs a dozen rendered views per mode instead of one per particle.
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from scipy.spatial.transform import Rotation
 
 from .alignment import Aligned, ReliefAlignment
 from .config import FilterConfig
