@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.refinement import reduced_relief
 from midastouch_perception.errors import InputError
 from midastouch_perception.nodes.stages import Code
 from midastouch_perception.nodes.tcn import TcnNode
@@ -40,8 +41,10 @@ def make_nodes(
     running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
 
     def on_code(header: Header, code: Code) -> None:
-        values = code.values if code.in_contact else None
-        measurement = Measurement(code.in_contact, values, code.area_m2, code.network_id)
+        measurement = Measurement(False, network_id=code.network_id)
+        if code.in_contact:
+            relief = reduced_relief(code.penetration)
+            measurement = Measurement(True, code.values, code.area_m2, code.network_id, relief)
         running.on_code(stamp_ns(header.stamp), measurement)
 
     encoder = TcnNode(tcn=tcn, sink=on_code, subscribe=False, **options.get("tcn", {}))

@@ -11,6 +11,8 @@ import numpy as np
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tdn.inputs import SCALE
 
 from ..config import FilterConfig
 from ..estimate import Estimate
@@ -29,11 +31,13 @@ class Start:
 
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
-    """What the filter needs to know about one object."""
+    """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
+    codebook; None: unknown."""
 
     filter: ParticleFilter
     diagonal: float
     name: str
+    sensor: SensorModel | None = None
 
 
 def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
@@ -41,7 +45,9 @@ def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed
     mesh = ObjectMesh.load(mesh_path)
     codebook = Codebook.load(codebook_path, mesh=mesh)
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
-    return LoadedObject(running, mesh.diagonal, mesh.name)
+    running.warm_up(seed)
+    sensor = SensorModel.load(codebook.meta["sensor"]).scaled(SCALE)
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor)
 
 
 class Localiser:

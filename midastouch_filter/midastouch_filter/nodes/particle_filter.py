@@ -22,6 +22,7 @@ from ..state import STALE, UNINITIALISED, Status
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
 from .localiser import LoadedObject, Localiser, load_object
+from .relief_source import ReliefSource
 from .resources import resolve
 from .start_topics import StartTopics
 from .transform_queue import TransformQueue
@@ -54,7 +55,7 @@ class ParticleFilterNode(Node):
         self._last_arrival: float | None = None
         self._silent = False
         self._untouched = True
-        self._counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0}
+        self._counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0, "no_relief": 0}
         self._status = Status(UNINITIALISED, "waiting for tactile/code")
 
         self._out = EstimatePublisher(self, self.parameters, self._now)
@@ -67,8 +68,10 @@ class ParticleFilterNode(Node):
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
         base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
+        self._reliefs: ReliefSource | None = None
         self._queue = TransformQueue(
             lambda stamp: self._transforms.lookup(base, sensor, stamp),
+            self._relief_is_awaited,
             self._now,
             lambda: self.parameters["transform_timeout"],
         )
@@ -80,12 +83,25 @@ class ParticleFilterNode(Node):
     def _connect(self, subscribe: bool) -> None:
         if subscribe:
             profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+            if self._config.refinement:
+                self._reliefs = self._make_relief_source()
             self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)
         StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
         self.create_service(Empty, "reinitialize_global_localization", self._on_reinitialize)
         self.create_service(Empty, "request_nomotion_update", self._on_nomotion_update)
         self.create_service(SetObject, "set_object", self._on_set_object)
         self.create_timer(0.05, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _make_relief_source(self) -> ReliefSource:
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        return ReliefSource(
+            self,
+            self.parameters["queue_depth"],
+            self.parameters["reliable"],
+            now=lambda: 1e-9 * steady.now().nanoseconds,
+            on_cloud=self._process_queue,
+            on_bad=lambda reason: self.diagnostics.problem("bad_clouds", reason),
+        )
 
     def _now(self) -> float:
         return 1e-9 * self._clock.now().nanoseconds
@@ -114,6 +130,9 @@ class ParticleFilterNode(Node):
         self._queue.push(stamp, measurement)
         self._process_queue()
 
+    def _relief_is_awaited(self, stamp: int, measurement: Measurement) -> bool:
+        return self._reliefs is not None and measurement.in_contact and self._reliefs.awaited(stamp)
+
     def _process_queue(self) -> None:
         while (ready := self._queue.pop()) is not None:
             if ready.transform is None:
@@ -125,6 +144,10 @@ class ParticleFilterNode(Node):
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
         self._untouched = False
+        sensor = self._localiser.object.sensor if self._localiser.object is not None else None
+        if self._reliefs is not None and sensor is not None and measurement.in_contact:
+            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(stamp, sensor))
+            self._counts["no_relief"] += measurement.relief is None
         try:
             estimate = self._localiser.process(T_base_gel, measurement)
         except InputError as error:

@@ -29,16 +29,18 @@ class TransformQueue:
     """First in, first out; the first one waits for its transform or for the time-out.
 
     lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError when there is no hope.
+    hold: stamp, payload -> whether something else is still to come; it must not say so for ever.
     now, timeout: functions that return seconds.
     """
 
     def __init__(
         self,
         lookup: Callable[[int], np.ndarray | Wait],
+        hold: Callable[[int, Any], bool],
         now: Callable[[], float],
         timeout: Callable[[], float],
     ):
-        self._lookup, self._now, self._timeout = lookup, now, timeout
+        self._lookup, self._hold, self._now, self._timeout = lookup, hold, now, timeout
         self._items: deque[tuple[int, Any, float]] = deque()
 
     def __len__(self) -> int:
@@ -57,6 +59,8 @@ class TransformQueue:
         if not self._items:
             return None
         stamp, payload, arrival = self._items[0]
+        if self._hold(stamp, payload):
+            return None
         try:
             found = self._lookup(stamp)
         except (TransformError, InputError) as error:

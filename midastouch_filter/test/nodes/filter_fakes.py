@@ -6,6 +6,7 @@ import array
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -15,10 +16,18 @@ from midastouch_filter.state import AMBIGUOUS, Status
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.ros.conversions import (
+    points_to_msg,
+    pose_to_msg,
+    stamp_from_ns,
+    transform_to_msg,
+)
+from midastouch_perception.sensor_model import SensorModel
 
 DIAGONAL = 0.3
 SECOND = 1_000_000_000
+MAP_SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
 
 
 def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
@@ -81,7 +90,7 @@ def loader_of(filters: list[FakeFilter]):
         if mesh_path.name == "bad.ply":
             raise InputError(f"{mesh_path}: not a mesh")
         filters.append(FakeFilter())
-        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem)
+        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem, MAP_SENSOR)
 
     return load
 
@@ -103,3 +112,8 @@ def pose_msg(frame: str, pose: np.ndarray, variances=(1e-4,) * 3 + (1e-2,) * 3) 
     msg.pose.pose = pose_to_msg(pose)
     msg.pose.covariance = np.diag(variances).ravel().tolist()
     return msg
+
+
+def cloud_msg(stamp: int, penetration: np.ndarray) -> PointCloud2:
+    header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_gel_frame")
+    return points_to_msg(cloud_from_penetration(penetration, penetration > 0, MAP_SENSOR), header)

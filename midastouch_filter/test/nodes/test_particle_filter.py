@@ -15,11 +15,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from filter_fakes import DIAGONAL, SECOND, code_msg, loader_of, pose_msg, tf_msg, translation
+from filter_fakes import DIAGONAL, SECOND, cloud_msg, code_msg, loader_of, pose_msg, tf_msg, translation
 
 from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.nodes.transform_source import Wait
+from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 from midastouch_msgs.srv import SetObject
@@ -243,6 +244,51 @@ def test_views_are_limited_in_rate(graph):
         bench.frame(stamp * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: particles)
     assert len(particles) == 1
+
+
+# --- reliefs
+
+
+def penetration(depth: float) -> np.ndarray:
+    out = np.zeros((160, 120), np.float32)
+    out[60:80, 40:60] = depth
+    return out
+
+
+def test_each_code_gets_the_relief_of_its_own_cloud(graph):
+    bench = Bench(graph, **OBJECT)
+    clouds = graph.publisher(PointCloud2, "tactile/points")
+    depths = [1e-3, 5e-4, 2e-4]
+    for stamp in (1, 2, 3):
+        bench.tf.publish(tf_msg(stamp * SECOND, T_BASE_OBJ))
+    for stamp in (1, 2, 3):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    for stamp, depth in zip((1, 2, 3), depths, strict=True):
+        clouds.publish(cloud_msg(stamp * SECOND, penetration(depth)))
+    graph.spin_until(lambda: len(bench.statuses) == 3)
+    for measurement, depth in zip(bench.filter.measurements, depths, strict=True):
+        np.testing.assert_allclose(measurement.relief, reduced_relief(penetration(depth)), atol=1e-7)
+
+
+def test_a_lost_or_broken_cloud_costs_the_relief_only(graph):
+    bench = Bench(graph, **OBJECT)
+    clouds = graph.publisher(PointCloud2, "tactile/points")
+    clouds.publish(cloud_msg(1 * SECOND, penetration(1e-3)))
+    broken = cloud_msg(3 * SECOND, penetration(1e-3))
+    broken.point_step = 0
+    clouds.publish(broken)
+    for stamp in (1, 2, 3, 4):
+        bench.frame(stamp * SECOND, T_BASE_OBJ, in_contact=stamp != 4)
+    reliefs = [measurement.relief is not None for measurement in bench.filter.measurements]
+    assert reliefs == [True, False, False, False]
+    status = bench.statuses[-1]
+    assert dict(zip(status.skipped_names, status.skipped_counts, strict=True))["no_relief"] == 2
+    assert bench.node.diagnostics.counts["bad_clouds"] == 1
+
+
+def test_without_refinement_no_clouds_are_taken(graph):
+    graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), {**OBJECT, "refinement": False})
+    assert graph.companion.count_subscribers("tactile/points") == 0
 
 
 # --- starts

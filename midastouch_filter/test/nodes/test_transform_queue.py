@@ -12,7 +12,10 @@ class World:
 
     def __init__(self, timeout: float = 1.0):
         self.now, self.known, self.forgotten = 0.0, 0, 0
-        self.queue = TransformQueue(self.lookup, lambda: self.now, lambda: timeout)
+        self.held: set[str] = set()
+        self.queue = TransformQueue(
+            self.lookup, lambda _, payload: payload in self.held, lambda: self.now, lambda: timeout
+        )
 
     def lookup(self, stamp: int):
         if stamp < self.forgotten:
@@ -67,3 +70,15 @@ def test_clear_forgets_what_waits():
     world.queue.clear()
     world.known = 1
     assert world.popped() == []
+
+
+def test_what_is_held_neither_leaves_nor_times_out():
+    world = World(timeout=1.0)
+    world.known, world.now = 2, 0.0
+    world.held.add("first")
+    world.queue.push(1, "first")
+    world.queue.push(2, "second")
+    world.now = 5.0
+    assert world.popped() == [], "and the second keeps its place behind it"
+    world.held.clear()
+    assert [r.payload for r in world.popped()] == ["first", "second"]

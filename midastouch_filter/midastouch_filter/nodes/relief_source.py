@@ -1,0 +1,82 @@
+"""The felt relief that belongs to a code: from the cloud of the same image."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.nodes.steps import in_steps
+from midastouch_perception.pointcloud import penetration_from_cloud
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import points_from_msg, stamp_ns
+from midastouch_perception.sensor_model import SensorModel
+
+from ..refinement import reduced_relief
+
+_TOPIC = "tactile/points"
+# The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
+_PATIENCE = 0.25
+
+
+class ReliefSource:
+    """Keeps the last clouds until their code asks for them.
+
+    now: seconds of a clock that never stops. on_cloud: called after every cloud, so that whoever waits can ask
+    again. on_bad: called with a reason for each cloud that cannot be used. Nothing is waited for while nobody
+    publishes clouds: the filter does without.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        depth: int,
+        reliable: bool,
+        now: Callable[[], float],
+        on_cloud: Callable[[], None],
+        on_bad: Callable[[str], None],
+    ):
+        self._node, self._now, self._on_cloud, self._on_bad = node, now, on_cloud, on_bad
+        self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
+        self._asked = (0, 0.0)
+        # Live a code waits alone, but the clouds of its successors may already be there.
+        self._kept = max(depth, 10)
+        profile = qos.stream_subscriber(self._kept, reliable)
+        node.create_subscription(PointCloud2, _TOPIC, self._on_points, profile)
+
+    def awaited(self, stamp: int) -> bool:
+        """Whether the cloud of `stamp` [ns] is still to come."""
+        if stamp in self._clouds or self._node.count_publishers(_TOPIC) == 0:
+            return False
+        if self._asked[0] != stamp:
+            self._asked = stamp, self._now()
+        return self._now() - self._asked[1] < _PATIENCE
+
+    def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
+        """Relief (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
+
+        What is older is forgotten: codes are answered in order.
+        """
+        cloud = self._clouds.pop(stamp, None)
+        while self._clouds and next(iter(self._clouds)) < stamp:
+            self._clouds.popitem(last=False)
+        if cloud is None:
+            return None
+        try:
+            return reduced_relief(in_steps(penetration_from_cloud(points_from_msg(cloud), sensor)))
+        except InputError as error:
+            self._on_bad(f"{_TOPIC}: {error}")
+            return None
+
+    def _on_points(self, msg: PointCloud2) -> None:
+        stamp = stamp_ns(msg.header.stamp)
+        if self._clouds and stamp < next(reversed(self._clouds)):
+            self._clouds.clear()  # time ran backwards: a looped bag
+        self._clouds[stamp] = msg
+        while len(self._clouds) > self._kept:
+            self._clouds.popitem(last=False)
+        self._on_cloud()
