@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..sensor_model import SensorModel
@@ -18,8 +20,12 @@ def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
     out = np.empty((n, 4, height // 2, width // 2), np.float32)
     out[:, 0] = blocks.mean(axis=(2, 4)) * 1e3
     out[:, 1] = (blocks > 0).mean(axis=(2, 4))
-    coarse = sensor.scaled(0.5)
-    tangent_x, tangent_y = coarse.rays
-    out[:, 2] = tangent_x * coarse.gel_depth * 100
-    out[:, 3] = tangent_y * coarse.gel_depth * 100
+    out[:, 2:] = _places(sensor)
     return out
+
+
+@lru_cache(maxsize=16)
+def _places(sensor: SensorModel) -> np.ndarray:
+    """x and y (2, H/2, W/2) float32 of the halved map's pixels on the gel, in centimetres."""
+    coarse = sensor.scaled(0.5)
+    return (np.stack(coarse.rays) * coarse.gel_depth * 100).astype(np.float32)
