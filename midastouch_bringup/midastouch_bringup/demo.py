@@ -45,7 +45,9 @@ from .run_record import DIAGNOSTICS, PENETRATION, RunRecord, read_run
 from .slide_simulation import cached_slide
 
 NODES = ("tdn", "tcn", "particle_filter")
-CODEBOOK_SIZE = 20_000
+CODEBOOK_SIZES = 5_000, 20_000
+"""Fewest and most poses of a codebook: built within a minute on two cores."""
+_POSES_PER_AREA = 1e6  # 1/m^2
 SLIDE_LENGTH = 0.3  # m
 _SILENCE_S = 120.0  # without a status while the replay goes on; the first one waits for compilation
 _LAST_STATUS_S = 5.0
@@ -64,12 +66,13 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     mesh, sensor = ObjectMesh.load(object_path), SensorModel.load("digit_tacto")
     print(f"1/5  a slide of {SLIDE_LENGTH:g} m over '{mesh.name}', simulated", flush=True)
     sequence = load_sequence(cached_slide(mesh, sensor, SLIDE_LENGTH, seed))
-    print(f"2/5  its codebook of {CODEBOOK_SIZE:,} touches", flush=True)
-    codebook = cached_codebook(mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)
+    size = int(np.clip(_POSES_PER_AREA * mesh.area, *CODEBOOK_SIZES))
+    print(f"2/5  its codebook of {size:,} touches", flush=True)
+    codebook = cached_codebook(mesh, load_tcn("fast", sensor), sensor, size)
     print(f"3/5  replay, tdn, tcn and particle_filter as processes, ROS_DOMAIN_ID={domain}", flush=True)
     bag = out / "run.mcap"
     with atomic_path(bag) as temporary:
-        seconds = _run_nodes(sequence, _parameters(mesh, sequence, out), temporary, out / "log", domain)
+        seconds = _run_nodes(sequence, _parameters(mesh, size, sequence, out), temporary, out / "log", domain)
     print(f"4/5  reading {bag}", flush=True)
     record = read_run(bag)
     print("5/5  pictures", flush=True)
@@ -80,7 +83,7 @@ def run_demo(object_path: Path, out: Path, domain: int, seed: int) -> Path:
     return page
 
 
-def _parameters(mesh: ObjectMesh, sequence: Sequence, out: Path) -> Path:
+def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> Path:
     """Parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = _config_folder()
     own = {
@@ -88,7 +91,7 @@ def _parameters(mesh: ObjectMesh, sequence: Sequence, out: Path) -> Path:
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {
             "mesh": str(mesh.path),
-            "codebook": str(cached_codebook_path(mesh, CODEBOOK_SIZE).resolve()),
+            "codebook": str(cached_codebook_path(mesh, size).resolve()),
             "view_rate": 0.0,  # particles of every frame, for the pictures
         },
     }

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.dds
 def small(tmp_path, monkeypatch):
     """A short slide and a small codebook, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(demo, "CODEBOOK_SIZE", 400)
+    monkeypatch.setattr(demo, "CODEBOOK_SIZES", (400, 400))
     monkeypatch.setattr(demo, "SLIDE_LENGTH", 0.015)
     monkeypatch.setattr(demo, "_GIF_FRAMES", 3)
 
