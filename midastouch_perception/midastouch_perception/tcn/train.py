@@ -289,6 +289,7 @@ def train(
         "data": {"meshes": len(train_meshes), "steps": run.step, "touches_a_step": _GROUP},
         "minutes": minutes,
         "seed": seed,
+        "command": f"midastouch train-tcn --minutes {minutes:g} --seed {seed}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }

@@ -128,6 +128,7 @@ def train(
         "data": {"meshes": len(train_meshes), "touches": run.step * _BATCH, "backgrounds": len(train_backgrounds)},
         "minutes": minutes,
         "seed": seed,
+        "command": f"midastouch train-tdn --minutes {minutes:g} --seed {seed}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }
