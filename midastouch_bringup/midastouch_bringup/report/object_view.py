@@ -118,9 +118,11 @@ class _LikelihoodField:
         self._weight = weight / weight.sum(axis=1, keepdims=True)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
-        """RGB (P, 3) for a code (D,), from the 5th percentile of the places' similarities to the best."""
+        """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.
+
+        The root widens the range of what can be told apart by eye.
+        """
         best = np.full(self._place.max() + 1, -np.inf)
         np.maximum.at(best, self._place.ravel(), self.codebook.codes @ code)
-        low, high = np.percentile(best, 5), best.max()
-        heat = np.clip((best - low) / max(high - low, 1e-9), 0, 1) ** 2
+        heat = np.exp((best - best.max()) / (2 * self.codebook.meta["temperature"]))
         return HEAT_COLOURS((heat[self._index] * self._weight).sum(axis=1))[:, :3]

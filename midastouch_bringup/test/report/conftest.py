@@ -49,4 +49,4 @@ def run() -> list[Snapshot]:
 def book(ball: ObjectMesh) -> Codebook:
     """Touches all over, whose code is their normal: what faces the same way feels the same."""
     poses = np.array([pose_at(normal) for normal in ball.sample_surface(500, np.random.default_rng(1))[1]])
-    return Codebook(poses, poses[:, :3, 2], {})
+    return Codebook(poses, poses[:, :3, 2], {"temperature": 0.15})
