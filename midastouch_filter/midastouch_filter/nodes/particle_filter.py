@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -48,6 +49,9 @@ class ParticleFilterNode(Node):
         super().__init__("particle_filter", **node_options)
         self.parameters = Parameters(self, PARAMETERS)
         self._config, self._load = config_of(self.parameters), load
+        mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
+        # Before any topic is announced: who waits for this node's topics finds it ready.
+        loaded = self._load_object(mesh, codebook) if mesh or codebook else None
         simulated = self.get_parameter("use_sim_time").value
         # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
         self._clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
@@ -75,8 +79,8 @@ class ParticleFilterNode(Node):
             self._now,
             lambda: self.parameters["transform_timeout"],
         )
-        if self.parameters["mesh"] or self.parameters["codebook"]:
-            self._set_object(self.parameters["mesh"], self.parameters["codebook"])
+        if loaded is not None:
+            self._set_object(*loaded)
         self._connect(subscribe)
         self._say(self._now_ns(), UNINITIALISED, self._localiser.waiting_for or "waiting for tactile/code")
 
@@ -203,16 +207,21 @@ class ParticleFilterNode(Node):
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
-            self._set_object(request.mesh_path, request.codebook_path)
+            self._set_object(*self._load_object(request.mesh_path, request.codebook_path))
             response.success = True
         except InputError as error:
             response.message = str(error)
         return response
 
-    def _set_object(self, mesh: str, codebook: str) -> None:
+    def _load_object(self, mesh: str, codebook: str) -> tuple[LoadedObject, str | Path]:
+        """The object, and its mesh's address as viewers understand it; InputError."""
         paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
-        self._localiser.set_object(self._load(*paths, self._config, self.parameters["seed"]))
-        self._out.show_object(mesh if "://" in mesh else paths[0])
+        loaded = self._load(*paths, self._config, self.parameters["seed"])
+        return loaded, mesh if "://" in mesh else paths[0]
+
+    def _set_object(self, loaded: LoadedObject, address: str | Path) -> None:
+        self._localiser.set_object(loaded)
+        self._out.show_object(address)
 
     def _describe(self) -> tuple[bytes, str, dict]:
         s = self._status
