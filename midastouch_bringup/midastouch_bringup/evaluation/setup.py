@@ -18,6 +18,7 @@ from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import TactileDepthNet, estimate_background, load_tdn
 
 from ..datasets import Sequence
+from ..parameter_files import read_parameters
 
 _BACKGROUND_FRAMES = 60
 
@@ -66,27 +67,16 @@ def load_filter_config(path: str | None) -> FilterConfig:
         content = yaml.safe_load(require_file(path, "configuration").read_text()) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: not a YAML file ({error}); give `name: value` lines") from error
-    known = {item.name for item in dataclasses.fields(FilterConfig)}
-    values = _ros_parameters(content)
-    if values is not None:
-        values = {name: value for name, value in values.items() if name in known}
-    elif isinstance(content, dict):
-        values = content
-    else:
+    if not isinstance(content, dict):
         raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
+    known = {item.name for item in dataclasses.fields(FilterConfig)}
+    values = content
+    if any(isinstance(value, dict) for value in content.values()):
+        values = read_parameters(path).get("particle_filter", {})
+        values = {name: value for name, value in values.items() if name in known}
     if unknown := sorted(set(map(str, values)) - known):
         raise InputError(f"{path}: unknown filter settings: {', '.join(unknown)}; check the spelling")
     try:
         return FilterConfig(**values)
     except InputError as error:
         raise InputError(f"{Path(path)}: {error}") from error
-
-
-def _ros_parameters(content: object) -> dict | None:
-    """Parameters of the filter node in a ROS parameter file; None when the content is not one."""
-    if not isinstance(content, dict):
-        return None
-    for node, entry in content.items():
-        if str(node).strip("/") == "particle_filter" and isinstance(entry, dict):
-            return entry.get("ros__parameters") or {}
-    return None
