@@ -5,6 +5,9 @@ the module `midastouch_filter.test.x`, whose parent would be the folder in the w
 that name inside it, unless that is loaded already.
 """
 
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 import digit_driver  # noqa: F401
@@ -15,3 +18,12 @@ import midastouch_perception  # noqa: F401
 # the first example of a test may have to compile a kernel, so time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder of scans and slides beside the clone."""
+    folder = Path(__file__).resolve().parent.parent / "shared"
+    if not folder.is_dir():
+        pytest.skip("no ../shared folder beside the clone")
+    return folder

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,16 +9,6 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
-
-SHARED = Path(__file__).resolve().parents[3] / "shared"
-
-
-@pytest.fixture(scope="session")
-def shared() -> Path:
-    """The folder of scans and slides beside the clone."""
-    if not SHARED.is_dir():
-        pytest.skip("no ../shared folder beside the clone")
-    return SHARED
 
 
 @pytest.fixture(scope="session")
