@@ -6,13 +6,13 @@ import os
 import time
 from pathlib import Path
 
-from tqdm import tqdm
-
 from midastouch_perception.codebook import Codebook, build_codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet
+
+from .progress import progress_bar
 
 CODEBOOK_FOLDER = Path("out/codebooks")
 _CACHE = Path("out/cache/codebooks")
@@ -34,7 +34,7 @@ def build_and_save(
 ) -> tuple[Codebook, float]:
     """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took."""
     start = time.perf_counter()
-    with tqdm(total=size, unit="pose", desc=f"codebook of {mesh.name}") as bar:
+    with progress_bar(total=size, unit="pose", desc=f"codebook of {mesh.name}") as bar:
         codebook = build_codebook(mesh, tcn, sensor, size, seed, lambda done, total: bar.update(done - bar.n))
     codebook.save(path)
     return codebook, time.perf_counter() - start

@@ -36,6 +36,7 @@ from .messages import IMAGE_TYPE
 from .node_processes import NodeFailed, NodeProcesses
 from .nodes.recorder import TOPICS, Recorder, Topic
 from .parameter_files import merged, read_parameters, written
+from .progress import progress_bar
 from .report.animation import write_gif
 from .report.figures import error_figure, run_figure, save
 from .report.object_view import ObjectView
@@ -153,7 +154,7 @@ class _Listener(Node):
     def __init__(self, sequence: Sequence):
         super().__init__("demo")
         self._last_stamp = int(sequence.stamps_ns[-1])
-        self._bar = tqdm(total=sequence.n_frames, unit="frame")
+        self._bar = progress_bar(total=sequence.n_frames, unit="frame")
         self._seen: set[int] = set()
         self.heard_at = self._first_at = time.monotonic()
         self.done = False
@@ -256,7 +257,7 @@ def _write_report(record: RunRecord, mesh: ObjectMesh, codebook: Codebook, resul
     final = out / "final.png"
     with atomic_path(final) as temporary:
         Image.fromarray(view.particles(run[-1])).save(temporary)
-    with tqdm(unit="picture") as bar:
+    with progress_bar(unit="picture") as bar:
         animation = write_gif(out / "run.gif", view, run, _GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
     page = Page(f"MidasTouch demo: {mesh.name}")
     page.table(*_rows(result))

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from tqdm import tqdm
 
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -15,6 +14,7 @@ from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
 from .datasets import write_sequence
+from .progress import progress_bar
 
 _CACHE = Path("out/cache/slides")
 NOISE_T, NOISE_R = 5e-4, np.radians(1.0)
@@ -53,7 +53,7 @@ def simulate_sequence(
     optics, renderer = TactoOptics(sensor), PenetrationRenderer(mesh, sensor)
 
     def frames() -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        for pose in tqdm(poses, unit="frame", desc=f"slide over {mesh.name}", disable=not progress):
+        for pose in progress_bar(iterable=poses, unit="frame", desc=f"slide over {mesh.name}", disable=not progress):
             penetration, normals = renderer.render_with_normals(pose[None])
             yield optics.image(penetration[0], background, rng, normals[0]), penetration[0]
 

@@ -27,8 +27,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from tqdm import tqdm
-
     from midastouch_perception.errors import InputError
 
     from ..codebooks import cached_codebook
@@ -37,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
+    from ..progress import progress_bar
     from ..slide_simulation import cached_slide
 
     if args.frames < 10:
@@ -62,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         benchmark.end_to_end,
         benchmark.simulator,
     )
-    for stage in tqdm(stages, unit="stage"):
+    for stage in progress_bar(iterable=stages, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
     result = to_json(result)

@@ -41,14 +41,13 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
 
-    from tqdm import tqdm
-
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
     from ..evaluation.protocol import Protocol, run_sequence
     from ..evaluation.result_file import write_json
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
+    from ..progress import progress_bar
 
     config = load_filter_config(args.config)
     protocol = Protocol(args.init, args.beta, args.seeds, args.stride, args.max_frames)
@@ -69,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         "trials": [],
     }
     total = sum(protocol.seeds * len(protocol.frame_indices(sequence)) for sequence, _, _ in work)
-    with tqdm(total=total, unit="frame") as bar:
+    with progress_bar(total=total, unit="frame") as bar:
         for sequence, mesh, codebook in work:
             bar.set_description(sequence.name)
             description, trials = run_sequence(sequence, mesh, codebook, networks, config, protocol, bar.update)

@@ -30,7 +30,6 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     import numpy as np
-    from tqdm import tqdm
 
     from midastouch_perception.errors import InputError
     from midastouch_perception.tdn import load_tdn
@@ -43,6 +42,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.setup import sequence_background
     from ..evaluation.table import number, text_table
     from ..evaluation.timing import Stopwatch
+    from ..progress import progress_bar
 
     sequences = [load_sequence(path) for path in args.sequences]
     given = read_image(Path(args.background)) if args.background else None
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(f"{sequence.path}: no ground truth (gt_heightmaps); only simulated sequences have it")
     tdn = load_tdn(args.tdn)
     total, results, times = DepthQuality(), [], []
-    with tqdm(total=sum(len(s.ground_truth_frames) for s in sequences), unit="frame") as bar:
+    with progress_bar(total=sum(len(s.ground_truth_frames) for s in sequences), unit="frame") as bar:
         for sequence in sequences:
             bar.set_description(sequence.name)
             background, source = (given, args.background) if args.background else sequence_background(sequence)

@@ -31,7 +31,6 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     import numpy as np
-    from tqdm import tqdm
 
     from midastouch_perception.files import require_file
 
@@ -40,12 +39,13 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.setup import Networks
     from ..evaluation.single_touch import simulated_touches, single_touch_errors
     from ..evaluation.table import number, text_table
+    from ..progress import progress_bar
 
     require_file(args.codebook, "codebook")
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
     mesh, codebook = arguments.load_object(Path(args.codebook).stem, args.mesh, args.codebook, networks)
     rng = np.random.default_rng(args.seed)
-    with tqdm(total=args.queries, unit="touch", desc=mesh.name) as bar:
+    with progress_bar(total=args.queries, unit="touch", desc=mesh.name) as bar:
         poses, codes = simulated_touches(mesh, networks, args.queries, rng, bar.update)
     errors = single_touch_errors(codebook.poses, codebook.codes, poses, codes, rng)
     summary = errors.summary()
