@@ -51,7 +51,7 @@ class FilterConfig:
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.01, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
+        0.02, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
     smoothing_neighbours: int = _number(
         8, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
@@ -70,6 +70,10 @@ class FilterConfig:
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
     refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
     refine_rotation: float = _number(math.radians(25.0), 0.01, 1.5, "rad", "... and below this one in rotation")
+    jitter_translation: float = _number(1e-3, 0.0, 0.05, "m", "error of one measured sensor pose, each axis, sigma")
+    jitter_rotation: float = _number(
+        math.radians(2.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
+    )
     relief_fit: float = _number(0.6, 0.0, 1.0, "", "share of touched pixels a pose must explain to be believed")
     relief_noise: float = _number(1.5e-4, 1e-6, 1e-2, "m", "error of a felt relief, sigma")
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
@@ -77,8 +81,8 @@ class FilterConfig:
     # --- resampling and recovery
     resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
-    recovery_alpha_slow: float = _number(0.02, 1e-4, 1.0, "", "rate of the long average of the likelihood")
-    recovery_alpha_fast: float = _number(0.5, 1e-3, 1.0, "", "rate of the short average of the likelihood")
+    recovery_alpha_slow: float = _number(0.04, 1e-4, 1.0, "", "rate of the long average of the likelihood")
+    recovery_alpha_fast: float = _number(1.0, 1e-3, 1.0, "", "rate of the short average of the likelihood")
     recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest share of particles injected per update")
 
     # --- modes and status

@@ -26,7 +26,7 @@ from .modes import ModeFinder
 from .motion_model import Exploration, MotionModel, Odometry
 from .particles import Particles
 from .recovery import LikelihoodTrend
-from .refinement import Refinement
+from .refinement import Refinement, sharpened
 from .regions import Regions
 from .state import Evidence, StateMachine, Status
 from .stopwatch import Stopwatch
@@ -150,7 +150,8 @@ class ParticleFilter:
         self._weights = particles.weights
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
         self._exploration = Exploration(self.config)
-        self._modes: list[Mode] = []
+        self._modes: list[Mode] = []  # of the particles
+        self._answers: list[Mode] = []  # the same, sharpened by the relief of the frame where it could be
         self._path_since_lookup = 0.0
         self._path_since_touch = np.inf
         self._in_contact = False
@@ -315,18 +316,23 @@ class ParticleFilter:
         """Hypothesis clustering; skipped while the particles are those of the last step."""
         if self._modes and self._gates["unmoved_modes"].skips(changed):
             return
-        self._modes = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
+        self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
 
     def _refine(self, relief: np.ndarray, share: float) -> None:
         """Let the relief place the particles of narrow modes."""
-        members = self._mode_finder.members(self._particles)
-        fit = self._refinement.apply(self._particles, members, self._modes, relief, share)
-        if self._gates["wide_modes"].skips(fit is None):
+        finder = self._mode_finder
+        aligned = self._refinement.apply(self._particles, finder.members(self._particles), self._modes, relief, share)
+        if self._gates["wide_modes"].skips(not aligned):
             return
-        if fit > self.config.relief_fit:
-            self._trend.explained()
+        aligned = {finder.peaks[k]: a for k, a in aligned.items() if a.fit > self.config.relief_fit}
         self._weights = self._particles.weights
-        self._modes = modes_from_moments(self._mode_finder.moments(self._particles, self._weights))
+        self._modes = modes_from_moments(finder.moments(self._particles, self._weights))
+        if finder.peaks[0] in aligned:
+            self._trend.explained()
+        self._answers = [
+            sharpened(mode, aligned[peak]) if peak in aligned else mode
+            for mode, peak in zip(self._modes, finder.peaks, strict=True)
+        ]
 
     # ------------------------------------------------------------------ answers
 
@@ -367,7 +373,7 @@ class ParticleFilter:
                 spread_r=dominant.spread_rotation,
             )
         )
-        return Estimate(self._modes, self._status())
+        return Estimate(self._answers, self._status())
 
     def _status(self) -> Status:
         skipped = {name: gate.skipped for name, gate in self._gates.items()} | dict(self._refused)

@@ -55,6 +55,7 @@ class ModeFinder:
 
     Args: radius [m]: peaks nearer than this may be merged into one mode (1 rad counts as 10 mm); min_mass: modes
     lighter than this are left out, except for the heaviest.
+    Attributes: peaks, region at the peak of each mode of the latest moments: tells modes apart when masses change.
     """
 
     def __init__(self, lookup: PoseLookup, regions: Regions, radius: float, min_mass: float, workers: Workers):
@@ -65,12 +66,13 @@ class ModeFinder:
     def find(self, particles: Particles, weights: np.ndarray) -> Moments:
         """Moments of the modes of particles with normalised weights (N,)."""
         mass = np.bincount(self._regions.of_entry[particles.entries], weights, minlength=len(self._regions))
-        self._peaks, self._mode_of_region = self._cluster(mass)
+        self._regions_of_peaks, self._mode_of_region = self._cluster(mass)
         return self.moments(particles, weights)
 
     def moments(self, particles: Particles, weights: np.ndarray) -> Moments:
         """Moments of the modes found last, for particles that were moved or weighed since."""
-        moments, order = self._sum(particles, weights, self._peaks, self._mode_of_region)
+        moments, order = self._sum(particles, weights, self._regions_of_peaks, self._mode_of_region)
+        self.peaks = self._regions_of_peaks[order].tolist()
         rank = np.full(len(order) + 1, -1, np.int32)
         rank[order] = np.arange(len(order), dtype=np.int32)
         self._rank_of_region = rank[self._mode_of_region]

@@ -8,6 +8,8 @@ It costs a dozen rendered views per mode instead of one per particle.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -39,16 +41,15 @@ class Refinement:
         self._alignment = ReliefAlignment(
             mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
         )
-        self._jitter = np.diag(np.repeat([config.noise_translation, config.noise_rotation], 3) ** 2)
+        self._jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
 
     def apply(
         self, particles: Particles, members: np.ndarray, modes: list[Mode], relief: np.ndarray, share: float
-    ) -> float | None:
-        """Update the particles of narrow modes in place; None if no mode is narrow enough.
+    ) -> dict[int, Aligned]:
+        """Update the particles of narrow modes in place; returns what the relief says of each of them, by mode.
 
         members (N,): mode of each particle, -1 for none; relief (80, 60) m; share in [0, 1]: how much of this frame
         is evidence independent of the last. Between several narrow modes, mass moves to those the relief fits.
-        Returns the fit of the heaviest of them, in [0, 1].
         """
         c = self._config
         narrow = [
@@ -65,7 +66,7 @@ class Refinement:
                 _move(particles, np.flatnonzero(members == k), modes[k].pose, prior, mean, covariance)
         if len(aligned) > 1:
             self._weigh(particles, members, aligned, share)
-        return aligned[narrow[0]].fit if narrow else None
+        return aligned
 
     @staticmethod
     def _weigh(particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float) -> None:
@@ -76,6 +77,12 @@ class Refinement:
             change = share * max(posterior.log_evidence - best, -_LARGEST_EVIDENCE)
             particles.log_weights[members == k] += change
         particles.log_weights[concerned] += before - np.logaddexp.reduce(particles.log_weights[concerned])
+
+
+def sharpened(mode: Mode, aligned: Aligned) -> Mode:
+    """The mode with the pose of this very frame: where the relief puts the sensor, the arm's jitter included."""
+    turn = np.kron(np.eye(2), aligned.pose[:3, :3])
+    return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
 
 
 def _in_own_frame(mode: Mode) -> np.ndarray:

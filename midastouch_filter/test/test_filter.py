@@ -265,12 +265,13 @@ def test_finds_back_after_being_carried_away(start, slide, world):
     filter_ = start()
     filter_.initialise_uniform()
     play(filter_, slide)
-    elsewhere = world.make_slide(world.mesh, 50, np.random.default_rng(77))
+    elsewhere = world.make_slide(world.mesh, 90, np.random.default_rng(77))
     states = []
     for motion, code in zip(world.odometry_of(elsewhere), world.encode(elsewhere), strict=True):
         estimate = filter_.step(motion, Measurement(True, code))
         states.append(estimate.status.state)
-    assert states[10] != state.CONVERGED
+    # noticed within two correlation lengths of sliding
+    assert any(s != state.CONVERGED for s in states[:20])
     assert states[-1] == state.CONVERGED
     assert error(estimate, elsewhere[-1])[0] < 5e-3
     assert skipped(estimate, "injected") + skipped(estimate, "restarted") > 0

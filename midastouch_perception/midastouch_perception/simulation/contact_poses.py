@@ -65,7 +65,7 @@ class Reachability:
         self._renderer = PenetrationRenderer(mesh, sensor.scaled(0.25))
 
     def settle(self, poses: np.ndarray, press: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration, and which (N,) of them can be reached and touch."""
+        """Poses (N, 4, 4) pulled back to at most 2 mm of penetration; which (N,) can be reached and touch."""
         deepest = self._renderer.render(poses).max(axis=(1, 2)).astype(float)
         reachable = deepest - press <= MAX_EXCESS
         poses = poses.copy()

@@ -5,7 +5,8 @@ import json
 import pytest
 from PIL import Image
 
-from midastouch_bringup import cli, demo
+from midastouch_bringup import cli
+from midastouch_bringup.ros import demo
 
 pytestmark = pytest.mark.dds
 

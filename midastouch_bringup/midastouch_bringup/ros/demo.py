@@ -27,23 +27,23 @@ from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
-from .codebooks import cached_codebook, cached_codebook_path
-from .datasets import Sequence, load_sequence
-from .evaluation.metrics import closest_mode_error, particle_rmse, pose_errors
-from .evaluation.result_file import write_json
-from .evaluation.table import number, text_table
-from .messages import IMAGE_TYPE
-from .node_processes import NodeFailed, NodeProcesses
-from .nodes.recorder import TOPICS, Recorder, Topic
-from .parameter_files import merged, read_parameters, written
-from .progress import progress_bar
-from .report.animation import write_gif
-from .report.figures import error_figure, run_figure, save
-from .report.object_view import ObjectView
-from .report.page import Page
-from .report.snapshot import moments
-from .run_record import DIAGNOSTICS, PENETRATION, RunRecord, read_run
-from .slide_simulation import cached_slide
+from ..codebooks import cached_codebook, cached_codebook_path
+from ..datasets import Sequence, load_sequence
+from ..evaluation.metrics import closest_mode_error, particle_rmse, pose_errors
+from ..evaluation.result_file import write_json
+from ..evaluation.table import number, text_table
+from ..messages import IMAGE_TYPE
+from ..node_processes import NodeFailed, NodeProcesses
+from ..nodes.recorder import TOPICS, Recorder, Topic
+from ..parameter_files import merged, read_parameters, written
+from ..progress import progress_bar
+from ..report.animation import write_gif
+from ..report.figures import error_figure, run_figure, save
+from ..report.object_view import ObjectView
+from ..report.page import Page
+from ..report.snapshot import moments
+from ..run_record import DIAGNOSTICS, PENETRATION, RunRecord, read_run
+from ..slide_simulation import cached_slide
 
 NODES = ("tdn", "tcn", "particle_filter")
 CODEBOOK_SIZES = 5_000, 20_000
@@ -107,7 +107,7 @@ def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> P
 
 def _config_folder() -> Path:
     """`config` of this package: in the source tree, or where an install has put it."""
-    beside = Path(__file__).resolve().parent.parent / "config"
+    beside = Path(__file__).resolve().parents[2] / "config"
     if beside.is_dir():
         return beside
     from ament_index_python.packages import get_package_share_directory
@@ -123,11 +123,13 @@ def _run_nodes(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
     nodes: list[Node] = []
     try:
         with NodeProcesses(logs, domain) as processes:
-            for name in (*NODES, "replay"):
+            for name in NODES:
                 processes.start(name, parameters)
             nodes += [_recorder(bag, sequence), _Listener(sequence)]
             for node in nodes:
                 executor.add_node(node)
+            _await_answers(executor, processes, nodes[0])
+            processes.start("replay", parameters)
             _follow(executor, processes, nodes[1])
             return nodes[1].seconds
     finally:
@@ -180,6 +182,17 @@ class _Listener(Node):
     def destroy_node(self) -> None:
         self._bar.close()
         super().destroy_node()
+
+
+def _await_answers(executor: SingleThreadedExecutor, processes: NodeProcesses, recorder: Recorder) -> None:
+    """Spin until the recorder hears every node whose answers it is to keep: a frame sent earlier would be lost."""
+    started = time.monotonic()
+    awaited = ("tactile/code", "tactile/points", "pose_modes", "particles", "filter_status")
+    while not all(recorder.count_publishers(topic) for topic in awaited):
+        executor.spin_once(timeout_sec=0.1)
+        processes.check(*NODES)
+        if time.monotonic() - started > _SILENCE_S:
+            raise NodeFailed(f"the nodes were not ready within {_SILENCE_S:g} s; see the logs in the output folder")
 
 
 def _follow(executor: SingleThreadedExecutor, processes: NodeProcesses, listener: _Listener) -> None:
