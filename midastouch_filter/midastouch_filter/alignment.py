@@ -22,6 +22,7 @@ _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is
 # m, residual at which a pixel's weight has halved (Geman and McClure 1987), iteration by iteration: wide first, so that
 # a start a millimetre off is not all outliers (graduated non-convexity, Blake and Zisserman 1987)
 _OUTLIER = (2e-3, 2e-3, 1e-3, 1e-3, 5e-4, 5e-4, 3e-4, 3e-4)
+_SMALL_STEP = 5e-5, 2e-3  # m, rad: no second iteration at the same width after one this small
 _STEEPEST = 3.0  # slope beyond which a finite difference across a silhouette says nothing
 
 
@@ -58,12 +59,17 @@ class ReliefAlignment:
         """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a relief (H, W) m."""
         prior = np.linalg.inv(covariance)
         state = pose
+        settled = np.inf
         for outlier in _OUTLIER:
+            if outlier == settled:
+                continue
             offset = se3.log(se3.inverse(pose) @ state)
             hessian, gradient, *_ = self._normal_equations(state, relief, outlier)
             posterior = prior + hessian
             step = np.linalg.solve(posterior, gradient - prior @ offset)
             state = state @ se3.exp(step)
+            if np.abs(step[:3]).max() < _SMALL_STEP[0] and np.abs(step[3:]).max() < _SMALL_STEP[1]:
+                settled = outlier
         offset = se3.log(se3.inverse(pose) @ state)
         hessian, _, cost, fit = self._normal_equations(state, relief, _OUTLIER[-1])
         posterior = prior + hessian

@@ -51,7 +51,7 @@ class FilterConfig:
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.02, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
+        0.03, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
     smoothing_neighbours: int = _number(
         8, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
