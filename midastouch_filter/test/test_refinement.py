@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Mode
+from midastouch_filter.particles import Particles
+from midastouch_filter.refinement import Refinement, reduced_relief, sharpened
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+SIGMA = np.array([2e-3, 2e-3, 5e-4, 0.03, 0.03, 0.06])
+
+
+@pytest.fixture(scope="module")
+def tool():
+    return ObjectMesh.load(bundled_objects()["handle_tool"])
+
+
+@pytest.fixture(scope="module")
+def sensor():
+    return SensorModel.load("digit_tacto")
+
+
+@pytest.fixture(scope="module")
+def touch(tool, sensor):
+    """A pose on the tool's edge and what is felt there, and another pose far away."""
+    sampling = ContactSampling(press=(8e-4, 1e-3), edge_share=1.0, free_share=0.0)
+    poses = sample_contact_poses(tool, 2, np.random.default_rng(4), sensor, sampling)
+    return poses[0], reduced_relief(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
+
+
+@pytest.fixture
+def refinement(tool, sensor):
+    return Refinement(tool, sensor, FilterConfig())
+
+
+def cloud(pose, n, rng, sigma=SIGMA):
+    poses = pose @ se3.exp(rng.standard_normal((n, 6)) * sigma)
+    return Particles.from_poses(poses, np.zeros(n, int))
+
+
+def mode_of(pose, n, weight=1.0, sigma=SIGMA):
+    turn = np.kron(np.eye(2), pose[:3, :3])
+    return Mode(weight, pose, turn @ np.diag(sigma**2) @ turn.T, n)
+
+
+def test_reduced_relief_is_the_block_mean():
+    penetration = np.arange(160 * 120, dtype=np.float32).reshape(160, 120)
+    relief = reduced_relief(penetration)
+    assert relief.shape == (80, 60)
+    assert relief[3, 5] == penetration[6:8, 10:12].mean()
+
+
+def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
+    truth, relief, _ = touch
+    start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
+    particles = cloud(start, 400, np.random.default_rng(0))
+    aligned = refinement.apply(particles, np.zeros(400, np.int32), [mode_of(start, 400)], relief, 1.0)
+    assert aligned[0].fit > 0.9
+    before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
+    after = np.linalg.norm(particles.positions.mean(axis=0) - truth[:3, 3])
+    assert after < 0.7 * before
+    spread = np.linalg.norm(particles.positions.std(axis=0))
+    assert spread < 0.9 * np.linalg.norm(SIGMA[:3])
+    np.testing.assert_allclose(np.linalg.norm(particles.quaternions, axis=1), 1, atol=1e-5)
+    # the frame's own pose is nearer still, because the jitter is part of it
+    assert np.linalg.norm(aligned[0].pose[:3, 3] - truth[:3, 3]) < 0.5 * before
+    np.testing.assert_array_equal(sharpened(mode_of(start, 400), aligned[0]).pose, aligned[0].pose)
+
+
+def test_wide_modes_are_left_alone(refinement, touch):
+    truth, relief, _ = touch
+    particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
+    before = particles.positions.copy()
+    wide = mode_of(truth, 50, sigma=10 * SIGMA)
+    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], relief, 1.0) == {}
+    np.testing.assert_array_equal(particles.positions, before)
+
+
+def test_mass_moves_to_the_mode_that_fits(refinement, touch):
+    truth, relief, elsewhere = touch
+    rng = np.random.default_rng(1)
+    right, wrong = cloud(truth, 200, rng), cloud(elsewhere, 200, rng)
+    particles = Particles(
+        np.concatenate([right.positions, wrong.positions]),
+        np.concatenate([right.quaternions, wrong.quaternions]),
+        np.full(400, -np.log(400)),
+        np.zeros(400, np.int32),
+    )
+    members = np.repeat(np.array([1, 0], np.int32), 200)
+    modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
+    refinement.apply(particles, members, modes, relief, 0.5)
+    weights = particles.weights
+    assert weights.sum() == pytest.approx(1)
+    # at most five nats a whole touch, here half of one
+    assert 0.8 < weights[:200].sum() <= 1 / (1 + np.exp(-2.5)) + 1e-9
