@@ -8,12 +8,9 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from ..errors import InputError
-
-RCLError = rclpy_implementation.RCLError
 
 
 def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
@@ -37,8 +34,10 @@ def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = N
         _let_the_handler_finish()
     except ExternalShutdownException:
         pass
-    except RCLError:
-        # A signal shuts the context down under whatever is being published at that moment.
+    except RuntimeError:
+        # A signal shuts the context down under whatever is being published or taken at that moment: an RCLError, or a
+        # failed conversion where rclpy swallowed the interrupt.
+        _let_the_handler_finish()
         if rclpy.ok():
             raise
     finally:
