@@ -111,24 +111,6 @@ def rotation_angle(rotation: np.ndarray) -> np.ndarray:
     return np.arctan2(np.linalg.norm(axis, axis=-1) / 2, cosine)
 
 
-def quat_mean(quaternions: np.ndarray, weights: np.ndarray | None = None) -> np.ndarray:
-    """Weighted mean quaternion (4,) of unit quaternions (N, 4): Markley et al. 2007, sign-free.
-
-    It is the eigenvector of the largest eigenvalue of sum w q q^T. Paper section 4.3, hypothesis clustering.
-    """
-    quaternions = np.asarray(quaternions, float)
-    weights = np.ones(len(quaternions)) if weights is None else np.asarray(weights, float)
-    scatter = np.einsum("n,ni,nj->ij", weights, quaternions, quaternions)
-    return np.linalg.eigh(scatter)[1][:, -1]
-
-
-def interpolate(start: np.ndarray, end: np.ndarray, fraction: float) -> np.ndarray:
-    """Transform (4, 4) between two: linear in translation, spherical linear in rotation, as tf2 does."""
-    relative = Rotation.from_matrix(start[:3, :3]).inv() * Rotation.from_matrix(end[:3, :3])
-    step = Rotation.from_rotvec(fraction * relative.as_rotvec()).as_matrix()
-    return make(start[:3, :3] @ step, (1 - fraction) * start[:3, 3] + fraction * end[:3, 3])
-
-
 def random_rotations(n: int, rng: np.random.Generator) -> np.ndarray:
     """Rotation matrices (n, 3, 3), uniform over SO(3)."""
     return Rotation.from_quat(rng.standard_normal((n, 4))).as_matrix()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from .training import add_training_command, run_training
 
@@ -11,12 +10,6 @@ from .training import add_training_command, run_training
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
     parser = add_training_command(subparsers, "train-tcn", run, "train the code network on simulated touches")
-    parser.add_argument(
-        "--backgrounds",
-        default="../shared/data/digit_backgrounds",
-        metavar="DIR",
-        help="real no-contact images (default %(default)s)",
-    )
     parser.add_argument(
         "--tdn", default="fast", metavar="NET", help="depth network the touches go through (default fast)"
     )
@@ -28,6 +21,6 @@ def run(args: argparse.Namespace) -> int:
     def train(**options):
         from midastouch_perception.tcn.train import train
 
-        return train(backgrounds=Path(args.backgrounds), tdn=args.tdn, **options)
+        return train(tdn=args.tdn, **options)
 
     return run_training(args, train)

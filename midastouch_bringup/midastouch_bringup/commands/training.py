@@ -32,6 +32,12 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         metavar="DIR",
         help="objects to train on (default %(default)s)",
     )
+    parser.add_argument(
+        "--backgrounds",
+        default="../shared/data/digit_backgrounds",
+        metavar="DIR",
+        help="real no-contact images (default %(default)s)",
+    )
     parser.add_argument("--out", default=f"out/{name}", metavar="DIR", help="default %(default)s")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of weights and data (default 0)")
     return parser
@@ -52,6 +58,7 @@ def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
         resume = resume.parent
     weights = train(
         meshes=Path(args.meshes),
+        backgrounds=Path(args.backgrounds),
         out=Path(args.out),
         minutes=args.minutes,
         seed=args.seed,
