@@ -78,6 +78,10 @@ class Reachability:
             deepest[deep] = self._renderer.render(poses[deep]).max(axis=(1, 2))
         return poses, reachable & (deepest <= MAX_PENETRATION + _TOLERANCE) & (deepest > _TOLERANCE)
 
+    def free(self, poses: np.ndarray) -> np.ndarray:
+        """Which (N,) of the poses (N, 4, 4) touch nothing: away from one wall may be into another."""
+        return ~self._renderer.render(poses).any(axis=(1, 2))
+
 
 def sample_contact_poses(
     mesh: ObjectMesh,
@@ -97,8 +101,9 @@ def sample_contact_poses(
         yaw, azimuth = rng.uniform(0, 2 * np.pi, (2, m))
         tilt = np.abs(rng.normal(0, sampling.tilt, m))
         poses, reachable = reachability.settle(pose_from_contact(points, normals, yaw, tilt, azimuth, press), press)
-        free = rng.random(m) < sampling.free_share
-        poses[free, :3, 3] += rng.uniform(2.5e-3, 8e-3, (free.sum(), 1)) * poses[free, :3, 2]
+        free = np.flatnonzero(rng.random(m) < sampling.free_share)
+        poses[free, :3, 3] += rng.uniform(2.5e-3, 8e-3, (len(free), 1)) * poses[free, :3, 2]
+        reachable[free] &= reachability.free(poses[free])
         kept.append(poses[reachable][:missing])
         missing -= len(kept[-1])
     return np.concatenate(kept)

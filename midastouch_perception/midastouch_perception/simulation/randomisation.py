@@ -3,7 +3,7 @@
 "My DIGIT is not your DIGIT": gain, light directions, colour mixing, shadows, gel smoothing, blur, noise, JPEG and the
 no-contact background differ from sensor to sensor. Each term is one method of `RandomSensor`; around half of the
 sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
-shadow lobes, soft halo).
+shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says.
 """
 
 from __future__ import annotations
@@ -14,14 +14,21 @@ import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
+from .colour_table import ColourTable
 from .optics import Illumination, gel_normals, shade
 
 
 @dataclasses.dataclass(frozen=True)
 class RandomisationRange:
-    """How far sensors vary. Attributes: wide_share of the sensors that leave TACTO's neighbourhood."""
+    """How far sensors vary.
+
+    Attributes: wide_share of the sensors that leave TACTO's neighbourhood; table_share of those that shine by
+    `colour_table`, if there is one.
+    """
 
     wide_share: float = 0.6
+    table_share: float = 0.35
+    colour_table: ColourTable | None = None
 
 
 class RandomSensor:
@@ -49,6 +56,12 @@ class RandomSensor:
         self._field = self._smooth_field(rng, 0.35) if self.wide else np.ones((1, 1, 1), np.float32)
         self._shadow = rng.uniform(0, 0.8) if self.wide and rng.random() < 0.5 else 0.0
         self._smoothing = rng.uniform(0.1e-3, 0.8e-3) if self.wide and rng.random() < 0.6 else 0.0
+        self._table = None
+        if self.wide and ranges.colour_table and rng.random() < ranges.table_share:
+            self._table = ranges.colour_table
+            self._gain = rng.uniform(0.4, 1.5)
+            self._smoothing = self._smoothing or 0.1e-3  # the table knows slopes, so the gel must have them
+            self._orientation = int(rng.integers(4)), bool(rng.random() < 0.5)
         self._blur = rng.uniform(0.4, 1.4) if self.wide else 0.7
         self._noise = rng.uniform(0.2, 2.5)
         self._jpeg = int(rng.uniform(60, 97)) if rng.random() < 0.6 else None
@@ -74,12 +87,16 @@ class RandomSensor:
             return np.zeros((*penetration.shape, 3), np.float32)
         if self._smoothing:
             penetration = self._gel_follows(penetration)
-            depth = self._rest_depth - penetration
-            shading = gel_normals(self.sensor, depth)
+        if self._table:
+            pixel = self.sensor.gel_distance / self.sensor.focal
+            change = self._table.difference(penetration, pixel, *self._orientation) * (self._gain * self._field)
         else:
             depth = self._rest_depth - penetration
-            shading = np.where(touching[..., None], surface, self._rest_normals)
-        change = (self._render(depth, shading) - self._rest) @ self._mixing * (self._gain * self._field)
+            if self._smoothing:
+                shading = gel_normals(self.sensor, depth)
+            else:
+                shading = np.where(touching[..., None], surface, self._rest_normals)
+            change = (self._render(depth, shading) - self._rest) @ self._mixing * (self._gain * self._field)
         if self._shadow:
             change *= 1 - self._shadow * self._occlusion(penetration)
             change -= 12 * self._gain * self._shadow * self._occlusion(penetration) * (~touching)[..., None]

@@ -232,9 +232,7 @@ def _draw(
 
 
 @numba.njit(cache=True, parallel=True)
-def _interpolate_normals(
-    poses, penetration, faces, gel_depth, corners, corner_normals, tangent_x, tangent_y, distance
-):
+def _interpolate_normals(poses, penetration, faces, gel_depth, corners, corner_normals, tangent_x, tangent_y, distance):
     n, height, width = penetration.shape
     normals = np.zeros((n, height, width, 3), np.float32)
     for i in numba.prange(n):
@@ -261,9 +259,7 @@ def _interpolate_normals(
                 for k in range(3):
                     weight[k] = edge[k, 0] * tangent_x[v, u] + edge[k, 1] * tangent_y[v, u] + edge[k, 2]
                 for k in range(3):
-                    normals[i, v, u, k] = (
-                        weight[0] * local[0, k] + weight[1] * local[1, k] + weight[2] * local[2, k]
-                    )
+                    normals[i, v, u, k] = weight[0] * local[0, k] + weight[1] * local[1, k] + weight[2] * local[2, k]
                 length = np.sqrt(normals[i, v, u, 0] ** 2 + normals[i, v, u, 1] ** 2 + normals[i, v, u, 2] ** 2)
                 for k in range(3):
                     normals[i, v, u, k] /= max(length, 1e-20)

@@ -287,7 +287,7 @@ def train(
         "calibration": calibrate(scores),
         "tdn": depth.network_id,
         "data": {"meshes": len(train_meshes), "steps": run.step, "touches_a_step": _GROUP},
-        "minutes": minutes,
+        "minutes": round(run.minutes, 1),
         "seed": seed,
         "command": f"midastouch train-tcn --minutes {minutes:g} --seed {seed}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},

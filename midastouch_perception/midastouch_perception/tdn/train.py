@@ -11,6 +11,8 @@ import torch
 from torch import nn
 
 from ..sensor_model import SensorModel
+from ..simulation.colour_table import ColourTable
+from ..simulation.randomisation import RandomisationRange
 from ..training.backgrounds import load_backgrounds
 from ..training.export import export_onnx
 from ..training.objects import load_objects
@@ -21,6 +23,7 @@ from .network import UNet
 
 _BATCH = 32
 _RESERVOIR = 768
+_SOFTENING = 0.03  # mm: below it the loss is quadratic
 CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 
@@ -34,8 +37,8 @@ def training_sensors() -> list[SensorModel]:
 class _Batches(torch.utils.data.IterableDataset):
     """Batches (difference, geometry, penetration mm) of a worker's own seeded stream."""
 
-    def __init__(self, meshes: list, backgrounds: np.ndarray, seed: int):
-        self.meshes, self.backgrounds, self.seed = meshes, backgrounds, seed
+    def __init__(self, meshes: list, backgrounds: np.ndarray, ranges: RandomisationRange, seed: int):
+        self.meshes, self.backgrounds, self.ranges, self.seed = meshes, backgrounds, ranges, seed
 
     def __iter__(self):
         import cv2
@@ -47,7 +50,7 @@ class _Batches(torch.utils.data.IterableDataset):
         rng = np.random.default_rng([self.seed, worker.id if worker else 0])
         sensors = training_sensors()
         geometry = {sensor: geometry_input(sensor) for sensor in sensors}
-        stream = shuffled(touches(self.meshes, sensors, self.backgrounds, rng), _RESERVOIR, rng)
+        stream = shuffled(touches(self.meshes, sensors, self.backgrounds, rng, self.ranges), _RESERVOIR, rng)
         while True:
             batch = list(itertools.islice(stream, _BATCH))
             yield (
@@ -58,10 +61,15 @@ class _Batches(torch.utils.data.IterableDataset):
 
 
 def loss_function(output: torch.Tensor, penetration: torch.Tensor) -> torch.Tensor:
-    """Squared error of the penetration [mm^2] and cross-entropy of the contact mask."""
+    """RMSE of each map's penetration [mm] and cross-entropy of the contact mask.
+
+    Root per map, not mean of squares: the blurriest of sensors would take nearly all of the gradient.
+    """
     contact = (penetration > CONTACT * 1e3).float()
-    squared = ((output[:, 0] - penetration) ** 2).mean()
-    return squared + 0.05 * nn.functional.binary_cross_entropy_with_logits(output[:, 1], contact)
+    squared = ((output[:, 0] - penetration) ** 2).mean(dim=(1, 2))
+    return (squared + _SOFTENING**2).sqrt().mean() + 0.15 * nn.functional.binary_cross_entropy_with_logits(
+        output[:, 1], contact
+    )
 
 
 @torch.no_grad()
@@ -82,6 +90,7 @@ def validate(model: nn.Module, batches: list) -> dict[str, float]:
 def train(
     meshes: Path,
     backgrounds: Path,
+    colour_table: Path | None,
     out: Path,
     minutes: float = 30,
     seed: int = 0,
@@ -91,17 +100,19 @@ def train(
 ) -> Path:
     """Train for `minutes` and write `tdn_fast.onnx` and `tdn_fast.json` into `out`; returns the ONNX path.
 
-    meshes: folder of YCB scans; backgrounds: folder of no-contact images. Logs and checkpoints go to `out` too.
+    meshes: folder of YCB scans; backgrounds: folder of no-contact images; colour_table: Taxim's
+    table of a real DIGIT. Logs and checkpoints go to `out` too.
     """
     torch.manual_seed(seed)
     train_meshes, held_out = load_objects(meshes, procedural=24, seed=seed)
     sensor = SensorModel.load("digit_tacto").scaled(SCALE)
     train_backgrounds, other_backgrounds = load_backgrounds(backgrounds, sensor.height, sensor.width)
+    ranges = RandomisationRange(colour_table=colour_table and ColourTable.load(colour_table))
     model = UNet().to(device, memory_format=torch.channels_last)
     run = TrainingRun(model, minutes, 3e-3, Path(out), resume)
-    checks = list(itertools.islice(iter(_Batches(held_out, other_backgrounds, seed + 1000)), 10))
+    checks = list(itertools.islice(iter(_Batches(held_out, other_backgrounds, ranges, seed + 1000)), 10))
     loader = torch.utils.data.DataLoader(
-        _Batches(train_meshes, train_backgrounds, seed + 7919 * run.step),
+        _Batches(train_meshes, train_backgrounds, ranges, seed + 7919 * run.step),
         batch_size=None,
         num_workers=workers,
         prefetch_factor=8,
@@ -126,7 +137,7 @@ def train(
     card = {
         "network": "tdn_fast",
         "data": {"meshes": len(train_meshes), "touches": run.step * _BATCH, "backgrounds": len(train_backgrounds)},
-        "minutes": minutes,
+        "minutes": round(run.minutes, 1),
         "seed": seed,
         "command": f"midastouch train-tdn --minutes {minutes:g} --seed {seed}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},

@@ -32,7 +32,8 @@ class TrainingRun:
         self.optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
         self.average = {k: v.detach().clone() for k, v in model.state_dict().items()}
         self.step = 0
-        self.rows: list[dict] = []
+        self.rows: list[dict] = []  # of the earlier run too
+        self.minutes_before = 0.0
         if resume:
             self._resume(Path(resume))
 
@@ -40,6 +41,11 @@ class TrainingRun:
     def progress(self) -> float:
         """Share of the time budget used, 0 ... 1."""
         return min((time.monotonic() - self.started) / self.budget, 1.0)
+
+    @property
+    def minutes(self) -> float:
+        """Minutes of training so far, earlier runs included."""
+        return self.minutes_before + (time.monotonic() - self.started) / 60
 
     def update(self, loss: torch.Tensor) -> None:
         """One optimiser step down the gradient of `loss`; a non-finite loss is skipped."""
@@ -69,7 +75,7 @@ class TrainingRun:
 
     def record(self, **figures: float) -> None:
         """Append one row to the log, print it, and save the checkpoint."""
-        row = {"minutes": (time.monotonic() - self.started) / 60, "step": self.step, **figures}
+        row = {"minutes": self.minutes, "step": self.step, **figures}
         self.rows.append(row)
         print("  ".join(f"{k} {v:.4g}" for k, v in row.items()), flush=True)
         with atomic_path(self.folder / "log.csv") as path, path.open("w", newline="") as stream:
@@ -90,7 +96,10 @@ class TrainingRun:
             self.optimiser.load_state_dict(state["optimiser"])
             self.average = load_file(folder / "checkpoint.safetensors")
             self.step = state["step"]
-        except (OSError, KeyError, RuntimeError) as error:
+            with (folder / "log.csv").open(newline="") as stream:
+                self.rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(stream)]
+            self.minutes_before = self.rows[-1]["minutes"]
+        except (OSError, KeyError, RuntimeError, ValueError, IndexError) as error:
             raise InputError(f"{folder}: cannot resume from here ({error}); name the folder of a run") from error
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import ContactSampling, sample_contact_poses
-from ..simulation.randomisation import RandomSensor
+from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..simulation.renderer import PenetrationRenderer
 
 _POSES_PER_OBJECT = 96
@@ -37,6 +37,7 @@ def touches(
     sensors: list[SensorModel],
     backgrounds: np.ndarray,
     rng: np.random.Generator,
+    ranges: RandomisationRange = RandomisationRange(),
 ) -> Iterator[Touch]:
     """Touches on random objects with random DIGITs; 96 an object, 12 a DIGIT, in that order (shuffle them)."""
     renderers: dict[tuple[int, int], PenetrationRenderer] = {}
@@ -48,7 +49,7 @@ def touches(
         poses = sample_contact_poses(meshes[which[0]], _POSES_PER_OBJECT, rng, sensor, _SAMPLING)
         penetration, normals = renderer.render_with_normals(poses)
         for part in np.array_split(np.arange(len(poses)), _SENSORS_PER_OBJECT):
-            imaginary = RandomSensor(sensor, backgrounds, rng)
+            imaginary = RandomSensor(sensor, backgrounds, rng, ranges)
             images, reference = imaginary.images(penetration[part], normals[part], rng)
             for image, depth in zip(images, penetration[part], strict=True):
                 yield Touch(image - reference, depth, sensor)

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
+import trimesh
 
+from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import (
     MAX_PENETRATION,
     ContactSampling,
@@ -62,3 +64,11 @@ def test_inside_of_a_ring_too_narrow_for_the_finger_is_out_of_reach(sensor):
 
 def test_same_seed_same_poses(tool, sensor, poses):
     np.testing.assert_array_equal(poses, sample_contact_poses(tool, 400, np.random.default_rng(0), sensor))
+
+
+def test_hovering_poses_touch_nothing_even_inside_a_cup(sensor):
+    outer = trimesh.creation.annulus(r_min=0.012, r_max=0.016, height=0.06)
+    ring = ObjectMesh.from_arrays(np.asarray(outer.vertices), np.asarray(outer.faces), "ring")
+    sampling = ContactSampling(free_share=1.0)
+    poses = sample_contact_poses(ring, 60, np.random.default_rng(0), sensor, sampling)
+    assert not PenetrationRenderer(ring, sensor.scaled(0.5)).render(poses).any()

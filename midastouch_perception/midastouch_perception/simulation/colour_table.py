@@ -1,0 +1,81 @@
+"""Optics fitted on a real DIGIT: the colour table of the Taxim simulator (Si and Yuan, RA-L 2022).
+
+Per bin of slope and direction, a quadratic in the pixel's position gives the change of each colour. Real gel answers
+several times stronger than TACTO's, saturates with slope, and differs over the image.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from ..errors import InputError
+
+_LANDSCAPE = (480, 640)  # rows, columns of the images the table was fitted on
+_LIMIT = 130.0  # grey levels: the quadratics overshoot where no press of the fit has been
+
+
+class ColourTable:
+    """Slope of the gel to change of colour, at any resolution of the portrait image.
+
+    Args: coefficients (S, D, 6, 3): per slope bin (0 ... 90 deg), direction bin (-180 ... 180 deg) and channel the
+    factors of x^2, y^2, xy, x, y, 1 in pixels of a 640 x 480 image.
+    """
+
+    def __init__(self, coefficients: np.ndarray):
+        if coefficients.ndim != 4 or coefficients.shape[2:] != (6, 3) or not np.isfinite(coefficients).all():
+            raise InputError(f"colour table: shape {coefficients.shape}, need finite (slopes, directions, 6, 3)")
+        # the fit leaves an offset on flat gel, which a difference image cannot have
+        flat = coefficients[0].mean(axis=0)
+        self._coefficients = np.ascontiguousarray(coefficients - flat, np.float32)
+
+    @classmethod
+    def load(cls, path: str | Path) -> ColourTable:
+        """From Taxim's `polycalib.npz` (arrays grad_r, grad_g, grad_b). Raises InputError if it is not one."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                return cls(np.stack([file[f"grad_{c}"] for c in "rgb"], axis=-1))
+        except (OSError, KeyError, ValueError) as error:
+            raise InputError(f"{path}: not a Taxim colour table ({error}); give its polycalib.npz") from error
+
+    def difference(self, relief: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):
+        """Change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `relief` (H, W) m.
+
+        pixel: m per pixel. quarter_turns, mirrored: how the table's camera image maps to this portrait image; the
+        table's own orientation (one quarter turn) is not documented with it.
+        """
+        down, right = np.gradient(relief.astype(np.float32), np.float32(pixel))
+        out = _look_up(self._coefficients, down, right, quarter_turns % 4, mirrored)
+        return np.clip(out, -_LIMIT, _LIMIT, out=out)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _look_up(coefficients, down, right, turns, mirrored):
+    height, width = down.shape
+    slopes, directions = coefficients.shape[:2]
+    out = np.zeros((height, width, 3), np.float32)
+    for v in range(height):
+        for u in range(width):
+            a, b = down[v, u], right[v, u]
+            if a == 0 and b == 0:
+                continue
+            x, y = (u + 0.5) / width - 0.5, (v + 0.5) / height - 0.5
+            if mirrored:
+                x, b = -x, -b
+            for _ in range(turns):
+                x, y, b, a = y, -x, a, -b
+            x, y = (x + 0.5) * _LANDSCAPE[1], (y + 0.5) * _LANDSCAPE[0]
+            row = np.arctan(np.sqrt(a * a + b * b)) / (np.pi / 2) * (slopes - 1)
+            low = min(int(row), slopes - 2)
+            part = np.float32(row - low)
+            column = int(round((np.arctan2(a, b) + np.pi) / (2 * np.pi) * (directions - 1)))
+            terms = (x * x, y * y, x * y, x, y, 1.0)
+            for c in range(3):
+                value = np.float32(0)
+                for k in range(6):
+                    near, far = coefficients[low, column, k, c], coefficients[low + 1, column, k, c]
+                    value += (near + part * (far - near)) * np.float32(terms[k])
+                out[v, u, c] = value
+    return out
