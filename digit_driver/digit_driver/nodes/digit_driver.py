@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import sys
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -21,8 +19,8 @@ from ..errors import DeviceError, InputError
 from ..frame_source import Frame, FrameSource
 from ..reader import FrameReader, ReaderState, ReaderStatus
 from ..stream_monitor import StreamMonitor
-from . import messages, settings
-from .lifecycle import RCLError, RobustLifecycleNode
+from . import messages, settings, spin
+from .lifecycle import RobustLifecycleNode
 from .parameters import PARAMETERS, declare, refuse_unknown
 
 IMAGE_QOS = QoSProfile(depth=2)
@@ -214,27 +212,7 @@ class DigitDriver(RobustLifecycleNode):
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
-    rclpy.init(args=args)
-    node = None
-    try:
-        executor = SingleThreadedExecutor()
-        node = DigitDriver()
-        executor.add_node(node)
-        while rclpy.ok() and not node.failure:
-            executor.spin_once()
-    except InputError:  # The node has logged it.
-        return 2
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RCLError:
-        # A signal shuts the context down under whatever is being done at that moment.
-        if rclpy.ok():
-            raise
-    finally:
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
-    return 1 if node is not None and node.failure else 0
+    return spin.run(DigitDriver, args)
 
 
 if __name__ == "__main__":

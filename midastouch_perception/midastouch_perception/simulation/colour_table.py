@@ -70,7 +70,7 @@ def _look_up(coefficients, down, right, turns, mirrored):
             row = np.arctan(np.sqrt(a * a + b * b)) / (np.pi / 2) * (slopes - 1)
             low = min(int(row), slopes - 2)
             part = np.float32(row - low)
-            column = int(round((np.arctan2(a, b) + np.pi) / (2 * np.pi) * (directions - 1)))
+            column = round((np.arctan2(a, b) + np.pi) / (2 * np.pi) * (directions - 1))
             terms = (x * x, y * y, x * y, x, y, 1.0)
             for c in range(3):
                 value = np.float32(0)

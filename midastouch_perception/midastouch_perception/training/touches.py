@@ -37,7 +37,7 @@ def touches(
     sensors: list[SensorModel],
     backgrounds: np.ndarray,
     rng: np.random.Generator,
-    ranges: RandomisationRange = RandomisationRange(),
+    ranges: RandomisationRange,
 ) -> Iterator[Touch]:
     """Touches on random objects with random DIGITs; 96 an object, 12 a DIGIT, in that order (shuffle them)."""
     renderers: dict[tuple[int, int], PenetrationRenderer] = {}
