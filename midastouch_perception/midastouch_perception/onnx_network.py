@@ -18,7 +18,8 @@ class OnnxNetwork:
     """An ONNX file run by ONNX Runtime on the CPU.
 
     Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
-    beside the file). Raises InputError: unknown name, no such file, not an ONNX network, missing or broken card.
+    beside the file); outputs, their names. Raises InputError: unknown name, no such file, not an ONNX network,
+    missing or broken card.
     """
 
     def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
@@ -38,12 +39,13 @@ class OnnxNetwork:
             reason = str(error).splitlines()[0]
             raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
         self._inputs = [i.name for i in self.session.get_inputs()]
+        self.outputs = [o.name for o in self.session.get_outputs()]
         try:
             self.card = json.loads(path.with_suffix(".json").read_text())
         except (OSError, json.JSONDecodeError) as error:
             raise InputError(f"{path.with_suffix('.json')}: no readable model card beside the network") from error
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
-    def run(self, *inputs: np.ndarray) -> np.ndarray:
-        """The network's one output for its inputs, in their declared order."""
-        return self.session.run(None, dict(zip(self._inputs, inputs, strict=True)))[0]
+    def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
+        """The output of that name, by default the first, for the network's inputs in their declared order."""
+        return self.session.run([output or self.outputs[0]], dict(zip(self._inputs, inputs, strict=True)))[0]

@@ -11,6 +11,8 @@ from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
 from .inputs import SCALE, difference_input, geometry_input, reduce_image
 
+EMBEDDING = "embedding"  # name of the network's second output
+
 
 def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
     """`image` if it is (H, W, 3) uint8 of the sensor's size; InputError naming `what` and the mend otherwise."""
@@ -56,11 +58,26 @@ class TactileDepthNet:
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
         """Penetration of difference images (160, 120, 3) or (N, 160, 120, 3): (160, 120) or (N, 160, 120) m."""
-        batch = difference_input(np.atleast_1d(difference).reshape(-1, *difference.shape[-3:]))
-        geometry = np.broadcast_to(self._geometry, (len(batch), *self._geometry.shape[1:]))
-        out = self._network.run(batch, np.ascontiguousarray(geometry))
+        out = self._network.run(*self._batch(difference))
         penetration = np.where(out[:, 1] > 0, np.maximum(out[:, 0], 0), 0) * np.float32(1e-3)
         return penetration.reshape(difference.shape[:-1])
+
+    @property
+    def has_embedding(self) -> bool:
+        """Whether the network also gives its bottleneck."""
+        return EMBEDDING in self._network.outputs
+
+    def embedding(self, difference: np.ndarray) -> np.ndarray:
+        """Bottleneck features (N, E) float32, L2-normalised, of difference images (N, 160, 120, 3).
+
+        The image embedding that the paper compares its codes with (appendix B). Only where `has_embedding`.
+        """
+        return self._network.run(*self._batch(difference), output=EMBEDDING)
+
+    def _batch(self, difference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        batch = difference_input(np.atleast_1d(difference).reshape(-1, *difference.shape[-3:]))
+        geometry = np.broadcast_to(self._geometry, (len(batch), *self._geometry.shape[1:]))
+        return batch, np.ascontiguousarray(geometry)
 
 
 def load_tdn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1) -> TactileDepthNet:
