@@ -7,10 +7,14 @@ import importlib.util
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from midastouch_perception.errors import InputError
 
 from . import arguments
+
+if TYPE_CHECKING:
+    from midastouch_perception.training.setting import TrainingOptions
 
 
 def add_training_command(subparsers, name: str, run: Callable, summary: str) -> argparse.ArgumentParser:
@@ -24,6 +28,9 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         "Writes weights (ONNX), model card, checkpoint, log and curves to the folder --out. Needs PyTorch.",
     )
     parser.add_argument("--minutes", type=arguments.positive, default=30.0, help="time budget (default 30)")
+    parser.add_argument(
+        "--steps", type=arguments.positive_int, help="end after so many steps instead: repeatable with its seed"
+    )
     parser.add_argument("--resume", metavar="FILE", help="checkpoint of an earlier run, or its folder, to go on from")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     parser.add_argument(
@@ -38,13 +45,18 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         metavar="DIR",
         help="real no-contact images (default %(default)s)",
     )
+    parser.add_argument(
+        "--colour-table",
+        metavar="FILE",
+        help="colours of a real DIGIT, polycalib.npz of the Taxim simulator (default: none)",
+    )
     parser.add_argument("--out", default=f"out/{name}", metavar="DIR", help="default %(default)s")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of weights and data (default 0)")
     return parser
 
 
-def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
-    """Call `train` with the common options; it returns the file of the weights."""
+def training_options(args: argparse.Namespace) -> TrainingOptions:
+    """The options both commands have. Raises InputError without PyTorch, or if there is nothing to resume."""
     if importlib.util.find_spec("torch") is None:
         raise InputError(
             "training needs PyTorch, which is not installed; run: .venv/bin/pip install -r tools/requirements/train.txt"
@@ -56,15 +68,17 @@ def run_training(args: argparse.Namespace, train: Callable[..., Path]) -> int:
         raise InputError(f"{resume}: no such checkpoint; give a file or folder written by an earlier run")
     if resume is not None and resume.is_file():
         resume = resume.parent
-    weights = train(
+    from midastouch_perception.training.setting import TrainingOptions
+
+    return TrainingOptions(
         meshes=Path(args.meshes),
         backgrounds=Path(args.backgrounds),
+        colour_table=Path(args.colour_table) if args.colour_table else None,
         out=Path(args.out),
         minutes=args.minutes,
+        steps=args.steps,
         seed=args.seed,
         workers=max((os.cpu_count() or 2) - 1, 1),
         device=args.device,
         resume=resume,
     )
-    print(f"{weights}: trained")
-    return 0

@@ -18,23 +18,22 @@ from torch import nn
 
 from .. import se3
 from ..codebook_poses import PRESS, codebook_poses
-from ..errors import InputError
 from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
-from ..simulation.randomisation import RandomSensor
+from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..simulation.renderer import PenetrationRenderer
 from ..tdn.inference import TactileDepthNet
-from ..tdn.inputs import SCALE
-from ..training.backgrounds import load_backgrounds
 from ..training.export import export_onnx
-from ..training.objects import load_objects
+from ..training.loading import rendered_batches, rendering_process
 from ..training.run import TrainingRun, plot_log
+from ..training.setting import TrainingData, TrainingOptions
 from .inputs import code_input
 from .network import CodeNet
 
 _GROUP = 256  # touches of one object that are told apart
 _REUSE = 5  # times each group of touches is shown, with fresh entries and another mirroring
+_QUERIES, _BOOK = 160, 3072  # touches and entries of each object to validate with
 _SENSORS = 16  # imaginary DIGITs a group
 _SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_share=0.0)
 _CELL = (2.5e-3, 2.5e-3, 0.3e-3, np.radians(6), np.radians(6), np.radians(12))  # half cell of a codebook entry
@@ -50,8 +49,15 @@ class _TouchGroup:
 class _Touches:
     """Groups of touches of random objects, through optics and depth network."""
 
-    def __init__(self, meshes: list[ObjectMesh], backgrounds: np.ndarray, tdn: TactileDepthNet, seed: int):
-        self.meshes, self.backgrounds, self.tdn = meshes, backgrounds, tdn
+    def __init__(
+        self,
+        meshes: list[ObjectMesh],
+        backgrounds: np.ndarray,
+        ranges: RandomisationRange,
+        tdn: TactileDepthNet,
+        seed: int,
+    ):
+        self.meshes, self.backgrounds, self.ranges, self.tdn = meshes, backgrounds, ranges, tdn
         self.sensor = tdn.sensor
         self.rng = np.random.default_rng(seed)
         self.renderers: dict[int, PenetrationRenderer] = {}
@@ -67,7 +73,7 @@ class _Touches:
         penetration, normals = renderer.render_with_normals(poses)
         maps = np.empty_like(penetration)
         for part in np.array_split(rng.permutation(size), _SENSORS):
-            imaginary = RandomSensor(self.sensor, self.backgrounds, rng)
+            imaginary = RandomSensor(self.sensor, self.backgrounds, rng, self.ranges)
             images, reference = imaginary.images(penetration[part], normals[part], rng)
             maps[part] = self.tdn.penetration(images - reference)
         kept = ((maps > 0).sum(axis=(1, 2)) >= _MIN_PIXELS) & ((penetration > 0).sum(axis=(1, 2)) >= _MIN_PIXELS)
@@ -106,24 +112,17 @@ class _Touches:
 class _Batches(torch.utils.data.IterableDataset):
     """Endless (touch inputs, entry inputs) of one object each; old touches return with new entries, mirrored."""
 
-    def __init__(self, meshes, backgrounds, tdn_path, seed):
-        self.meshes, self.backgrounds, self.tdn_path, self.seed = meshes, backgrounds, tdn_path, seed
+    def __init__(self, data: TrainingData, tdn: str, seed: int):
+        self.data, self.tdn, self.seed = data, tdn, seed
 
     def __iter__(self):
-        import cv2
-        import numba
-
-        numba.set_num_threads(1)
-        cv2.setNumThreads(1)
-        worker = torch.utils.data.get_worker_info()
-        source = _Touches(
-            self.meshes, self.backgrounds, TactileDepthNet(self.tdn_path), self.seed + (worker.id if worker else 0)
-        )
+        data, seed = self.data, self.seed + rendering_process()
+        source = _Touches(data.meshes, data.backgrounds, data.ranges, TactileDepthNet(self.tdn), seed)
         rng = source.rng
         waiting: list[tuple[int, _TouchGroup, int]] = []
         while True:
             if len(waiting) < 24 or rng.random() < 1 / _REUSE:
-                index = int(rng.integers(len(self.meshes)))
+                index = int(rng.integers(len(data.meshes)))
                 entry = (index, source.group(index, _GROUP), 0)
             else:
                 entry = waiting.pop(int(rng.integers(len(waiting))))
@@ -155,14 +154,14 @@ class _ValidationObject:
     book_poses: np.ndarray  # (M, 4, 4)
 
 
-def validation_objects(meshes, backgrounds, tdn, seed, queries=160, size=3072) -> list[_ValidationObject]:
+def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> list[_ValidationObject]:
     """Touches and small codebooks of unseen objects with unseen backgrounds."""
-    source = _Touches(meshes, backgrounds, tdn, seed)
+    source = _Touches(data.held_out, data.held_out_backgrounds, data.ranges, tdn, seed)
     full = SensorModel.load("digit_tacto")
     out = []
-    for index, mesh in enumerate(meshes):
-        group = source.group(index, queries)
-        poses = codebook_poses(mesh, size, full, source.rng)
+    for index, mesh in enumerate(data.held_out):
+        group = source.group(index, _QUERIES)
+        poses = codebook_poses(mesh, _BOOK, full, source.rng)
         maps = source.renderer(index).render(poses)
         out.append(
             _ValidationObject(
@@ -230,55 +229,34 @@ def calibrate(scores: list) -> dict[str, float]:
     }
 
 
-def train(
-    meshes: Path,
-    backgrounds: Path,
-    tdn: str,
-    out: Path,
-    minutes: float = 30,
-    seed: int = 0,
-    workers: int = 1,
-    device: str = "cpu",
-    resume: Path | None = None,
-) -> Path:
-    """Train for `minutes` with the depth network `tdn` (name or ONNX path); write `tcn_fast.onnx` and `.json`.
-
-    meshes, backgrounds as for the depth network. Raises InputError if `tdn` is not usable.
-    """
-    torch.manual_seed(seed)
+def train(options: TrainingOptions, tdn: str = "fast") -> Path:
+    """Train with the depth network `tdn` (name or ONNX path); write `tcn_fast.onnx` and `.json` into the options'
+    folder; returns the ONNX path. Raises InputError if `tdn` is not usable."""
+    torch.manual_seed(options.seed)
     depth = TactileDepthNet(tdn)
-    train_meshes, held_out = load_objects(meshes, procedural=24, seed=seed)
-    sensor = SensorModel.load("digit_tacto").scaled(SCALE)
-    train_backgrounds, other_backgrounds = load_backgrounds(backgrounds, sensor.height, sensor.width)
-    objects = validation_objects(held_out, other_backgrounds, depth, seed + 1000)
-    model = CodeNet().to(device, memory_format=torch.channels_last)
-    run = TrainingRun(model, minutes, 2e-3, Path(out), resume)
-    loader = torch.utils.data.DataLoader(
-        _Batches(train_meshes, train_backgrounds, tdn, seed + 7919 * run.step),
-        batch_size=None,
-        num_workers=workers,
-        prefetch_factor=4,
-        multiprocessing_context="spawn",  # forking after Numba has started its threads aborts
-    )
+    data = TrainingData.load(options)
+    objects = validation_objects(data, depth, options.seed + 1000)
+    model = CodeNet().to(options.device, memory_format=torch.channels_last)
+    run = TrainingRun(model, options, 2e-3)
+    batches = rendered_batches(_Batches(data, tdn, options.seed + 7919 * run.step), options, ahead=4)
     recent: list[float] = []
     model.train()
-    for touched, entries in loader:
-        both = torch.cat([touched, entries]).to(device).to(memory_format=torch.channels_last)
-        with torch.autocast(device, torch.bfloat16):
+    for touched, entries in batches:
+        both = torch.cat([touched, entries]).to(options.device).to(memory_format=torch.channels_last)
+        with torch.autocast(options.device, torch.bfloat16):
             codes = model(both)
         codes = codes.float()
         loss = contrastive_loss(codes[: len(touched)], codes[len(touched) :], model.log_temperature)
         run.update(loss)
         recent.append(float(loss.detach()))
-        if run.step % 100 == 0 or run.progress >= 1:
+        done = run.progress >= 1
+        if run.step % 100 == 0 or done:
             figures, _ = validate(run.averaged(CodeNet), objects)
             run.record(loss=float(np.mean(recent)), temperature=float(torch.exp(model.log_temperature)), **figures)
             recent.clear()
-        if run.progress >= 1:
+        if done:
             break
-    if not run.rows:
-        raise InputError("train-tcn: the time budget ended before the first step; give more --minutes")
-    plot_log(run.rows, Path(out) / "log.png")
+    plot_log(run.rows, options.out / "log.png")
     final = run.averaged(CodeNet)
     _, scores = validate(final, objects)
     card = {
@@ -286,11 +264,11 @@ def train(
         "dim": final.head.out_features,
         "calibration": calibrate(scores),
         "tdn": depth.network_id,
-        "data": {"meshes": len(train_meshes), "steps": run.step, "touches_a_step": _GROUP},
+        "data": {"meshes": len(data.meshes), "steps": run.step, "touches_a_step": _GROUP},
         "minutes": round(run.minutes, 1),
-        "seed": seed,
-        "command": f"midastouch train-tcn --minutes {minutes:g} --seed {seed}",
+        "seed": options.seed,
+        "command": f"midastouch train-tcn {options.command}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }
-    return export_onnx(final, {"maps": torch.zeros(1, 4, 80, 60)}, "codes", card, Path(out) / "tcn_fast.onnx")
+    return export_onnx(final, {"maps": torch.zeros(1, 4, 80, 60)}, ["codes"], card, options.out / "tcn_fast.onnx")

@@ -33,12 +33,33 @@ class UNet(nn.Module):
         self.head = nn.Sequential(nn.Conv2d(widths[0], 8, 3, 1, 1), nn.PixelShuffle(2))
 
     def forward(self, difference: torch.Tensor, geometry: torch.Tensor) -> torch.Tensor:
+        return self.decode(self.encode(difference, geometry))
+
+    def encode(self, difference: torch.Tensor, geometry: torch.Tensor) -> list[torch.Tensor]:
+        """Feature maps, fine to coarse; the last is the bottleneck (B, 128, 5, 4)."""
         features = [self.stem(torch.cat([difference, geometry], 1))]
         for layer in self.down:
             features.append(layer(features[-1]))
+        return features
+
+    def decode(self, features: list[torch.Tensor]) -> torch.Tensor:
+        """Output of `forward` from the feature maps, which it uses up."""
         out = features.pop()
         for layer in self.up:
             skip = features.pop()
             out = nn.functional.interpolate(out, size=skip.shape[-2:], mode="bilinear", align_corners=False)
             out = layer(torch.cat([out, skip], 1))
         return self.head(out)
+
+
+class UNetWithEmbedding(nn.Module):
+    """A trained `UNet` that also returns its bottleneck (B, 2560), L2-normalised: the paper's image embedding."""
+
+    def __init__(self, unet: UNet):
+        super().__init__()
+        self.unet = unet
+
+    def forward(self, difference: torch.Tensor, geometry: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        features = self.unet.encode(difference, geometry)
+        embedding = nn.functional.normalize(features[-1].flatten(1), dim=1)
+        return self.unet.decode(features), embedding

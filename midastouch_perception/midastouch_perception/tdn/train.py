@@ -10,19 +10,20 @@ import numpy as np
 import torch
 from torch import nn
 
+from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
-from ..simulation.colour_table import ColourTable
 from ..simulation.randomisation import RandomisationRange
-from ..training.backgrounds import load_backgrounds
 from ..training.export import export_onnx
-from ..training.objects import load_objects
+from ..training.loading import rendered_batches, rendering_process
 from ..training.run import TrainingRun, plot_log
+from ..training.setting import TrainingData, TrainingOptions
 from ..training.touches import shuffled, touches
 from .inputs import SCALE, difference_input, geometry_input
-from .network import UNet
+from .network import UNet, UNetWithEmbedding
 
 _BATCH = 32
 _RESERVOIR = 768
+_CHECKS = 10  # batches to validate with
 _SOFTENING = 0.03  # mm: below it the loss is quadratic
 CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
@@ -37,17 +38,13 @@ def training_sensors() -> list[SensorModel]:
 class _Batches(torch.utils.data.IterableDataset):
     """Batches (difference, geometry, penetration mm) of a worker's own seeded stream."""
 
-    def __init__(self, meshes: list, backgrounds: np.ndarray, ranges: RandomisationRange, seed: int):
+    def __init__(
+        self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, seed: int
+    ):
         self.meshes, self.backgrounds, self.ranges, self.seed = meshes, backgrounds, ranges, seed
 
     def __iter__(self):
-        import cv2
-        import numba
-
-        numba.set_num_threads(1)
-        cv2.setNumThreads(1)
-        worker = torch.utils.data.get_worker_info()
-        rng = np.random.default_rng([self.seed, worker.id if worker else 0])
+        rng = np.random.default_rng([self.seed, rendering_process()])
         sensors = training_sensors()
         geometry = {sensor: geometry_input(sensor) for sensor in sensors}
         stream = shuffled(touches(self.meshes, sensors, self.backgrounds, rng, self.ranges), _RESERVOIR, rng)
@@ -87,61 +84,54 @@ def validate(model: nn.Module, batches: list) -> dict[str, float]:
     return {"rmse_mm": (squared / pixels) ** 0.5, "contact_iou": both / max(either, 1)}
 
 
-def train(
-    meshes: Path,
-    backgrounds: Path,
-    colour_table: Path | None,
-    out: Path,
-    minutes: float = 30,
-    seed: int = 0,
-    workers: int = 1,
-    device: str = "cpu",
-    resume: Path | None = None,
-) -> Path:
-    """Train for `minutes` and write `tdn_fast.onnx` and `tdn_fast.json` into `out`; returns the ONNX path.
+def train(options: TrainingOptions) -> Path:
+    """Train and write `tdn_fast.onnx` and `tdn_fast.json` into the options' folder; returns the ONNX path.
 
-    meshes: folder of YCB scans; backgrounds: folder of no-contact images; colour_table: Taxim's
-    table of a real DIGIT. Logs and checkpoints go to `out` too.
+    Log and checkpoints go there too.
     """
-    torch.manual_seed(seed)
-    train_meshes, held_out = load_objects(meshes, procedural=24, seed=seed)
-    sensor = SensorModel.load("digit_tacto").scaled(SCALE)
-    train_backgrounds, other_backgrounds = load_backgrounds(backgrounds, sensor.height, sensor.width)
-    ranges = RandomisationRange(colour_table=colour_table and ColourTable.load(colour_table))
-    model = UNet().to(device, memory_format=torch.channels_last)
-    run = TrainingRun(model, minutes, 3e-3, Path(out), resume)
-    checks = list(itertools.islice(iter(_Batches(held_out, other_backgrounds, ranges, seed + 1000)), 10))
-    loader = torch.utils.data.DataLoader(
-        _Batches(train_meshes, train_backgrounds, ranges, seed + 7919 * run.step),
-        batch_size=None,
-        num_workers=workers,
-        prefetch_factor=8,
-        multiprocessing_context="spawn",  # forking after Numba has started its threads aborts
-    )
+    torch.manual_seed(options.seed)
+    data = TrainingData.load(options)
+    model = UNet().to(options.device, memory_format=torch.channels_last)
+    run = TrainingRun(model, options, 3e-3)
+    validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.seed + 1000)
+    checks = list(itertools.islice(iter(validation), _CHECKS))
+    stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.seed + 7919 * run.step)
+    batches = rendered_batches(stream, options, ahead=8)
     recent: list[float] = []
     model.train()
-    for difference, geometry, penetration in loader:
-        difference = difference.to(device).to(memory_format=torch.channels_last)
-        with torch.autocast(device, torch.bfloat16):
-            output = model(difference, geometry.to(device))
-        loss = loss_function(output.float(), penetration.to(device))
+    for difference, geometry, penetration in batches:
+        difference = difference.to(options.device).to(memory_format=torch.channels_last)
+        with torch.autocast(options.device, torch.bfloat16):
+            output = model(difference, geometry.to(options.device))
+        loss = loss_function(output.float(), penetration.to(options.device))
         run.update(loss)
         recent.append(float(loss.detach()))
-        if run.step % 250 == 0 or run.progress >= 1:
+        done = run.progress >= 1
+        if run.step % 250 == 0 or done:
             figures = validate(run.averaged(UNet), checks)
             run.record(loss=float(np.mean(recent)), **figures)
             recent.clear()
-        if run.progress >= 1:
+        if done:
             break
-    plot_log(run.rows, Path(out) / "log.png")
+    plot_log(run.rows, options.out / "log.png")
     card = {
         "network": "tdn_fast",
-        "data": {"meshes": len(train_meshes), "touches": run.step * _BATCH, "backgrounds": len(train_backgrounds)},
+        "data": {
+            "meshes": len(data.meshes),
+            "touches": run.step * _BATCH,
+            "backgrounds": len(data.backgrounds),
+            "real_colour_table": options.colour_table is not None,
+        },
         "minutes": round(run.minutes, 1),
-        "seed": seed,
-        "command": f"midastouch train-tdn --minutes {minutes:g} --seed {seed}",
+        "seed": options.seed,
+        "command": f"midastouch train-tdn {options.command}",
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }
+    return export(run.averaged(UNet), card, options.out / "tdn_fast.onnx")
+
+
+def export(model: UNet, card: dict, path: Path) -> Path:
+    """Write the network with both its outputs and its card; returns `path`."""
     example = {"difference": torch.zeros(1, 3, 160, 120), "geometry": torch.zeros(1, 3, 160, 120)}
-    return export_onnx(run.averaged(UNet), example, "penetration_contact", card, Path(out) / "tdn_fast.onnx")
+    return export_onnx(UNetWithEmbedding(model).eval(), example, ["penetration_contact", "embedding"], card, path)

@@ -11,11 +11,11 @@ from ..files import atomic_path
 
 
 def export_onnx(
-    model: torch.nn.Module, inputs: dict[str, torch.Tensor], output: str, card: dict, path: Path
+    model: torch.nn.Module, inputs: dict[str, torch.Tensor], outputs: list[str], card: dict, path: Path
 ) -> Path:
     """Write `model` as ONNX with a free batch size, and its model card as JSON beside it; returns `path`.
 
-    inputs: example tensors by name, in the order of `forward`; output: name of the one output.
+    inputs: example tensors by name, in the order of `forward`; outputs: names of what it returns.
     """
     with atomic_path(path) as temporary:
         torch.onnx.export(
@@ -23,8 +23,8 @@ def export_onnx(
             tuple(inputs.values()),
             str(temporary),
             input_names=list(inputs),
-            output_names=[output],
-            dynamic_axes={name: {0: "batch"} for name in [*inputs, output]},
+            output_names=outputs,
+            dynamic_axes={name: {0: "batch"} for name in [*inputs, *outputs]},
             opset_version=17,
             dynamo=False,
         )

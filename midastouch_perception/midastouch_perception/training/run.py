@@ -13,34 +13,38 @@ from safetensors.torch import load_file, save_file
 
 from ..errors import InputError
 from ..files import atomic_path
+from .setting import TrainingOptions
 
 
 class TrainingRun:
     """A bounded, resumable optimisation.
 
-    The learning rate warms up, stays, then falls to zero by a cosine over the time budget, so that a run of any length
-    ends annealed. The weights kept are an exponential moving average.
+    The learning rate warms up, stays, then falls to zero by a cosine over the budget, so that a run of any length ends
+    annealed. The weights kept are an exponential moving average.
 
-    Args: model; minutes, wall-clock budget; rate, peak learning rate; folder for `checkpoint.safetensors`,
-    `state.pt`, `log.csv`; resume, folder of an earlier run to go on from.
+    Args: model; options, of which the budget, `out` for `checkpoint.safetensors`, `state.pt` and `log.csv`, and
+    `resume` count here; rate, peak learning rate.
     """
 
-    def __init__(self, model: torch.nn.Module, minutes: float, rate: float, folder: Path, resume: Path | None = None):
-        self.model, self.rate, self.folder = model, rate, Path(folder)
+    def __init__(self, model: torch.nn.Module, options: TrainingOptions, rate: float):
+        self.model, self.rate, self.folder = model, rate, Path(options.out)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.budget, self.started = 60 * minutes, time.monotonic()
+        self._minutes, self._steps, self.started = options.minutes, options.steps, time.monotonic()
         self.optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
         self.average = {k: v.detach().clone() for k, v in model.state_dict().items()}
         self.step = 0
         self.rows: list[dict] = []  # of the earlier run too
         self.minutes_before = 0.0
-        if resume:
-            self._resume(Path(resume))
+        if options.resume:
+            self._resume(Path(options.resume))
+        self._first_step = self.step
 
     @property
     def progress(self) -> float:
-        """Share of the time budget used, 0 ... 1."""
-        return min((time.monotonic() - self.started) / self.budget, 1.0)
+        """Share of the budget used, 0 ... 1."""
+        if self._steps:
+            return min((self.step - self._first_step) / self._steps, 1.0)
+        return min((time.monotonic() - self.started) / (60 * self._minutes), 1.0)
 
     @property
     def minutes(self) -> float:
@@ -97,7 +101,9 @@ class TrainingRun:
             self.average = load_file(folder / "checkpoint.safetensors")
             self.step = state["step"]
             with (folder / "log.csv").open(newline="") as stream:
-                self.rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(stream)]
+                self.rows = [
+                    {k: int(v) if k == "step" else float(v) for k, v in row.items()} for row in csv.DictReader(stream)
+                ]
             self.minutes_before = self.rows[-1]["minutes"]
         except (OSError, KeyError, RuntimeError, ValueError, IndexError) as error:
             raise InputError(f"{folder}: cannot resume from here ({error}); name the folder of a run") from error

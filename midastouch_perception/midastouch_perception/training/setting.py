@@ -1,0 +1,70 @@
+"""What a training run is given: its options, and the data they name."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from ..mesh import ObjectMesh
+from ..sensor_model import SensorModel
+from ..simulation.colour_table import ColourTable
+from ..simulation.randomisation import RandomisationRange
+from ..tdn.inputs import SCALE
+from .backgrounds import load_backgrounds
+from .objects import load_objects
+
+_PROCEDURAL = 24
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingOptions:
+    """Options of `train-tdn` and `train-tcn`.
+
+    Attributes: meshes, folder of YCB scans; backgrounds, folder of no-contact images; colour_table, file of a real
+    DIGIT's colours (Taxim) or None; out, folder for weights, log and checkpoint; minutes, time budget; steps, if given
+    the run ends after as many steps instead, and is repeatable with its seed; workers, rendering processes; device,
+    cpu or cuda; resume, folder of an earlier run to go on from, or None.
+    """
+
+    meshes: Path
+    backgrounds: Path
+    colour_table: Path | None
+    out: Path
+    minutes: float = 30.0
+    steps: int | None = None
+    seed: int = 0
+    workers: int = 1
+    device: str = "cpu"
+    resume: Path | None = None
+
+    @property
+    def command(self) -> str:
+        """The options that shape the weights, as on the command line."""
+        bound = f"--steps {self.steps}" if self.steps else f"--minutes {self.minutes:g}"
+        table = " --colour-table FILE" if self.colour_table else ""
+        return f"{bound} --seed {self.seed}{table}{' --resume DIR' if self.resume else ''}"
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingData:
+    """Attributes: meshes to train on, held_out to validate with; backgrounds and held_out_backgrounds
+    (B, 160, 120, 3) uint8; ranges of the sensors' randomisation."""
+
+    meshes: list[ObjectMesh]
+    held_out: list[ObjectMesh]
+    backgrounds: np.ndarray
+    held_out_backgrounds: np.ndarray
+    ranges: RandomisationRange
+
+    @classmethod
+    def load(cls, options: TrainingOptions) -> TrainingData:
+        """Read what the options name. Raises InputError for folders without meshes or images, or a bad table."""
+        table = ColourTable.load(options.colour_table) if options.colour_table else None
+        sensor = SensorModel.load("digit_tacto").scaled(SCALE)
+        return cls(
+            *load_objects(options.meshes, _PROCEDURAL, options.seed),
+            *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
+            RandomisationRange(colour_table=table),
+        )
