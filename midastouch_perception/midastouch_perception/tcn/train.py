@@ -80,11 +80,18 @@ class _Touches:
         return _TouchGroup(poses[kept], maps[kept])
 
     def _clustered(self, index: int, poses: np.ndarray) -> np.ndarray:
-        """A third of the poses moved next to others: neighbours are the hard negatives a tracking filter meets."""
-        rng, count = self.rng, len(poses) // 3
+        """Half of the poses moved next to others: the hard negatives a tracking filter meets.
+
+        Half of these turn any way about the normal: the same place upside down is the most frequent mistake.
+        """
+        rng, count = self.rng, len(poses) // 2
         near = poses[rng.choice(len(poses), count)]
-        shift = rng.standard_normal((count, 6)) * [5e-3, 5e-3, 0, 0, 0, np.radians(30)]
-        near = near @ se3.exp(shift)
+        shift = rng.standard_normal((count, 6)) * [5e-3, 5e-3, 0, 0, 0, 0]
+        turn = np.zeros((count, 6))
+        turn[:, 5] = np.where(
+            rng.random(count) < 0.5, np.radians(30) * rng.standard_normal(count), rng.uniform(-np.pi, np.pi, count)
+        )
+        near = near @ se3.exp(shift) @ se3.exp(turn)
         mesh = self.meshes[index]
         closest, _, face = mesh.closest_points(near[:, :3, 3])
         normal = mesh.face_normals[face]
