@@ -35,6 +35,7 @@ from midastouch_filter.transforms import (
     TransformError,
 )
 from midastouch_perception.errors import InputError
+from midastouch_perception.files import naming
 
 from .datasets import Sequence
 from .messages import (
@@ -98,14 +99,16 @@ class BagWriter:
                 typestore=typestore(),
                 offered_qos_profiles=[_offered_qos(message.latched)],
             )
-        self._writer.write(connection, message.stamp_ns, message.data)
+        with naming(self._path):
+            self._writer.write(connection, message.stamp_ns, message.data)
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         with self._cleanup:
             if kind is not None:
                 self._writer.abort()
                 return
-            self._writer.close()
+            with naming(self._path):
+                self._writer.close()
             written = self._writer.path
             if self._path.suffix == ".mcap":
                 (written / f"{written.name}.mcap").replace(self._path)

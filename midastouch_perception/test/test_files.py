@@ -1,4 +1,6 @@
+import errno
 import hashlib
+import os
 
 import pytest
 
@@ -45,3 +47,13 @@ def test_sha256(tmp_path):
 def test_require_file_names_what_is_missing(tmp_path):
     with pytest.raises(InputError, match=r"gone\.ply: no such mesh file"):
         require_file(tmp_path / "gone.ply", "mesh")
+
+
+def test_a_full_disk_names_the_file(tmp_path):
+    """What the system calls raise does not say which file it was."""
+    with pytest.raises(OSError, match="No space") as caught, atomic_path(tmp_path / "book.npz"):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert caught.value.filename == str(tmp_path / "book.npz")
+    with pytest.raises(OSError, match="other") as caught, atomic_path(tmp_path / "book.npz"):
+        (tmp_path / "other" / "x").write_text("")
+    assert caught.value.filename == str(tmp_path / "other" / "x")

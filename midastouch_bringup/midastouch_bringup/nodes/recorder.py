@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import shutil
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.diagnostics import OK, Diagnostics
+from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
@@ -29,9 +32,20 @@ TOPICS = (
 )
 """Inputs and results of the pipeline."""
 
-PARAMETERS = (Parameter("path", "", "Bag to write: an .mcap file, or a folder for any other name"),)
+PARAMETERS = (
+    Parameter("path", "", "Bag to write: an .mcap file, or a folder for any other name"),
+    Parameter(
+        "min_free",
+        200.0,
+        "Recording ends, and its bag is completed, when the disk has less room than this",
+        "MiB",
+        minimum=0.0,
+        maximum=1e6,
+    ),
+)
 
 _DEPTH = 1000
+_MIB = 2**20
 
 
 class Recorder(Node):
@@ -40,32 +54,60 @@ class Recorder(Node):
     Messages are stamped with the node's clock: with `use_sim_time` that is the time of a replay. What comes
     before the clock starts is stamped with its start. `metadata` are texts kept in the bag. Raises InputError
     if the path is taken or a message type is not installed.
+
+    Once the disk is nearly full the bag is completed with what it has; `failure` then says why it ends there.
     """
 
     def __init__(self, topics: Sequence[Topic] = TOPICS, metadata: dict[str, str] | None = None, **kwargs) -> None:
         super().__init__("recorder", **kwargs)
-        path = Parameters(self, PARAMETERS)["path"]
-        if not path:
+        parameters = Parameters(self, PARAMETERS)
+        self._path, self._min_free = parameters["path"], parameters["min_free"] * _MIB
+        if not self._path:
             raise InputError("recorder: parameter 'path' is empty; name the bag to write")
+        self.failure = ""
         kinds = [message_class(topic.type_name) for topic in topics]
         self.counts = dict.fromkeys((topic.name for topic in topics), 0)
         self._early: list[tuple[Topic, bytes]] = []
         self._open = contextlib.ExitStack()
-        self._bag = self._open.enter_context(BagWriter(path, metadata))
+        self._bag = self._open.enter_context(BagWriter(self._path, metadata))
         for topic, kind in zip(topics, kinds, strict=True):
             profile = qos.latched(_DEPTH) if topic.latched else qos.stream_subscriber(_DEPTH, reliable=True)
             self.create_subscription(
                 kind, topic.name, lambda data, topic=topic: self._on_message(topic, data), profile, raw=True
             )
-        Diagnostics(self, lambda: (OK, f"recording {path}", self.counts))
+        self.create_timer(0.5, self._watch_disk, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        Diagnostics(self, self._describe)
 
     def destroy_node(self) -> None:
         """Complete the bag, then destroy the node."""
-        with self._open:
-            self._write_early(0)
+        self._complete()
         super().destroy_node()
 
+    def _watch_disk(self) -> None:
+        folder = Path(self._path).resolve().parent
+        free = shutil.disk_usage(folder).free
+        if not self.failure and free < self._min_free:
+            self._complete()
+            self._give_up(f"{folder} has {free / _MIB:.0f} MiB left; recording ended, {self._path} is complete")
+
+    def _complete(self) -> None:
+        """Give the bag its name; a second call does nothing."""
+        try:
+            with self._open:
+                self._write_early(0)
+        except OSError as error:
+            self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
+
+    def _give_up(self, reason: str) -> None:
+        self.failure = self.failure or reason
+        self.get_logger().error(reason)
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        return (ERROR, self.failure, self.counts) if self.failure else (OK, f"recording {self._path}", self.counts)
+
     def _on_message(self, topic: Topic, data: bytes) -> None:
+        if self.failure:
+            return
         self.counts[topic.name] += 1
         now = self.get_clock().now().nanoseconds
         if now == 0:
@@ -80,12 +122,24 @@ class Recorder(Node):
             self._write(topic, data, now)
 
     def _write(self, topic: Topic, data: bytes, now: int) -> None:
-        self._bag.write(Message(topic.name, topic.type_name, now, data, topic.latched))
+        if self.failure:
+            return
+        try:
+            self._bag.write(Message(topic.name, topic.type_name, now, data, topic.latched))
+        except OSError as error:
+            self._open.__exit__(type(error), error, error.__traceback__)
+            self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Entry point of the executable."""
-    return run(lambda: [Recorder()], args)
+    """Entry point of the executable; exit code 1: the disk was too full for all of it."""
+    nodes: list[Recorder] = []
+
+    def make() -> list[Recorder]:
+        nodes.append(Recorder())
+        return nodes
+
+    return run(make, args) or (1 if nodes and nodes[0].failure else 0)
 
 
 if __name__ == "__main__":

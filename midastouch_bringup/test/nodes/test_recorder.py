@@ -1,9 +1,16 @@
 """The recorder over real DDS: what is published is in the bag, to the byte, and the bag is whole or absent."""
 
+import errno
+import os
+import shutil
+import types
+
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Writer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
@@ -72,6 +79,45 @@ def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
         graph.spin_until(lambda n=n: recorder.counts["/image_raw"] == n, "the image")
     graph.remove_all()
     assert [message.stamp_ns for message in bag_messages(path)] == [5 * 10**9, 5 * 10**9, 7 * 10**9]
+
+
+CODES = [Topic("/tactile/code", "midastouch_msgs/msg/TactileCode")]
+
+
+def test_a_disk_that_is_nearly_full_ends_the_recording_with_a_whole_bag(graph, tmp_path, monkeypatch):
+    path = tmp_path / "x.mcap"
+    recorder = graph.add(Recorder, {"path": str(path), "min_free": 100.0}, topics=CODES)
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    codes = graph.publisher(TactileCode, "tactile/code")
+    codes.publish(TactileCode(network_id="kept"))
+    graph.spin_until(lambda: recorder.counts["/tactile/code"] == 1, "the message")
+    room = types.SimpleNamespace(free=99 * 2**20)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: room)
+    graph.spin_until(lambda: recorder.failure, "the end of the recording")
+    assert f"{tmp_path} has 99 MiB left" in recorder.failure
+    codes.publish(TactileCode(network_id="too late"))
+    graph.spin_until(lambda: any(s.level == b"\x02" for r in reports for s in r.status), "the error")
+    graph.remove_all()
+    assert len(list(bag_messages(path))) == 1
+
+
+@pytest.mark.parametrize("when", ["writing", "completing"])
+def test_a_full_disk_is_said_and_leaves_nothing_behind(graph, tmp_path, monkeypatch, when):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = tmp_path / "x.mcap"
+    recorder = graph.add(Recorder, {"path": str(path), "min_free": 0.0}, topics=CODES)
+    codes = graph.publisher(TactileCode, "tactile/code")
+    codes.publish(TactileCode(network_id="a"))
+    graph.spin_until(lambda: recorder.counts["/tactile/code"] == 1, "the message")
+    monkeypatch.setattr(Writer, "write" if when == "writing" else "close", full)
+    if when == "writing":
+        codes.publish(TactileCode(network_id="b"))
+        graph.spin_until(lambda: recorder.failure, "the error")
+    graph.remove_all()
+    assert recorder.failure == f"{path}: No space left on device; the recording is lost"
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
