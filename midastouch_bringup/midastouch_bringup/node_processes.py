@@ -35,6 +35,7 @@ class NodeProcesses:
             "ROS_LOG_DIR": str(folder.resolve()),
         }
         self._processes: dict[str, subprocess.Popen] = {}
+        self._parameters: dict[str, Path] = {}
         folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> NodeProcesses:
@@ -48,8 +49,25 @@ class NodeProcesses:
 
         Raises InputError, naming the mend, when it is not installed.
         """
-        command = [find_executable(executable), "--ros-args", "--params-file", str(parameters)]
-        with self._log(executable).open("wb") as log:
+        self._parameters[executable] = parameters
+        self._log(executable).unlink(missing_ok=True)
+        self._launch(executable)
+
+    def revive(self) -> list[str]:
+        """Start those again that have ended, however they ended; returns their names. Their logs go on."""
+        ended = [name for name, process in self._processes.items() if process.poll() is not None]
+        for name in ended:
+            self._launch(name)
+        return ended
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process id of each executable that was started, as of its last start."""
+        return {name: process.pid for name, process in self._processes.items()}
+
+    def _launch(self, executable: str) -> None:
+        command = [find_executable(executable), "--ros-args", "--params-file", str(self._parameters[executable])]
+        with self._log(executable).open("ab") as log:
             # a session of its own: Ctrl-C reaches this process alone, which then stops them in order
             self._processes[executable] = subprocess.Popen(
                 command,

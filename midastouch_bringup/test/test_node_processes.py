@@ -81,6 +81,19 @@ def test_nodes_are_asked_before_they_are_killed(program, tmp_path, monkeypatch):
         processes.running(deaf)
 
 
+def test_what_has_ended_is_started_again_and_its_log_goes_on(program, tmp_path):
+    dead = program("h_dead", "echo one life", "exit 3")
+    alive = program("h_alive", "while :; do sleep 0.05; done")
+    with NodeProcesses(tmp_path / "log", 37) as processes:
+        for name in (dead, alive):
+            processes.start(name, Path("p.yaml"))
+        before = processes.pids
+        wait_for(lambda: processes.revive() == [dead])
+        wait_for(lambda: log_of(tmp_path, dead) == "one life\none life\n")
+        assert processes.pids[alive] == before[alive]
+        assert processes.pids[dead] != before[dead]
+
+
 def test_a_missing_executable_names_the_mend(tmp_path):
     with pytest.raises(InputError, match="'no_such_node' is not installed; run make"):
         NodeProcesses(tmp_path, 37).start("no_such_node", Path("p.yaml"))
