@@ -35,6 +35,7 @@ setup(
     description="From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training.",
     license="MIT",
     extras_require={
+        "import": ["onnx"],
         "test": ["hypothesis", "pytest"],
         "train": ["onnx", "onnxscript", "safetensors", "torch"],
     },

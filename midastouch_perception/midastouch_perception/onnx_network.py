@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,20 @@ import onnxruntime
 
 from .errors import InputError
 from .files import sha256
+from .model_card import read_card
 
 WEIGHTS = Path(__file__).parent / "weights"
+
+
+def network_path(kind: str, name_or_path: str | Path) -> Path:
+    """The file of a shipped network ("tdn", "tcn") by name, or of another by path. InputError if there is none."""
+    path = WEIGHTS / f"{kind}_{name_or_path}.onnx"
+    if not path.is_file():
+        path = Path(name_or_path)
+        if path.suffix != ".onnx" or not path.is_file():
+            known = ", ".join(sorted(p.stem.removeprefix(f"{kind}_") for p in WEIGHTS.glob(f"{kind}_*.onnx")))
+            raise InputError(f"{kind} network '{name_or_path}' is not known; use {known} or the path of an .onnx")
+    return path
 
 
 class OnnxNetwork:
@@ -23,12 +34,7 @@ class OnnxNetwork:
     """
 
     def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
-        path = WEIGHTS / f"{kind}_{name_or_path}.onnx"
-        if not path.is_file():
-            path = Path(name_or_path)
-            if path.suffix != ".onnx" or not path.is_file():
-                known = ", ".join(sorted(p.stem.removeprefix(f"{kind}_") for p in WEIGHTS.glob(f"{kind}_*.onnx")))
-                raise InputError(f"{kind} network '{name_or_path}' is not known; use {known} or the path of an .onnx")
+        path = network_path(kind, name_or_path)
         options = onnxruntime.SessionOptions()
         # one small network a frame: more threads cost more in hand-over than they save
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
@@ -40,12 +46,13 @@ class OnnxNetwork:
             raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
         self._inputs = [i.name for i in self.session.get_inputs()]
         self.outputs = [o.name for o in self.session.get_outputs()]
-        try:
-            self.card = json.loads(path.with_suffix(".json").read_text())
-        except (OSError, json.JSONDecodeError) as error:
-            raise InputError(f"{path.with_suffix('.json')}: no readable model card beside the network") from error
+        self.card = read_card(path)
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
         """The output of that name, by default the first, for the network's inputs in their declared order."""
-        return self.session.run([output or self.outputs[0]], dict(zip(self._inputs, inputs, strict=True)))[0]
+        options = None
+        if output:
+            options = onnxruntime.RunOptions()
+            options.only_execute_path_to_fetches = True  # not the layers of other outputs too
+        return self.session.run([output or self.outputs[0]], dict(zip(self._inputs, inputs, strict=True)), options)[0]

@@ -9,6 +9,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
+from midastouch_perception.tcn import minkloc3d_network
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +26,20 @@ def tool() -> ObjectMesh:
 def block() -> ObjectMesh:
     """A box of 40 x 30 x 20 mm with 2 mm round edges."""
     return mesh_from_sdf(box((0.02, 0.015, 0.01), 0.002), np.array([0.022, 0.017, 0.012]), 1e-3, "block")
+
+
+@pytest.fixture(scope="session")
+def minkloc_state() -> dict[str, np.ndarray]:
+    """Random weights of MinkLoc3D under their official names."""
+    rng = np.random.default_rng(0)
+    state = {}
+    for name, shape in minkloc3d_network.expected_shapes().items():
+        values = rng.normal(size=shape)
+        if name.endswith("kernel"):
+            values *= np.sqrt(2 / (np.prod(shape[:-1]) / 3))
+        elif name.endswith(("running_var", ".weight")):
+            values = 1 + 0.5 * np.tanh(values)
+        elif name == "pooling.p":
+            values = np.array([3.0])
+        state[name] = values.astype(np.float32)
+    return state

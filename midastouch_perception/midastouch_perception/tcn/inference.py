@@ -10,6 +10,7 @@ from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
 from ..tdn.inputs import SCALE
 from .inputs import code_input
+from .minkloc3d import SUFFIX, MinkLocCodeNet
 
 _BATCH = 64
 
@@ -35,13 +36,16 @@ class TactileCodeNet:
         """Codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m."""
         single = penetration.ndim == 2
         maps = penetration[None] if single else penetration
-        codes = [
-            self._network.run(code_input(maps[i : i + _BATCH], self.sensor)) for i in range(0, len(maps), _BATCH)
-        ]
+        codes = [self._network.run(code_input(maps[i : i + _BATCH], self.sensor)) for i in range(0, len(maps), _BATCH)]
         out = np.concatenate(codes) if codes else np.empty((0, self.dim), np.float32)
         return out[0] if single else out
 
 
-def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1) -> TactileCodeNet:
-    """A code network by name (`fast`) or ONNX path, for maps of `sensor` (default `digit_tacto`)."""
+def load_tcn(
+    name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1
+) -> TactileCodeNet | MinkLocCodeNet:
+    """A code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
+    `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, not `threads`."""
+    if Path(name_or_path).suffix == SUFFIX:
+        return MinkLocCodeNet(name_or_path, sensor)
     return TactileCodeNet(name_or_path, sensor, threads)

@@ -6,23 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..onnx_network import OnnxNetwork
+from ..model_card import read_card
+from ..onnx_network import OnnxNetwork, network_path
 from ..sensor_model import SensorModel
-from .inputs import SCALE, difference_input, geometry_input, reduce_image
+from .fcrn import FcrnDepthNet
+from .inputs import SCALE, check_image, difference_input, geometry_input, reduce_image
 
 EMBEDDING = "embedding"  # name of the network's second output
-
-
-def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
-    """`image` if it is (H, W, 3) uint8 of the sensor's size; InputError naming `what` and the mend otherwise."""
-    shape = (sensor.height, sensor.width, 3)
-    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
-        kind = getattr(image, "dtype", type(image).__name__)
-        raise InputError(f"{what}: {kind} image, need uint8; convert it to 8 bit RGB")
-    if image.shape != shape:
-        raise InputError(f"{what}: image of shape {image.shape}, need {shape}; use the DIGIT's portrait QVGA image")
-    return image
 
 
 class TactileDepthNet:
@@ -52,9 +42,12 @@ class TactileDepthNet:
             self._background = background, reduce_image(background)
         return reduce_image(check_image(image, self._image_sensor, "tactile image")) - self._background[1]
 
-    def predict(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Penetration (160, 120) float32 m of one image; 0 where the network sees no contact."""
-        return self.penetration(self.difference(image, background))
+    def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
+        """Penetration (160, 120) float32 m of one image; 0 where the network sees no contact.
+
+        difference: `difference(image, background)`, if at hand.
+        """
+        return self.penetration(self.difference(image, background) if difference is None else difference)
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
         """Penetration of difference images (160, 120, 3) or (N, 160, 120, 3): (160, 120) or (N, 160, 120) m."""
@@ -80,6 +73,10 @@ class TactileDepthNet:
         return batch, np.ascontiguousarray(geometry)
 
 
-def load_tdn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1) -> TactileDepthNet:
+def load_tdn(
+    name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1
+) -> TactileDepthNet | FcrnDepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`)."""
-    return TactileDepthNet(name_or_path, sensor, threads)
+    card = read_card(network_path("tdn", name_or_path))
+    network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet
+    return network(name_or_path, sensor, threads)

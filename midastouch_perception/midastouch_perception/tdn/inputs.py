@@ -5,12 +5,24 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from ..errors import InputError
 from ..sensor_model import SensorModel
 
 SCALE = 0.5  # the network works at half the image's resolution
 _GREY_LEVELS = 32.0
 _METRES = 0.01
 _SAG = 0.003
+
+
+def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
+    """`image` if it is (H, W, 3) uint8 of the sensor's size; InputError naming `what` and the mend otherwise."""
+    shape = (sensor.height, sensor.width, 3)
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
+        kind = getattr(image, "dtype", type(image).__name__)
+        raise InputError(f"{what}: {kind} image, need uint8; convert it to 8 bit RGB")
+    if image.shape != shape:
+        raise InputError(f"{what}: image of shape {image.shape}, need {shape}; use the DIGIT's portrait QVGA image")
+    return image
 
 
 def reduce_image(image: np.ndarray) -> np.ndarray:

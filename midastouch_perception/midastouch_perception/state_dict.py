@@ -1,0 +1,51 @@
+"""Fit the tensors of a checkpoint to the names and shapes that a network expects."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from .errors import InputError
+
+_WRAPPERS = re.compile(r"(module\.|model\.|net\.)+")  # what DataParallel and training frameworks put before names
+_COUNTER = "num_batches_tracked"  # of batch normalisation; not used after training
+_NAMED = 4  # of each kind of fault, in an error
+
+
+def plain_names(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """`state` without the wrappers' prefix common to all names and without batch counters."""
+    state = {name: values for name, values in state.items() if not name.endswith(_COUNTER)}
+    prefixes = {match.group() if (match := _WRAPPERS.match(name)) else "" for name in state}
+    if len(prefixes) == 1:
+        (prefix,) = prefixes
+        state = {name.removeprefix(prefix): values for name, values in state.items()}
+    return state
+
+
+def matched(state: dict[str, np.ndarray], expected: dict[str, tuple[int, ...]], what: str) -> dict[str, np.ndarray]:
+    """`state` as float32, if its names and shapes are `expected` (names as `plain_names` gives them).
+
+    Raises InputError, which `what` begins, listing what is missing, unexpected, of other shape or not finite.
+    """
+    faults = {
+        "missing": [name for name in expected if name not in state],
+        "unexpected": [name for name in state if name not in expected],
+        "of wrong shape": [
+            f"{name} {values.shape} instead of {expected[name]}"
+            for name, values in state.items()
+            if name in expected and values.shape != expected[name]
+        ],
+        "not numbers or not finite": [
+            name for name, values in state.items() if values.dtype.kind not in "fiu" or not np.isfinite(values).all()
+        ],
+    }
+    if any(faults.values()):
+        reasons = "; ".join(f"{kind}: {_listed(names)}" for kind, names in faults.items() if names)
+        raise InputError(f"{what}: {reasons}")
+    return {name: np.asarray(values, np.float32) for name, values in state.items()}
+
+
+def _listed(names: list[str]) -> str:
+    rest = len(names) - _NAMED
+    return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")

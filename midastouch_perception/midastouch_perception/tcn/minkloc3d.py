@@ -1,0 +1,87 @@
+"""Penetration map to tactile code with the paper's own code network (MinkLoc3D) and imported weights."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files import atomic_path, require_file, sha256
+from ..model_card import read_card, write_card
+from ..sensor_model import SensorModel
+from ..state_dict import matched
+from ..tdn.inputs import SCALE
+from .minkloc3d_cloud import contact_cloud, scaled_cloud
+from .minkloc3d_network import DIM, MinkLoc3D, expected_shapes
+from .minkloc3d_voxels import Voxels, quantise
+
+SUFFIX = ".npz"
+_POINTS = 4096  # of a cloud, as the official code has it
+_VOXEL_SIZE = "voxel_size"
+# The filter's score needs a calibration, which comes with training here. Until one is fitted: the paper's softmax of
+# cosines (temperature 1), and one touch in a hundred that matches nothing.
+_CALIBRATION = {"temperature": 1.0, "outlier": 0.01}
+
+
+class MinkLocCodeNet:
+    """The interface of `TactileCodeNet` for MinkLoc3D.
+
+    Attributes: network_id; dim; calibration; sensor, the map-resolution sensor model. Raises InputError: no such
+    file, not a MinkLoc3D network, no model card.
+    """
+
+    def __init__(self, path: str | Path, sensor: SensorModel | None = None, seed: int = 0):
+        path = require_file(path, "tcn network")
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                state = {name: data[name] for name in data.files}
+            self._voxel_size = float(state.pop(_VOXEL_SIZE))
+        except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(
+                f"{path}: not a MinkLoc3D network ({error}); run midastouch import-weights again"
+            ) from error
+        self._network = MinkLoc3D(matched(state, expected_shapes(), f"{path}: not a MinkLoc3D network"))
+        card = read_card(path)
+        self.network_id = f"{path.stem}-{sha256(path)[:12]}"
+        self.dim = DIM
+        self.calibration: dict[str, float] = card["calibration"]
+        self._image_sensor = sensor or SensorModel.load("digit_tacto")
+        self.sensor = self._image_sensor.scaled(SCALE)
+        self._seed = seed
+
+    def encode(self, penetration: np.ndarray) -> np.ndarray:
+        """Codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m.
+
+        The draw of points is the same for every map, so a code depends on its map alone. An empty map has the code
+        of a single voxel. Raises InputError for non-finite maps.
+        """
+        single = penetration.ndim == 2
+        maps = penetration[None] if single else penetration
+        codes = np.empty((len(maps), self.dim), np.float32)
+        for i, values in enumerate(maps):
+            code = self._network(self._voxels(values))
+            codes[i] = code / np.linalg.norm(code)
+        return codes[0] if single else codes
+
+    def _voxels(self, penetration: np.ndarray) -> Voxels:
+        if not np.isfinite(penetration).all():
+            raise InputError("penetration map: non-finite values; check the depth network's input")
+        cloud = contact_cloud(penetration, self._image_sensor, _POINTS, np.random.default_rng(self._seed))
+        if not len(cloud):
+            return Voxels(np.zeros((1, 3)))
+        return quantise(scaled_cloud(cloud), self._voxel_size)
+
+
+def save_minkloc3d(state: dict[str, np.ndarray], card: dict, folder: Path, voxel_size: float) -> Path:
+    """Write the network of a state dict and its model card to `folder`; returns the network's file.
+
+    The voxel size is part of the network's file, and thus of its identity, as codes depend on it.
+    """
+    path = folder / f"{card['network']}{SUFFIX}"
+    details = {"architecture": "minkloc3d", "dim": DIM, "voxel_size": voxel_size, "calibration": _CALIBRATION}
+    write_card(card | details, path)
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        np.savez(stream, **state, **{_VOXEL_SIZE: np.float64(voxel_size)})
+    return path

@@ -1,0 +1,122 @@
+"""MinkLoc3D: a feature pyramid of sparse 3-D convolutions, pooled to one code (Komorowski, WACV 2021).
+
+The paper's tactile code network (section 4.2). Each convolution gathers the rows that meet one kernel offset,
+multiplies them by that offset's matrix and adds the result to the rows it belongs to; within one offset no row occurs
+twice. Batch normalisation is folded into the convolutions before it, and the 1 x 1 convolution at the top of the
+pyramid into the transposed one after it: both are linear.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .minkloc3d_voxels import Voxels
+
+_EPSILON = 1e-5  # of batch normalisation
+_FLOOR = 1e-6  # of generalised-mean pooling
+DIM = 256
+
+
+def expected_shapes() -> dict[str, tuple[int, ...]]:
+    """Names and shapes of the official state dict, without the batch counters."""
+    kernels = {
+        "backbone.conv0": (125, 1, 32),
+        "backbone.convs.0": (8, 32, 32),
+        "backbone.convs.1": (8, 32, 32),
+        "backbone.convs.2": (8, 64, 64),
+        "backbone.blocks.1.0.downsample.0": (32, 64),
+        "backbone.conv1x1.0": (64, DIM),
+        "backbone.conv1x1.1": (64, DIM),
+        "backbone.tconvs.0": (8, DIM, DIM),
+    }
+    norms = {"backbone.bn0": 32, "backbone.blocks.1.0.downsample.1": 64}
+    for level, (inner, outer) in enumerate(((32, 32), (32, 64), (64, 64))):
+        norms[f"backbone.bn.{level}"] = inner
+        for k, columns in ((1, inner), (2, outer)):
+            kernels[f"backbone.blocks.{level}.0.conv{k}"] = (27, columns, outer)
+            norms[f"backbone.blocks.{level}.0.norm{k}"] = outer
+    shapes = {f"{name}.kernel": shape for name, shape in kernels.items()}
+    for name, channels in norms.items():
+        shapes |= {f"{name}.bn.{part}": (channels,) for part in ("weight", "bias", "running_mean", "running_var")}
+    return shapes | {"pooling.p": (1,)}
+
+
+class MinkLoc3D:
+    """The network with the weights of a state dict, names and shapes as `expected_shapes`."""
+
+    def __init__(self, state: dict[str, np.ndarray]):
+        def folded(convolution: str, norm: str) -> tuple[np.ndarray, np.ndarray]:
+            part = {k: state[f"{norm}.bn.{k}"].astype(float) for k in ("weight", "bias", "running_mean", "running_var")}
+            scale = part["weight"] / np.sqrt(part["running_var"] + _EPSILON)
+            kernel = state[f"{convolution}.kernel"] * scale
+            return kernel.astype(np.float32), (part["bias"] - part["running_mean"] * scale).astype(np.float32)
+
+        backbone = "backbone."
+        self._stem = folded(f"{backbone}conv0", f"{backbone}bn0")
+        self._down = [folded(f"{backbone}convs.{i}", f"{backbone}bn.{i}") for i in range(3)]
+        blocks = [f"{backbone}blocks.{i}.0." for i in range(3)]
+        self._blocks = [[folded(f"{b}conv{k}", f"{b}norm{k}") for k in (1, 2)] for b in blocks]
+        self._shortcut = folded(f"{blocks[1]}downsample.0", f"{blocks[1]}downsample.1")
+        top = state[f"{backbone}conv1x1.0.kernel"].astype(float)
+        self._top_down = (top @ state[f"{backbone}tconvs.0.kernel"].astype(float)).astype(np.float32)
+        self._lateral = state[f"{backbone}conv1x1.1.kernel"].astype(np.float32)
+        self._power = np.float32(state["pooling.p"][0])
+
+    def __call__(self, voxels: Voxels) -> np.ndarray:
+        """Code (256,) float32, positive, not normalised, of one cloud's voxels."""
+        return self.pool(self.features(voxels)["pyramid"][1])
+
+    def features(self, voxels: Voxels) -> dict[str, tuple[Voxels, np.ndarray]]:
+        """Voxels and features (N, C) float32 after each part of the network: stem, down0, block0, ..., pyramid."""
+        kernel, bias = self._stem
+        # the input feature is 1 everywhere, so a neighbour adds its offset's row of the kernel
+        occupied = (voxels.neighbours(2) >= 0).astype(np.float32)
+        x = np.maximum(occupied.T @ kernel[:, 0] + bias, 0)
+        out = {"stem": (voxels, x)}
+        for level in range(3):
+            voxels, holder, part = voxels.coarser()
+            kernel, bias = self._down[level]
+            y = np.tile(bias, (len(voxels.coordinates), 1))
+            for o in range(8):
+                rows = np.flatnonzero(part == o)
+                y[holder[rows]] += x[rows] @ kernel[o]
+            x = np.maximum(y, 0, out=y)
+            out[f"down{level}"] = voxels, x
+            x = self._block(level, x, voxels.neighbours(1))
+            out[f"block{level}"] = voxels, x
+        fine_voxels, fine = out["block1"]
+        pyramid = fine @ self._lateral
+        for o in range(8):
+            rows = np.flatnonzero(part == o)
+            pyramid[rows] += x[holder[rows]] @ self._top_down[o]
+        out["pyramid"] = fine_voxels, pyramid
+        return out
+
+    def pool(self, features: np.ndarray) -> np.ndarray:
+        """Generalised mean (C,) over the rows of features (N, C)."""
+        raised = np.maximum(features, _FLOOR)
+        np.power(raised, self._power, out=raised)
+        return raised.mean(axis=0) ** (1 / self._power)
+
+    def _block(self, level: int, x: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+        """Residual block: two 3 x 3 x 3 convolutions and a shortcut."""
+        first, second = self._blocks[level]
+        y = _convolve(x, neighbours, *first)
+        y = _convolve(np.maximum(y, 0, out=y), neighbours, *second)
+        if level == 1:
+            kernel, bias = self._shortcut
+            x = x @ kernel + bias
+        y += x
+        return np.maximum(y, 0, out=y)
+
+
+def _convolve(x: np.ndarray, neighbours: np.ndarray, kernel: np.ndarray, bias: np.ndarray) -> np.ndarray:
+    """Features (N, D) of a 3 x 3 x 3 convolution that keeps the voxels of x (N, C)."""
+    centre = len(kernel) // 2
+    out = x @ kernel[centre]
+    out += bias
+    for o, rows in enumerate(neighbours):
+        if o != centre:
+            here = np.flatnonzero(rows >= 0)
+            out[here] += x[rows[here]] @ kernel[o]
+    return out

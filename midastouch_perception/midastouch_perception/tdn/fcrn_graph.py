@@ -1,0 +1,111 @@
+"""FCRN as an ONNX graph: ResNet-50, up-projections, one height per pixel (Laina et al., 3DV 2016).
+
+The paper's tactile depth network (section 4.1). Batch normalisation is folded into the convolutions before it, also
+through the interleaving of an up-projection, which leaves channels alone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+from onnx import helper, numpy_helper
+
+from ..files import atomic_path
+from ..model_card import write_card
+from .fcrn_shapes import BLOCKS, NORM, QUARTERS
+
+_EPSILON = 1e-5  # of batch normalisation
+_OPSET, _IR = 17, 8  # as old as the operators allow, for old ONNX Runtimes
+
+
+class _Graph:
+    """Nodes and weights of the network under construction. Values are passed by name."""
+
+    def __init__(self, state: dict[str, np.ndarray]):
+        self._state = state
+        self.nodes: list[onnx.NodeProto] = []
+        self.weights: list[onnx.TensorProto] = []
+
+    def add(self, operator: str, *inputs: str, output: str = "", **attributes: object) -> str:
+        """Add a node; returns the name of its value."""
+        output = output or f"{operator.lower()}_{len(self.nodes)}"
+        self.nodes.append(helper.make_node(operator, list(inputs), [output], **attributes))
+        return output
+
+    def constant(self, name: str, values: np.ndarray) -> str:
+        """Add float32 weights."""
+        self.weights.append(numpy_helper.from_array(np.ascontiguousarray(values, np.float32), name))
+        return name
+
+    def convolution(self, x: str, name: str, norm: str, stride: int = 1, pads: tuple[int, ...] | None = None) -> str:
+        """Convolution `name` with the batch normalisation `norm` ("" for none); pads default to half the kernel."""
+        kernel = self._state[f"{name}.weight"]
+        bias = self._state.get(f"{name}.bias", np.zeros(len(kernel)))
+        if norm:
+            weight, shift, mean, variance = (self._state[f"{norm}.{part}"].astype(float) for part in NORM)
+            scale = weight / np.sqrt(variance + _EPSILON)
+            kernel, bias = kernel * scale.astype(np.float32)[:, None, None, None], (bias - mean) * scale + shift
+        inputs = x, self.constant(f"{name}.weight", kernel), self.constant(f"{name}.bias", bias)
+        half = kernel.shape[2] // 2
+        return self.add("Conv", *inputs, strides=[stride, stride], pads=pads or [half] * 4)
+
+    def bottleneck(self, x: str, name: str, stride: int, project: bool) -> str:
+        """Residual bottleneck; the stride is that of its 3 x 3 convolution, as in torchvision's ResNet."""
+        y = self.add("Relu", self.convolution(x, f"{name}.conv1", f"{name}.bn1"))
+        y = self.add("Relu", self.convolution(y, f"{name}.conv2", f"{name}.bn2", stride))
+        y = self.convolution(y, f"{name}.conv3", f"{name}.bn3")
+        if project:
+            x = self.convolution(x, f"{name}.downsample.0", f"{name}.downsample.1", stride)
+        return self.add("Relu", self.add("Add", y, x))
+
+    def up_projection(self, x: str, name: str) -> str:
+        """Twice the size, half the channels: two branches of four interleaved convolutions, added."""
+
+        def interleaved(branch: int, norm: str) -> str:
+            quarters = [
+                self.convolution(x, f"{name}.conv{branch}_{k}", norm, pads=pads)
+                for k, (_, pads) in enumerate(QUARTERS, 1)
+            ]
+            return self.add("DepthToSpace", self.add("Concat", *quarters, axis=1), blocksize=2, mode="DCR")
+
+        y = self.add("Relu", interleaved(1, f"{name}.bn1_1"))
+        y = self.convolution(y, f"{name}.conv3", f"{name}.bn1_2")
+        return self.add("Relu", self.add("Add", y, interleaved(2, f"{name}.bn2")))
+
+
+def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
+    """The network with the weights of a state dict, names and shapes as `fcrn_shapes.expected_shapes`.
+
+    Input "image" (N, 3, 320, 240) float32, normalised grey levels; output "height" (N, 1, 320, 240) float32.
+    """
+    graph = _Graph(state)
+    x = graph.add("Relu", graph.convolution("image", "conv1", "bn1", 2))
+    x = graph.add("MaxPool", x, kernel_shape=[3, 3], strides=[2, 2], pads=[1, 1, 1, 1])
+    for level, blocks in enumerate(BLOCKS, 1):
+        for block in range(blocks):
+            first = block == 0
+            x = graph.bottleneck(x, f"layer{level}.{block}", 2 if first and level > 1 else 1, first)
+    x = graph.convolution(x, "conv2", "bn2")
+    for level in range(1, 5):
+        x = graph.up_projection(x, f"up{level}")
+    x = graph.add("Relu", graph.convolution(x, "conv3", ""))
+    # 160 x 128, since ten and eight cells are not quite 320 and 240 pixels
+    scales = graph.constant("scales", np.array([1, 1, 2, 1.875]))
+    graph.add("Resize", x, "", scales, output="height", mode="linear", coordinate_transformation_mode="half_pixel")
+    interface = [
+        helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", channels, 320, 240])
+        for name, channels in (("image", 3), ("height", 1))
+    ]
+    proto = helper.make_graph(graph.nodes, "fcrn", interface[:1], interface[1:], graph.weights)
+    return helper.make_model(proto, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
+
+
+def save_fcrn(state: dict[str, np.ndarray], card: dict, folder: Path) -> Path:
+    """Write the network of a state dict and its model card to `folder`; returns the network's file."""
+    path = folder / f"{card['network']}.onnx"
+    write_card(card | {"architecture": "fcrn"}, path)
+    with atomic_path(path) as temporary:
+        onnx.save(fcrn_model(state), temporary)
+    return path

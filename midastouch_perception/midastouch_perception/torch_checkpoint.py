@@ -1,0 +1,222 @@
+"""Read the tensors of a PyTorch checkpoint, as `torch.save` writes it, without PyTorch.
+
+The names, shapes and types of the tensors stand in a pickle, their content in raw blocks beside it. A pickle is a
+program: the only names it may call here are inert stand-ins for PyTorch's tensors, all else is refused. Both formats
+are read: the zip archive (PyTorch 1.6 and later) and the sequence of pickles before it.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import pickle
+import pickletools
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from .errors import InputError
+from .pickle_memo import refuse_oversized_memo
+
+_LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
+_LEGACY_PROTOCOL = 1001
+_BFLOAT16 = "bfloat16"
+_TYPES = {
+    "DoubleStorage": "<f8",
+    "FloatStorage": "<f4",
+    "HalfStorage": "<f2",
+    "BFloat16Storage": _BFLOAT16,
+    "LongStorage": "<i8",
+    "IntStorage": "<i4",
+    "ShortStorage": "<i2",
+    "CharStorage": "<i1",
+    "ByteStorage": "<u1",
+    "BoolStorage": "?",
+}
+# where training scripts put the state dict, if the file holds more than that
+_STATE_KEYS = ("state_dict", "model_state_dict", "model")
+
+
+class _Mapping(dict):
+    """Stand-in for `OrderedDict`: attributes set on it are dropped."""
+
+    def __setstate__(self, state: object) -> None:
+        pass
+
+
+class _Storage:
+    """A raw block: its key, the type code of its numbers, how many there are."""
+
+    def __init__(self, key: str, code: str, count: int):
+        self.key, self.code, self.count = str(key), code, int(count)
+
+    @property
+    def item_size(self) -> int:
+        return 2 if self.code == _BFLOAT16 else np.dtype(self.code).itemsize
+
+    def decode(self, raw: bytes) -> np.ndarray:
+        """The block's numbers (count,)."""
+        if len(raw) != self.count * self.item_size:
+            raise InputError(f"block {self.key} has {len(raw)} bytes, needs {self.count * self.item_size}; cut short")
+        if self.code == _BFLOAT16:  # the upper half of a float32
+            return (np.frombuffer(raw, "<u2").astype("<u4") << 16).view("<f4")
+        return np.frombuffer(raw, self.code)
+
+
+class _Tensor:
+    """Stand-in for a tensor: a strided window on a block."""
+
+    def __init__(self, storage: _Storage, offset: int, shape: tuple, stride: tuple, *_: object):
+        self.storage, self.offset, self.shape, self.stride = storage, offset, shape, stride
+
+    def array(self, numbers: np.ndarray) -> np.ndarray:
+        """The tensor's values, a copy; InputError if the window leaves the block."""
+        if len(self.shape) != len(self.stride) or min((self.offset, *self.shape, *self.stride)) < 0:
+            raise InputError(f"tensor of shape {self.shape} and stride {self.stride}")
+        count = math.prod(self.shape)
+        last = self.offset + sum((n - 1) * step for n, step in zip(self.shape, self.stride, strict=True))
+        if count and (last >= len(numbers) or count > len(numbers)):
+            raise InputError(f"tensor of shape {self.shape} in a block of {len(numbers)} numbers")
+        strides = [step * numbers.itemsize for step in self.stride]
+        return np.lib.stride_tricks.as_strided(numbers[self.offset :], self.shape, strides).copy()
+
+
+def _parameter(tensor: _Tensor, *_: object) -> _Tensor:
+    return tensor
+
+
+_ALLOWED: dict[str, Any] = {
+    "collections.OrderedDict": _Mapping,
+    "torch._utils._rebuild_tensor_v2": _Tensor,
+    "torch._utils._rebuild_parameter": _parameter,
+    **{f"torch.{name}": code for name, code in _TYPES.items()},
+}
+
+
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        try:
+            return _ALLOWED[f"{module}.{name}"]
+        except KeyError:
+            raise InputError(
+                f"asks for '{module}.{name}', but only tensors are read; save model.state_dict() alone"
+            ) from None
+
+    def persistent_load(self, pid: Any) -> _Storage:
+        kind, code, key, _, count, *view = pid
+        if kind != "storage" or any(part is not None for part in view):
+            raise InputError("holds views of storages, of a PyTorch before 0.4; save it again with a newer one")
+        return _Storage(key, code, count)
+
+
+def _unpickle(data: bytes) -> Any:
+    refuse_oversized_memo(data)
+    return _Unpickler(io.BytesIO(data)).load()
+
+
+def read_zip(path: Path) -> dict[str, np.ndarray]:
+    """{name: values} of the state dict in a zip checkpoint; errors as `read_legacy`."""
+
+    def read(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
+        (index,) = (name for name in archive.namelist() if name.rpartition("/")[2] == "data.pkl")
+        folder = index.removesuffix("data.pkl")
+
+        def content(name: str) -> bytes:
+            entry = archive.getinfo(folder + name)
+            if entry.compress_type != zipfile.ZIP_STORED:  # torch.save never does; a bomb would
+                raise InputError(f"{entry.filename} is compressed; save it again with torch.save")
+            return archive.read(entry)
+
+        if f"{folder}byteorder" in archive.namelist() and content("byteorder") != b"little":
+            raise InputError("big-endian; save it again on a common machine")
+        state = _state_dict(_unpickle(content("data.pkl")))
+        return _arrays(state, lambda storage: storage.decode(content(f"data/{storage.key}")))
+
+    def open_and_read() -> dict[str, np.ndarray]:
+        with zipfile.ZipFile(path) as archive:
+            return read(archive)
+
+    return _guarded(path, open_and_read)
+
+
+def read_legacy(path: Path) -> dict[str, np.ndarray]:
+    """{name: values} of the state dict in a checkpoint of the format before PyTorch 1.6.
+
+    Raises InputError: not such a checkpoint, cut short, foreign classes (named), no state dict in it.
+    """
+
+    def read(stream: BinaryIO) -> dict[str, np.ndarray]:
+        magic, protocol, system, content, keys = (_next_pickle(stream) for _ in range(5))
+        if magic != _LEGACY_MAGIC or protocol != _LEGACY_PROTOCOL or not system["little_endian"]:
+            raise InputError("not written by torch.save on a common machine")
+        starts = {}
+        state = _state_dict(content)
+        sizes = {t.storage.key: t.storage.item_size for t in _tensors(content)}
+        for key in keys:
+            count = int.from_bytes(stream.read(8), "little")
+            starts[str(key)] = stream.tell(), count
+            stream.seek(count * sizes[str(key)], io.SEEK_CUR)
+
+        def block(storage: _Storage) -> np.ndarray:
+            start, _ = starts[storage.key]
+            stream.seek(start)
+            return storage.decode(stream.read(storage.count * storage.item_size))
+
+        return _arrays(state, block)
+
+    def open_and_read() -> dict[str, np.ndarray]:
+        with path.open("rb") as stream:
+            return read(stream)
+
+    return _guarded(path, open_and_read)
+
+
+def _guarded(path: Path, read: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    try:
+        return read()
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    # Crafted or damaged bytes make the unpickler fail in any way, MemoryError and RecursionError included.
+    except Exception as error:
+        raise InputError(f"{path}: not a complete PyTorch checkpoint ({error}); get the file again") from error
+
+
+def _next_pickle(stream: BinaryIO) -> Any:
+    start = stream.tell()
+    for _ in pickletools.genops(stream):
+        pass
+    length = stream.tell() - start
+    stream.seek(start)
+    return _unpickle(stream.read(length))
+
+
+def _state_dict(content: Any) -> dict[str, _Tensor]:
+    """The mapping of tensors in a checkpoint: the whole content or one of its usual entries."""
+    if not isinstance(content, dict):
+        raise InputError(f"holds a {type(content).__name__}, not a state dict; save model.state_dict()")
+    for state in (content, *(content.get(key) for key in _STATE_KEYS)):
+        if isinstance(state, dict):
+            tensors = {str(name): value for name, value in state.items() if isinstance(value, _Tensor)}
+            if tensors:
+                return tensors
+    raise InputError(f"holds no state dict, only {', '.join(map(str, content)) or 'nothing'}; save model.state_dict()")
+
+
+def _tensors(content: Any) -> list[_Tensor]:
+    """Every tensor in nested containers; each container is looked into once."""
+    found, seen, pending = [], set(), [content]
+    while pending:
+        item = pending.pop()
+        if isinstance(item, _Tensor):
+            found.append(item)
+        elif isinstance(item, (dict, list, tuple)) and id(item) not in seen:
+            seen.add(id(item))
+            pending.extend([*item.keys(), *item.values()] if isinstance(item, dict) else item)
+    return found
+
+
+def _arrays(state: dict[str, _Tensor], block: Callable[[_Storage], np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: tensor.array(block(tensor.storage)) for name, tensor in state.items()}
