@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from midastouch_perception.errors import InputError
 
 from . import arguments
+
+if TYPE_CHECKING:
+    from midastouch_perception.codebook import Codebook
+    from midastouch_perception.mesh import ObjectMesh
+
+    from ..evaluation.setup import Networks
 
 
 def add_parser(subparsers) -> None:
@@ -14,53 +24,106 @@ def add_parser(subparsers) -> None:
         "single-touch",
         run,
         "measure how far a single touch tells where the sensor is",
-        "midastouch single-touch --codebook out/codebooks/handle_tool.npz --queries 2000",
-        "Fresh poses, each few seen by another simulated sensor, through both networks; for each the\n"
-        "smallest pose error among the 25 best matches, over that of a random touch (paper figures 4 and 14).",
+        "midastouch single-touch handle_tool eyebolt --queries 2000 --json out/single_touch.json",
+        "Fresh poses, every 20 seen by another simulated sensor, through both networks; for each the smallest pose\n"
+        "error among the 25 best matches, over that among 25 random ones (paper figures 4 and 14).",
     )
-    parser.add_argument("--mesh", help="mesh file or a bundled object (default: what the codebook was built from)")
-    parser.add_argument("--codebook", required=True, metavar="FILE", help="codebook of the object")
-    parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="touches (default 10000)")
+    parser.add_argument("meshes", nargs="*", metavar="MESH", help="mesh files or bundled objects")
+    parser.add_argument("--mesh", help="the same, for one object (default: what the codebook was built from)")
+    parser.add_argument(
+        "--codebook", metavar="FILE", help="of one object, or folder with <mesh name>.npz (default out/codebooks)"
+    )
+    parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="per object (default 10000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the touches (default 0)")
+    parser.add_argument(
+        "--lighting",
+        choices=("tacto", "random"),
+        default="tacto",
+        help="TACTO's optics, or those of the training's randomisation (default tacto)",
+    )
+    parser.add_argument(
+        "--backgrounds",
+        metavar="DIR",
+        help="real no-contact images; those held out of the training are used (default: invented ones)",
+    )
+    parser.add_argument(
+        "--baseline-size",
+        type=arguments.seed,
+        default=5000,
+        metavar="N",
+        help="poses of the smaller book on which codes, image embedding and MinkLoc3D are compared; 0: do not "
+        "(default 5000)",
+    )
+    parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     arguments.add_network_options(parser)
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from pathlib import Path
-
     import numpy as np
 
     from midastouch_perception.files import require_file
+    from midastouch_perception.tcn import load_tcn
 
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import write_json
     from ..evaluation.setup import Networks
-    from ..evaluation.single_touch import simulated_touches, single_touch_errors
-    from ..evaluation.table import number, text_table
+    from ..evaluation.simulated_touch import Lighting
+    from ..evaluation.single_touch_object import Protocol, measure_object
+    from ..evaluation.single_touch_summary import single_touch_table, summarise_objects
     from ..progress import progress_bar
 
-    require_file(args.codebook, "codebook")
+    wanted = _wanted(args)
+    for _, codebook in wanted:
+        if codebook:
+            require_file(codebook, "codebook")
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
-    mesh, codebook = arguments.load_object(Path(args.codebook).stem, args.mesh, args.codebook, networks)
-    rng = np.random.default_rng(args.seed)
-    with progress_bar(total=args.queries, unit="touch", desc=mesh.name) as bar:
-        poses, codes = simulated_touches(mesh, networks, args.queries, rng, bar.update)
-    errors = single_touch_errors(codebook.poses, codebook.codes, poses, codes, rng)
-    summary = errors.summary()
+    lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
+    minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
+    protocol = Protocol(args.queries, lighting, args.baseline_size, minkloc3d)
+    # all of them before the first is measured: what is missing shows at once
+    objects = [_load(mesh, codebook, networks) for mesh, codebook in wanted]
+    results = []
+    for mesh, book, path in objects:
+        # the seed of an object does not depend on which others are measured
+        rng = np.random.default_rng([args.seed, int(mesh.sha256[:8], 16)])
+        with progress_bar(total=protocol.touches(networks), unit="touch", desc=mesh.name) as bar:
+            result = measure_object(mesh, book, networks, protocol, rng, bar.update)
+        files = {"mesh": mesh.path, "codebook_file": path.resolve(), "codebook": dict(book.meta)}
+        results.append(files | result)
+    content = {
+        **summarise_objects(results),
+        "config": {
+            "seed": args.seed,
+            "lighting": args.lighting,
+            "backgrounds": args.backgrounds,
+            "baseline_size": args.baseline_size,
+            "networks": networks.describe() | {"minkloc3d": minkloc3d and minkloc3d.network_id},
+        },
+        "machine": machine_info(),
+    }
     if args.json:
-        content = {
-            "object": mesh.name,
-            "queries": args.queries,
-            "networks": networks.describe(),
-            "codebook": dict(codebook.meta),
-            "machine": machine_info(),
-            "summary": summary,
-            "errors": np.round(errors.best / errors.random.mean(), 4),
-        }
         write_json(args.json, content)
-    row = [mesh.name, args.queries, *(number(summary[k], 3) for k in summary if k != "random_error")]
-    header = ["object", "touches", "normalised top-25 error", "median", "same, geodesic"]
-    print(text_table([*header, "random touch mm"], [[*row, number(1e3 * summary["random_error"])]]))
+    print(single_touch_table(content))
     return 0
+
+
+def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
+    """(mesh or None, codebook or None) per object, as asked for."""
+    meshes = [*args.meshes, *([args.mesh] if args.mesh else [])]
+    if args.codebook is None or Path(args.codebook).is_dir():
+        if not meshes:
+            raise InputError("no object to touch; give mesh files or bundled objects, or --codebook FILE")
+        folder = args.codebook and Path(args.codebook)
+        return [(mesh, folder and folder / f"{Path(mesh).stem}.npz") for mesh in meshes]
+    if len(meshes) > 1:
+        raise InputError(f"{args.codebook}: one codebook for {len(meshes)} objects; give the folder that holds theirs")
+    return [(meshes[0] if meshes else None, Path(args.codebook))]
+
+
+def _load(mesh: str | None, codebook: Path | None, networks: Networks) -> tuple[ObjectMesh, Codebook, Path]:
+    from ..codebooks import codebook_path
+
+    path = codebook or codebook_path(Path(mesh).stem)
+    return *arguments.load_object(Path(mesh or path).stem, mesh, codebook and str(codebook), networks), path

@@ -96,7 +96,10 @@ def sequence(mesh: ObjectMesh) -> StubSequence:
 @pytest.fixture(scope="session")
 def networks(sequence: StubSequence) -> SimpleNamespace:
     """What `Networks` offers the protocol."""
-    return SimpleNamespace(pipeline=lambda: PosePipeline(sequence.poses_true))
+    return SimpleNamespace(
+        pipeline=lambda: PosePipeline(sequence.poses_true),
+        describe=lambda: {"tdn": "none", "tcn": NETWORK, "sensor": "none"},
+    )
 
 
 @pytest.fixture(scope="session")
@@ -108,3 +111,9 @@ def draw_contacts(mesh: ObjectMesh):
         return poses, encode(poses)
 
     return draw
+
+
+@pytest.fixture(scope="session")
+def pose_codes():
+    """Function poses (n, 4, 4) -> codes (n, D), the codebook's own."""
+    return encode

@@ -1,0 +1,29 @@
+import pytest
+
+from midastouch_bringup import cli
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "no object to touch; give mesh files"),
+        (["a.ply", "b.ply", "--codebook", "a.npz"], "a.npz: one codebook for 2 objects; give the folder"),
+        (["eyebolt"], "eyebolt.npz: no codebook of eyebolt; build it: midastouch build-codebook eyebolt"),
+        (["eyebolt", "--codebook", "."], "eyebolt.npz"),
+        (["--mesh", "eyebolt"], "eyebolt.npz"),
+        (["eyebolt", "--backgrounds", "."], "0 readable no-contact images"),
+    ],
+)
+def test_what_cannot_be_measured_is_said_at_once(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["single-touch", *arguments]) == cli.EXIT_BAD_INPUT
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+
+
+@pytest.mark.parametrize("option", [["--lighting", "moon"], ["--queries", "0"], ["--baseline-size", "-1"]])
+def test_values_out_of_range_are_refused(option, capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["single-touch", "eyebolt", *option])
+    assert option[0] in capsys.readouterr().err
