@@ -1,0 +1,61 @@
+"""`midastouch download`: public meshes and recordings."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "download",
+        run,
+        "download YCB meshes or parts of YCB-Slide",
+        "midastouch download ycb-mesh 025_mug 035_power_drill",
+        "ycb-mesh NAME...: 16k-face scans (CC BY 4.0), one PLY each. ycb-slide sim|real|backgrounds...: recordings\n"
+        "(MIT), with gdown. A broken download goes on where it stopped. The sum of each file is kept in SHA256SUMS\n"
+        "and compared the next time, as its publishers give none.",
+    )
+    parser.add_argument("what", choices=("ycb-mesh", "ycb-slide"), help="which collection")
+    parser.add_argument("names", nargs="+", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)")
+    parser.add_argument("--mirror", metavar="URL", help="take ycb-mesh from a copy of the server's data folder")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    return {"ycb-mesh": _meshes, "ycb-slide": _slides}[args.what](args)
+
+
+def _meshes(args: argparse.Namespace) -> int:
+    from ..download.ycb import SERVER, download_mesh
+    from ..progress import progress_bar
+
+    folder = args.out or Path("out/ycb")
+    for name in args.names:
+        with progress_bar(unit="B", unit_scale=True, desc=name) as bar:
+
+            def show(done: int, total: int | None, bar=bar) -> None:
+                bar.total = total
+                bar.update(done - bar.n)
+
+            mesh = download_mesh(name, folder, args.mirror or SERVER, progress=show)
+        print(mesh)
+    return 0
+
+
+def _slides(args: argparse.Namespace) -> int:
+    from midastouch_perception.errors import InputError
+
+    from ..download.ycb_slide import FOLDERS, download_part
+
+    if unknown := set(args.names) - FOLDERS.keys():
+        raise InputError(f"ycb-slide {', '.join(sorted(unknown))}: no such part; there are {', '.join(FOLDERS)}")
+    for part in args.names:
+        for folder in download_part(part, args.out or Path("out/ycb_slide")):
+            print(folder)
+    return 0
