@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import array
 import sys
+from collections.abc import Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -82,29 +83,28 @@ def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:
     )
 
 
-def points_from_msg(msg: PointCloud2) -> np.ndarray:
-    """Points (K, 3) float32 of a cloud whose x, y, z are float32; other fields are passed over."""
+def points_from_msg(msg: PointCloud2, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:
+    """Points (K, 3), or what else `names` asks for (K, F), of a cloud's float32 fields; others are passed over."""
     if msg.point_step == 0 or msg.row_step < msg.width * msg.point_step:
         raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
     if len(msg.data) != msg.row_step * msg.height:
         raise InputError(f"cloud says {msg.height} rows of {msg.row_step} bytes but holds {len(msg.data)} bytes")
     order = ">" if msg.is_bigendian else "<"
     offsets = {f.name: f.offset for f in msg.fields if f.datatype == PointField.FLOAT32 and f.count == 1}
-    missing = [name for name in "xyz" if name not in offsets]
-    if missing or any(offsets[name] + 4 > msg.point_step for name in "xyz"):
-        raise InputError("cloud needs fields x, y, z of type float32 inside its point_step")
+    if any(name not in offsets or offsets[name] + 4 > msg.point_step for name in names):
+        raise InputError(f"cloud needs fields {', '.join(names)} of type float32 inside its point_step")
     layout = np.dtype(
         {
-            "names": list("xyz"),
-            "formats": [order + "f4"] * 3,
-            "offsets": [offsets[name] for name in "xyz"],
+            "names": list(names),
+            "formats": [order + "f4"] * len(names),
+            "offsets": [offsets[name] for name in names],
             "itemsize": msg.point_step,
         }
     )
     rows = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.row_step)
     packed = np.ascontiguousarray(rows[:, : msg.width * msg.point_step]).reshape(-1)
     records = packed.view(layout)
-    points = np.stack([records[name] for name in "xyz"], axis=1).astype(np.float32, copy=False)
+    points = np.stack([records[name] for name in names], axis=1).astype(np.float32, copy=False)
     if not np.isfinite(points).all():
         raise InputError("cloud holds non-finite points")
     return points

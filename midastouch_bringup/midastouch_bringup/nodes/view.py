@@ -1,0 +1,134 @@
+"""Node `view`: what the other nodes publish, thinned, into the live view's scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Image, PointCloud2
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+from midastouch_filter.nodes.resources import resolve
+from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import (
+    covariance_from_msg,
+    points_from_msg,
+    pose_from_msg,
+    rgb_from_msg,
+    stamp_ns,
+    transform_from_msg,
+)
+from midastouch_perception.ros.parameters import Parameter, Parameters
+
+from ..messages import TRUTH_FRAME, TRUTH_GEL_FRAME
+
+PARAMETERS = (
+    Parameter(
+        "rate", 5.0, "Times per second at which the newest of each topic is drawn", "Hz", minimum=0.1, maximum=60.0
+    ),
+)
+
+_JUMP_NS = 500_000_000
+_SILENT_S = 3.0
+
+
+@dataclass(frozen=True)
+class _Topic:
+    name: str
+    kind: type
+    profile: QoSProfile
+    draw: Callable[[Any], None]
+
+
+class View(Node):
+    """Draws the newest message of every topic `rate` times per second; the others are not even deserialised."""
+
+    def __init__(self, scene, **kwargs) -> None:
+        super().__init__("view", **kwargs)
+        settings = Parameters(self, PARAMETERS)
+        self._scene = scene
+        self._newest: dict[str, bytes] = {}
+        self._stamp = 0
+        self._quiet_ticks, self._silent_after = 0, max(1, round(_SILENT_S * settings["rate"]))
+        latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
+        topics = (
+            # In the order in which they are drawn: the mesh clears what was about the last object.
+            _Topic("object_mesh", MarkerArray, qos.latched(), self._mesh),
+            _Topic("filter_status", FilterStatus, qos.latched(), self._status),
+            _Topic("image_raw", Image, latest, lambda msg: scene.image(rgb_from_msg(msg, msg.height, msg.width))),
+            # Large: Fast DDS loses such messages when nobody asks for them again.
+            _Topic("particles/cloud", PointCloud2, reliable, self._particles),
+            _Topic("pose_modes", PoseModes, latest, self._modes),
+            _Topic("pose", PoseWithCovarianceStamped, qos.latched(), lambda msg: scene.estimate(_pose(msg))),
+            _Topic("tactile/points", PointCloud2, latest, lambda msg: scene.contact(points_from_msg(msg))),
+            _Topic("/tf", TFMessage, qos.TF, self._truth),
+        )
+        self._topics = {topic.name: topic for topic in topics}
+        for topic in topics:
+            self.create_subscription(
+                topic.kind, topic.name, lambda data, name=topic.name: self._keep(name, data), topic.profile, raw=True
+            )
+        self.create_timer(1 / settings["rate"], self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _keep(self, name: str, data: bytes) -> None:
+        # All of TF passes here, and only the truth, which few recordings have, is drawn.
+        if name != "/tf" or TRUTH_GEL_FRAME.encode() in data:
+            self._newest[name] = data
+
+    def _draw(self) -> None:
+        taken, self._newest = self._newest, {}
+        self._quiet_ticks = 0 if "filter_status" in taken else self._quiet_ticks + 1
+        for name, topic in self._topics.items():
+            if name not in taken:
+                continue
+            try:
+                topic.draw(deserialize_message(taken[name], topic.kind))
+            except InputError as error:
+                self.get_logger().warning(f"{name}: {error}", throttle_duration_sec=5.0)
+        if self._quiet_ticks == self._silent_after:
+            self._scene.status("no filter_status", "the filter says nothing; what is drawn may be old", {})
+
+    def _mesh(self, msg: MarkerArray) -> None:
+        for marker in msg.markers:
+            if marker.type == Marker.MESH_RESOURCE and marker.action == Marker.ADD:
+                mesh = ObjectMesh.load(resolve(marker.mesh_resource, "object_mesh"))
+                self._scene.mesh(mesh.vertices, mesh.faces, mesh.vertex_normals)
+
+    def _status(self, msg: FilterStatus) -> None:
+        stamp = stamp_ns(msg.header.stamp)
+        if stamp < self._stamp - _JUMP_NS:
+            self._scene.restart()
+        self._stamp = stamp
+        numbers = {"particles": msg.n_particles, "effective": msg.ess, "dominant_mode_percent": 100 * msg.mode_mass}
+        numbers |= {f"{name}_ms": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
+        self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})
+
+    def _particles(self, msg: PointCloud2) -> None:
+        cloud = points_from_msg(msg, ("x", "y", "z", "intensity"))
+        self._scene.particles(cloud[:, :3], cloud[:, 3])
+
+    def _modes(self, msg: PoseModes) -> None:
+        poses = np.array([pose_from_msg(mode.pose.pose) for mode in msg.modes]).reshape(-1, 4, 4)
+        covariances = np.array([covariance_from_msg(mode.pose.covariance) for mode in msg.modes]).reshape(-1, 6, 6)
+        weights = np.clip(np.nan_to_num([mode.weight for mode in msg.modes]), 0.0, 1.0)
+        self._scene.modes(weights.tolist(), poses, covariances)
+
+    def _truth(self, msg: TFMessage) -> None:
+        for transform in msg.transforms:
+            if (transform.header.frame_id, transform.child_frame_id) == (TRUTH_FRAME, TRUTH_GEL_FRAME):
+                self._scene.truth(transform_from_msg(transform.transform))
+
+
+def _pose(msg: PoseWithCovarianceStamped) -> np.ndarray:
+    return pose_from_msg(msg.pose.pose)

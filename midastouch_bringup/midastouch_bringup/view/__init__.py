@@ -1,0 +1,18 @@
+"""The live view in a browser: what is drawn and who serves it. Needs the `view` extra (Rerun); without ROS."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+from midastouch_perception.errors import InputError
+
+INSTALL = "pip install 'rerun-sdk>=0.39,<0.42'"
+
+
+def require_rerun() -> ModuleType:
+    """The module `rerun`; InputError with the command that installs it when it is missing."""
+    try:
+        import rerun
+    except ImportError as error:
+        raise InputError(f"the live view needs Rerun (170 MB): {INSTALL}") from error
+    return rerun

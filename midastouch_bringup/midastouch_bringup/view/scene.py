@@ -1,0 +1,119 @@
+"""The scene of the live view: everything in the object's frame, drawn by Rerun."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from . import require_rerun
+from .appearance import Trail, ellipsoids, weight_colours
+
+_MOST_PARTICLES = 10_000
+_AXIS = 0.01  # m
+_ESTIMATE, _TRUTH, _CONTACT = (40, 200, 80), (60, 150, 255), (255, 80, 200)
+_MODE = (240, 160, 30)
+
+
+class Scene:
+    """Draws on a `rerun.RecordingStream`. Lengths are metres, poses (4, 4) are of the gel in the object's frame."""
+
+    def __init__(self, recording) -> None:
+        self._rr, self._recording = require_rerun(), recording
+        self._trails = {"estimate": Trail(), "truth": Trail()}
+        recording.send_blueprint(self._blueprint())
+
+    def mesh(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
+        """Another object: vertices (V, 3), faces (F, 3), vertex normals (V, 3); what was drawn about the last goes."""
+        self.restart()
+        self._recording.log(
+            "object/mesh",
+            self._rr.Mesh3D(
+                vertex_positions=vertices,
+                triangle_indices=faces,
+                vertex_normals=normals,
+                albedo_factor=[190, 190, 200, 130],
+            ),
+            static=True,
+        )
+
+    def restart(self) -> None:
+        """Remove everything but the mesh: the filter has started again."""
+        for trail in self._trails.values():
+            trail.clear()
+        for name in ("particles", "modes", "axes", "gel", "estimate", "truth"):
+            self._log(name, self._rr.Clear(recursive=True))
+
+    def image(self, pixels: np.ndarray) -> None:
+        """The tactile image (H, W, 3) uint8 RGB."""
+        self._recording.log("image", self._rr.Image(pixels).compress(jpeg_quality=85))
+
+    def particles(self, positions: np.ndarray, weights: np.ndarray) -> None:
+        """Particles (N, 3) coloured by weight (N,), at most 10000 of them: every so many-th."""
+        step = -(-len(positions) // _MOST_PARTICLES) or 1
+        points = self._rr.Points3D(positions[::step], colors=weight_colours(weights)[::step], radii=0.0005)
+        self._log("particles", points)
+
+    def modes(self, weights: Sequence[float], poses: np.ndarray, covariances: np.ndarray) -> None:
+        """Modes, heaviest first: poses (M, 4, 4), covariances (M, 6, 6); two-sigma ellipsoids and gel axes."""
+        half, quaternions = ellipsoids(covariances[:, :3, :3])
+        colours = [(*(_ESTIMATE if i == 0 else _MODE), 60 + round(140 * w)) for i, w in enumerate(weights)]
+        self._log(
+            "modes",
+            self._rr.Ellipsoids3D(
+                centers=poses[:, :3, 3],
+                half_sizes=half,
+                quaternions=quaternions,
+                colors=colours,
+                labels=[f"{w:.0%}" for w in weights],
+                fill_mode="solid",
+            ),
+        )
+        vectors = _AXIS * np.swapaxes(poses[:, :3, :3], 1, 2).reshape(-1, 3)
+        origins = np.repeat(poses[:, :3, 3], 3, axis=0)
+        axes = [(230, 50, 50), (50, 200, 50), (50, 100, 240)] * len(poses)
+        self._log("axes", self._rr.Arrows3D(origins=origins, vectors=vectors, colors=axes, radii=0.0004))
+
+    def estimate(self, pose: np.ndarray) -> None:
+        """The published pose."""
+        self._log("gel", self._rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+        self._trail("estimate", pose, _ESTIMATE)
+
+    def truth(self, pose: np.ndarray) -> None:
+        """The true pose, where a recording has one."""
+        self._trail("truth", pose, _TRUTH)
+
+    def contact(self, points: np.ndarray) -> None:
+        """Contact points (K, 3) in the gel frame, drawn at the estimate."""
+        self._log("gel/contact", self._rr.Points3D(points, colors=_CONTACT, radii=0.0002))
+
+    def status(self, state: str, reason: str, numbers: Mapping[str, float]) -> None:
+        """The state in words, and numbers as curves."""
+        self._recording.log("status", self._rr.TextDocument(f"# {state}\n{reason}", media_type="text/markdown"))
+        for name, value in numbers.items():
+            self._recording.log(f"filter/{name}", self._rr.Scalars(float(value)))
+
+    def _trail(self, name: str, pose: np.ndarray, colour: tuple[int, int, int]) -> None:
+        trail = self._trails[name]
+        trail.add(pose[:3, 3])
+        self._log(f"{name}/trail", self._rr.LineStrips3D(trail.strips, colors=colour, radii=0.0003))
+        self._log(f"{name}/here", self._rr.Points3D([pose[:3, 3]], colors=colour, radii=0.0015))
+
+    def _log(self, name: str, content) -> None:
+        self._recording.log(f"object/{name}", content)
+
+    def _blueprint(self):
+        from rerun import blueprint
+
+        return blueprint.Blueprint(
+            blueprint.Horizontal(
+                blueprint.Spatial3DView(origin="object", name="object"),
+                blueprint.Vertical(
+                    blueprint.Spatial2DView(origin="image", name="tactile image"),
+                    blueprint.TextDocumentView(origin="status", name="state"),
+                    blueprint.TimeSeriesView(origin="filter", name="filter"),
+                ),
+                column_shares=[3, 1],
+            ),
+            collapse_panels=True,
+        )

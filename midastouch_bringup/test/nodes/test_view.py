@@ -1,0 +1,156 @@
+"""The view's node over DDS: what it hands to the scene, how often, and what it refuses."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_bringup.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_bringup.nodes.view import View
+from midastouch_filter.nodes import markers
+from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
+from midastouch_perception import se3
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import (
+    image_to_msg,
+    points_to_msg,
+    pose_to_msg,
+    stamp_from_ns,
+    transform_to_msg,
+)
+
+pytestmark = pytest.mark.dds
+SECOND = 1_000_000_000
+POSE = se3.exp(np.array([0.01, 0.02, 0.03, 0.1, 0.2, 0.3]))
+
+
+class Scene:
+    """Records what it is told, as (method, arguments)."""
+
+    def __init__(self):
+        self.calls = []
+
+    def __getattr__(self, name):
+        return lambda *arguments: self.calls.append((name, arguments))
+
+    def of(self, name):
+        return [arguments for called, arguments in self.calls if called == name]
+
+
+@pytest.fixture
+def scene():
+    return Scene()
+
+
+@pytest.fixture
+def view(graph, scene):
+    return graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
+
+
+def header(stamp=SECOND, frame="object"):
+    return Header(stamp=stamp_from_ns(stamp), frame_id=frame)
+
+
+def covariance_pose(variances):
+    msg = PoseMode(weight=0.75)
+    msg.pose.pose = pose_to_msg(POSE)
+    msg.pose.covariance = np.diag(variances).ravel().tolist()
+    return msg
+
+
+def test_everything_arrives_in_the_scene(graph, scene, view):
+    pixels = np.random.default_rng(0).integers(0, 255, (320, 240, 3), dtype=np.uint8)
+    positions = np.random.default_rng(1).normal(0, 0.1, (60_000, 3)).astype(np.float32)
+    weights = np.linspace(0, 2, 60_000)
+    poses = se3.make(np.eye(3), positions)
+    graph.publisher(Image, "image_raw").publish(image_to_msg(pixels, "rgb8", header()))
+    graph.publisher(PointCloud2, "particles/cloud").publish(markers.particle_cloud(poses, weights / 60_000, header()))
+    graph.publisher(PointCloud2, "tactile/points").publish(
+        points_to_msg(positions[:50], header(frame="digit_gel_frame"))
+    )
+    mode = covariance_pose([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
+    graph.publisher(PoseModes, "pose_modes").publish(PoseModes(header=header(), modes=[mode]))
+    pose = PoseWithCovarianceStamped(header=header(), pose=mode.pose)
+    graph.publisher(PoseWithCovarianceStamped, "pose", latched=True).publish(pose)
+    truth = TransformStamped(header=header(frame=TRUTH_FRAME), child_frame_id=TRUTH_GEL_FRAME)
+    truth.transform = transform_to_msg(POSE)
+    graph.publisher(TFMessage, "/tf").publish(TFMessage(transforms=[TransformStamped(), truth]))
+    status = FilterStatus(header=header(), state="ambiguous", reason="two places", n_particles=800, ess=math.nan)
+    graph.publisher(FilterStatus, "filter_status", latched=True).publish(status)
+    drawn = ("image", "particles", "contact", "modes", "estimate", "truth", "status")
+    graph.spin_until(lambda: all(scene.of(name) for name in drawn), "all of the scene")
+
+    np.testing.assert_array_equal(scene.of("image")[0][0], pixels)
+    np.testing.assert_allclose(scene.of("particles")[0][0], positions)
+    np.testing.assert_allclose(scene.of("particles")[0][1], weights, atol=1e-6)
+    np.testing.assert_allclose(scene.of("contact")[0][0], positions[:50])
+    (mode_weights, mode_poses, covariances) = scene.of("modes")[0]
+    assert mode_weights == [0.75]
+    np.testing.assert_allclose(mode_poses, [POSE], atol=1e-9)
+    np.testing.assert_allclose(np.diagonal(covariances[0]), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
+    np.testing.assert_allclose(scene.of("estimate")[0][0], POSE, atol=1e-9)
+    np.testing.assert_allclose(scene.of("truth")[0][0], POSE, atol=1e-9)
+    state, reason, numbers = scene.of("status")[0]
+    assert (state, reason, numbers["particles"]) == ("ambiguous", "two places", 800)
+    assert "effective" not in numbers  # not finite
+
+
+def test_a_mesh_published_before_the_view_came_is_shown_and_a_missing_one_is_survived(graph, scene):
+    meshes = graph.companion.create_publisher(MarkerArray, "object_mesh", qos.latched())
+    path = Path(bundled_objects()["ball"])
+    meshes.publish(markers.object_mesh(path.resolve().as_uri(), header()))
+    graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
+    graph.spin_until(lambda: scene.of("mesh"), "the mesh")
+    vertices, faces, normals = scene.of("mesh")[0]
+    assert faces.max() < len(vertices) == len(normals)
+    meshes.publish(markers.object_mesh("file:///nowhere/cup.ply", header()))
+    meshes.publish(markers.object_mesh("package://no_such_package/cup.ply", header()))
+    graph.spin_for(0.3)
+    meshes.publish(markers.object_mesh(path.resolve().as_uri(), header()))
+    graph.spin_until(lambda: len(scene.of("mesh")) == 2, "the mesh again")
+
+
+def test_a_flood_is_thinned_to_the_newest(graph, scene):
+    graph.add(lambda **options: View(scene, **options), {"rate": 2.0})
+    images = graph.publisher(Image, "image_raw")
+    for i in range(60):
+        images.publish(image_to_msg(np.full((4, 4, 3), i, np.uint8), "rgb8", header(i)))
+        graph.spin_for(0.01)
+    graph.spin_until(lambda: scene.of("image") and scene.of("image")[-1][0].max() == 59, "the newest image")
+    assert len(scene.of("image")) < 15
+
+
+def test_a_looped_bag_clears_the_scene_once(graph, scene, view):
+    statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
+    for n, stamp in enumerate((10, 11, 2, 3)):
+        statuses.publish(FilterStatus(header=header(stamp * SECOND), state="ambiguous"))
+        graph.spin_until(lambda n=n: len(scene.of("status")) == n + 1, "a status")
+    names = [name for name, _ in scene.calls]
+    assert names == ["status", "status", "restart", "status", "status"]
+
+
+def test_unusable_messages_do_not_end_the_view(graph, scene, view):
+    images, clouds = graph.publisher(Image, "image_raw"), graph.publisher(PointCloud2, "particles/cloud")
+    modes = graph.publisher(PoseModes, "pose_modes")
+    images.publish(Image(height=3, width=3, encoding="rgb8", step=9))
+    clouds.publish(points_to_msg(np.zeros((5, 3)), header()))  # without weights
+    bad = covariance_pose([math.nan] * 6)
+    modes.publish(PoseModes(header=header(), modes=[bad]))
+    graph.spin_for(0.3)
+    modes.publish(PoseModes(header=header()))
+    graph.spin_until(lambda: scene.of("modes"), "modes after bad ones")
+    assert not scene.of("image")
+    assert not scene.of("particles")
+
+
+def test_it_says_when_the_filter_falls_silent(graph, scene, view):
+    graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(header=header(), state="lost"))
+    graph.spin_until(lambda: len(scene.of("status")) == 2, "the silence")
+    assert [call[0] for call in scene.of("status")] == ["lost", "no filter_status"]
