@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from .datasets import write_sequence
 from .progress import progress_bar
 
 _CACHE = Path("out/cache/slides")
+_CHUNK = 16  # frames made at a time: bounds memory
 NOISE_T, NOISE_R = 5e-4, np.radians(1.0)
 """Standard deviations [m, rad] of the measured poses (paper section 5)."""
 
@@ -51,11 +55,19 @@ def simulate_sequence(
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
     background = no_contact_image(sensor, rng)
     optics, renderer = TactoOptics(sensor), PenetrationRenderer(mesh, sensor)
+    # a generator per image, so that the order in which threads draw does not matter
+    noises = rng.spawn(len(poses))
+    bar = progress_bar(total=len(poses), unit="frame", desc=f"slide over {mesh.name}", disable=not progress)
 
     def frames() -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        for pose in progress_bar(iterable=poses, unit="frame", desc=f"slide over {mesh.name}", disable=not progress):
-            penetration, normals = renderer.render_with_normals(pose[None])
-            yield optics.image(penetration[0], background, rng, normals[0]), penetration[0]
+        with bar, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+            for start in range(0, len(poses), _CHUNK):
+                chunk = slice(start, start + _CHUNK)
+                penetration, normals = renderer.render_with_normals(poses[chunk])
+                images = pool.map(optics.image, penetration, repeat(background), noises[chunk], normals)
+                for frame in zip(images, penetration, strict=True):
+                    yield frame
+                    bar.update()
 
     write_sequence(
         out,

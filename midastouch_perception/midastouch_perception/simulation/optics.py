@@ -59,8 +59,17 @@ class TactoOptics:
         normals (H, W, 3): the touching surface's, gel frame, 0 outside (`render_with_normals`); without them they are
         taken from the penetration map's slope.
         """
-        image = render_gel(penetration, normals, self.sensor, self._illumination)
-        return cv2.GaussianBlur(0.5 * (image - self._rest), (0, 0), self._blur)
+        if normals is None:
+            change = render_gel(penetration, None, self.sensor, self._illumination) - self._rest
+        else:
+            # only what is touched looks different, a small part of the image
+            touched = np.flatnonzero(penetration > 0)
+            gel_depth, *tangents = (a.ravel()[None, touched] for a in (self.sensor.gel_depth, *self.sensor.rays))
+            depth = gel_depth - penetration.ravel()[touched]
+            pressed = shade(depth, normals.reshape(-1, 3)[None, touched], *tangents, self._illumination)[0]
+            change = np.zeros_like(self._rest)
+            change.reshape(-1, 3)[touched] = pressed - self._rest.reshape(-1, 3)[touched]
+        return cv2.GaussianBlur(0.5 * change, (0, 0), self._blur)
 
     def image(
         self,
@@ -124,7 +133,7 @@ def shade(
     )
 
 
-@numba.njit(cache=True, fastmath=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _shade(depth, normals, tangent_x, tangent_y, positions, colours, cone, diffuse, f0, roughness):
     """Metallic-roughness shading (glTF 2.0, appendix B) with spot lights that point at the optical axis."""
     height, width = depth.shape

@@ -6,6 +6,8 @@ Greer 1997): no clipping is needed, and the depth at a pixel centre is exact. Ba
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numba
 import numpy as np
 
@@ -56,12 +58,16 @@ class PenetrationRenderer:
             faces,
             self._gel_depth,
             self._grid.corners,
-            self.mesh.vertex_normals[self.mesh.faces],
+            self._corner_normals,
             tangent_x,
             tangent_y,
             self.sensor.gel_distance,
         )
         return penetration, normals
+
+    @cached_property
+    def _corner_normals(self) -> np.ndarray:
+        return self.mesh.vertex_normals[self.mesh.faces]
 
     def _rasterise(self, poses: np.ndarray, with_faces: bool) -> tuple[np.ndarray, np.ndarray]:
         poses = np.ascontiguousarray(poses, float)
