@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+
+from midastouch_filter.filter import Measurement
+from midastouch_filter.paper_filter import PaperConfig, PaperFilter
+from midastouch_filter.particles import Particles
+from midastouch_perception import se3
+
+SMALL = PaperConfig(n_start=3000, n_least=300)
+
+
+@pytest.fixture
+def paper_filter(world):
+    return PaperFilter(world.mesh, world.codebook, SMALL, threads=1)
+
+
+@pytest.fixture(scope="module")
+def slide(world):
+    poses = world.make_slide(world.mesh, 60, np.random.default_rng(8))
+    return poses, world.odometry_of(poses), [Measurement(True, code) for code in world.encode(poses)]
+
+
+def particle_error(one: PaperFilter, truth: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum((one.poses[:, :3, 3] - truth[:3, 3]) ** 2, axis=1))))
+
+
+def run(one: PaperFilter, slide, seed: int) -> list:
+    poses, odometry, touches = slide
+    one.reset(seed)
+    one.initialise_gaussian(poses[0], 0.02, np.radians(40))
+    return [one.step(motion, touch) for motion, touch in zip(odometry, touches, strict=True)]
+
+
+def test_it_says_nothing_before_a_start(paper_filter, slide):
+    estimate = paper_filter.step(None, slide[2][0])
+    assert estimate.pose is None
+    assert estimate.status.state == "uninitialised"
+    assert len(paper_filter.poses) == 0
+
+
+def test_a_start_lies_on_codebook_poses(paper_filter, world):
+    paper_filter.initialise_gaussian(world.poses[7], 0.02, 0.5)
+    positions = paper_filter.poses[:, :3, 3]
+    assert len(positions) == SMALL.n_start
+    distance = np.abs(positions[:200, None] - world.poses[None, :, :3, 3]).max(axis=2).min(axis=1)
+    assert distance.max() < 1e-6
+    assert np.linalg.norm(positions - world.poses[7, :3, 3], axis=1).mean() < 0.06
+
+
+def test_a_slide_narrows_the_particles_around_the_truth(paper_filter, slide):
+    poses, _, touches = slide
+    paper_filter.reset(0)
+    paper_filter.initialise_gaussian(poses[0], 0.02, np.radians(40))
+    before = particle_error(paper_filter, poses[0])
+    estimates = run(paper_filter, slide, 0)
+    assert particle_error(paper_filter, poses[-1]) < 0.7 * before
+    assert min(np.linalg.norm(mode.pose[:3, 3] - poses[-1, :3, 3]) for mode in estimates[-1].modes) < before
+    counts = [e.status.n_particles for e in estimates]
+    assert SMALL.n_least <= min(counts) < SMALL.n_start
+    assert len(touches) == len(estimates)
+
+
+def test_the_same_seed_gives_the_same_particles(paper_filter, slide):
+    first = run(paper_filter, slide, 3)[-1].pose, paper_filter.poses
+    second = run(paper_filter, slide, 3)[-1].pose, paper_filter.poses
+    assert (first[0] == second[0]).all()
+    assert (first[1] == second[1]).all()
+    assert (run(paper_filter, slide, 4)[-1].pose != first[0]).any()
+
+
+def test_particles_off_the_surface_are_pruned(paper_filter, world, slide):
+    paper_filter.initialise_uniform()
+    lifted = paper_filter._particles
+    lifted.positions[::2] += 0.01 * paper_filter.poses[::2, :3, 2].astype(np.float32)
+    paper_filter.step(None, slide[2][0])
+    distance = world.mesh.closest_points(paper_filter.poses[:, :3, 3])[1]
+    assert distance.max() < SMALL.prune_distance + 5e-4
+    assert len(paper_filter.poses) == SMALL.n_start
+
+
+def test_when_all_are_off_the_surface_they_return_to_the_codebook(paper_filter, world, slide):
+    paper_filter.initialise_uniform()
+    away = np.eye(4)
+    away[2, 3] = 0.05
+    estimate = paper_filter.step(away, slide[2][0])
+    assert world.mesh.closest_points(paper_filter.poses[:, :3, 3])[1].max() < 3e-3
+    assert np.isfinite(estimate.pose).all()
+
+
+def test_hypotheses_are_clusters_with_their_share_and_mean(paper_filter, world, slide):
+    rng = np.random.default_rng(2)
+    ends = [world.poses[np.argmin(world.poses[:, 0, 3])], world.poses[np.argmax(world.poses[:, 0, 3])]]
+    spread = [se3.exp(rng.normal(0, [2e-4] * 3 + [0.02] * 3, (n, 6))) for n in (300, 100)]
+    poses = np.concatenate([end @ s for end, s in zip(ends, spread, strict=True)])
+    paper_filter.reset(0)
+    paper_filter._particles = Particles.from_poses(poses, np.zeros(len(poses)))
+    # codes that fit neither end leave the weights nearly even
+    estimate = paper_filter.step(None, Measurement(True, np.ones(64, np.float32)))
+    assert [mode.n for mode in estimate.modes] == [300, 100]
+    assert estimate.modes[0].weight == pytest.approx(0.75, abs=0.1)
+    for mode, end in zip(estimate.modes, ends, strict=True):
+        assert np.linalg.norm(mode.pose[:3, 3] - end[:3, 3]) < 1e-3
+        assert np.degrees(se3.rotation_angle(mode.pose[:3, :3].T @ end[:3, :3])) < 2
+
+
+def test_the_spread_of_the_hypotheses_sets_the_number_of_particles(paper_filter, world, slide):
+    paper_filter.reset(0)
+    paper_filter.initialise_gaussian(world.poses[7], 0.004, 0.1)
+    paper_filter.step(None, slide[2][0])
+    narrow = paper_filter._spread
+    paper_filter._spread = 2 * narrow
+    assert paper_filter.step(None, slide[2][0]).status.n_particles < 0.7 * SMALL.n_start
+    paper_filter._spread = 1e3 * narrow
+    assert paper_filter.step(None, slide[2][0]).status.n_particles == SMALL.n_least
+    paper_filter._spread = 1e-3 * narrow
+    assert paper_filter.step(None, slide[2][0]).status.n_particles == SMALL.n_start
+
+
+def test_without_contact_it_goes_on_with_a_random_code(paper_filter, slide):
+    run(paper_filter, slide, 0)
+    estimate = paper_filter.step(slide[1][1], Measurement(False))
+    assert estimate.status.state == "no_contact"
+    assert np.isfinite(paper_filter.poses).all()
