@@ -40,15 +40,17 @@ def build_and_save(
     return codebook, time.perf_counter() - start
 
 
-def cached_codebook(mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int) -> Codebook:
+def cached_codebook(
+    mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int, folder: Path = _CACHE
+) -> Codebook:
     """The codebook of `size` poses of an object from an earlier call, built if there is none that fits."""
-    path = cached_codebook_path(mesh, size)
+    path = cached_codebook_path(mesh, size, folder)
     try:
         return Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
     except InputError:  # none yet, or of an older mesh or network
         return build_and_save(mesh, tcn, sensor, size, 0, path)[0]
 
 
-def cached_codebook_path(mesh: ObjectMesh, size: int) -> Path:
+def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:
     """Where `cached_codebook` keeps it."""
-    return _CACHE / f"{mesh.name}_{size}.npz"
+    return folder / f"{mesh.name}_{size}.npz"

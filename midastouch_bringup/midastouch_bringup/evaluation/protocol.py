@@ -16,7 +16,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 from ..datasets import Sequence
 from .setup import Networks, sequence_background
-from .trial import TrialFrame, run_trial
+from .trial import AnyFilter, TrialFrame, measure, run_trial
 
 _WARM_UP_FRAMES = 3
 
@@ -36,7 +36,7 @@ class Protocol:
         """Frames of the sequence that are processed."""
         return list(range(0, sequence.n_frames, self.stride))[: self.max_frames]
 
-    def start(self, particle_filter: ParticleFilter, mesh: ObjectMesh, truth: np.ndarray) -> None:
+    def start(self, particle_filter: AnyFilter, mesh: ObjectMesh, truth: np.ndarray) -> None:
         """Spread the particles: `uniform` over the surface without looking at the truth (4, 4) of frame 0,
         or as the paper does: N(truth, beta diag/3, beta 60 deg), projected to the surface."""
         if self.init == "uniform":
@@ -65,15 +65,17 @@ def run_sequence(
     background, source = sequence_background(sequence)
 
     def frames(count: int | None = None) -> Iterator[TrialFrame]:
+        pipeline = networks.pipeline()
         for i, image in zip(indices[:count], images, strict=False):
-            yield TrialFrame(i, image, sequence.poses_measured[i], sequence.poses_true[i])
+            touch = pipeline.process(image, background)
+            yield TrialFrame(i, measure(touch), touch.ms, sequence.poses_measured[i], sequence.poses_true[i])
 
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
 
     def trial(seed: int, count: int | None, observe) -> dict:
         particle_filter.reset(seed)
         protocol.start(particle_filter, mesh, sequence.poses_true[indices[0]])
-        return run_trial(frames(count), networks.pipeline(), background, particle_filter, observe)
+        return run_trial(frames(count), particle_filter, observe)
 
     trial(0, _WARM_UP_FRAMES, None)  # compiles what compiles on first use
     trials = []

@@ -36,6 +36,28 @@ def write_json(path: str | os.PathLike, value: object) -> None:
         temporary.write_text(json.dumps(to_json(value), indent=1, allow_nan=False) + "\n")
 
 
+def write_compact_json(path: str | os.PathLike, value: dict) -> None:
+    """Write `value` to `path` in few bytes: one line per key, or per item of a list of objects, and floats of four
+    significant digits."""
+    parts = []
+    for key, item in to_json(_rounded(value)).items():
+        if isinstance(item, list) and item and isinstance(item[0], dict):
+            text = "[\n" + ",\n".join(json.dumps(one, allow_nan=False) for one in item) + "\n]"
+        else:
+            text = json.dumps(item, allow_nan=False)
+        parts.append(f"{json.dumps(key)}: {text}")
+    with atomic_path(path) as temporary:
+        temporary.write_text("{\n" + ",\n".join(parts) + "\n}\n")
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.4g}") if isinstance(value, float) else value
+
+
 def read_json(path: str | os.PathLike) -> dict:
     """The object in a result file; InputError when it is not one."""
     path = require_file(path, "result")

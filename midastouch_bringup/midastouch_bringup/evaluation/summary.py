@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
+from midastouch_filter.state import CONVERGED
+
 from .table import number, text_table
-from .trial import ERROR_KEYS, STAGES
+from .trial import ERROR_KEYS, RIGHT, STAGES, SYMMETRIC_KEYS
 
 
 def summarise_trials(trials: list[dict]) -> dict:
@@ -17,17 +21,38 @@ def summarise_trials(trials: list[dict]) -> dict:
     }
 
 
+def final_errors(trials: list[dict], key: str) -> np.ndarray:
+    """Final errors (N,) of one metric, nan where a trial has none; of a `symmetric_` one the plain error where the
+    object has no symmetry."""
+    plain = key.removeprefix("symmetric_")
+    return np.array([t["final"].get(key, t["final"][plain]) for t in trials], float)
+
+
+def is_right(trial: dict) -> bool:
+    """Whether the trial ended with a pose within 10 mm and said so."""
+    error = trial["final"]["estimate_trans_mm"]
+    return trial["final"]["state"] == CONVERGED and error is not None and error <= 1e3 * RIGHT
+
+
 def _summarise(trials: list[dict]) -> dict:
     out: dict = {"trials": len(trials)}
-    for key in ERROR_KEYS:
+    symmetric = any(key in t["final"] for t in trials for key in SYMMETRIC_KEYS)
+    for key in (*ERROR_KEYS, *(SYMMETRIC_KEYS if symmetric else ())):
         # a trial without any mode or pose has no such error; it is counted, not hidden
-        values = np.array([t["final"][key] for t in trials], float)
+        values = final_errors(trials, key)
         known = values[np.isfinite(values)]
         out[key] = {"missing": int(len(values) - len(known))}
         if len(known):
-            out[key] |= {"mean": known.mean(), "median": np.median(known), "max": known.max()}
+            out[key] |= {
+                "mean": known.mean(),
+                "median": np.median(known),
+                "p90": np.percentile(known, 90),
+                "max": known.max(),
+            }
     out["initial"] = {k: np.mean([t["initial"][k] for t in trials]) for k in ("e_trans_mm", "e_rot_deg")}
-    out["converged"] = sum(t["final"]["state"] == "converged" for t in trials)
+    out["states"] = dict(Counter(t["final"]["state"] for t in trials))
+    out["converged"] = out["states"].get(CONVERGED, 0)
+    out["right"] = sum(map(is_right, trials))
     out["hz_mean"] = np.mean([t["hz_mean"] for t in trials])
     out["hz_p05"] = min(t["hz_p05"] for t in trials)
     out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}
@@ -37,7 +62,7 @@ def _summarise(trials: list[dict]) -> dict:
 def summary_table(summary: dict) -> str:
     """Text table, one line per object and one for all: final errors, rates, states."""
     errors = ("particles mm", "deg", "closest mode mm", "deg", "pose mm", "deg")
-    header = ["object", "trials", *errors, "Hz", "Hz p05", "converged"]
+    header = ["object", "trials", *errors, "Hz", "Hz p05", "converged", "right"]
     lines = dict(summary["objects"])
     if len(lines) > 1:
         lines["all"] = summary
@@ -50,8 +75,11 @@ def summary_table(summary: dict) -> str:
         ]
         flat = [cell for pair in errors for cell in pair]
         rates = [number(one["hz_mean"]), number(one["hz_p05"])]
-        rows.append([name, one["trials"], *flat, *rates, f"{one['converged']}/{one['trials']}"])
-    note = "final errors: particles (Eq. 3) mean over trials; closest mode (Eq. 4) and published pose median"
+        rows.append([name, one["trials"], *flat, *rates, one["converged"], one["right"]])
+    note = (
+        "final errors: particles (Eq. 3) mean over trials; closest mode (Eq. 4) and published pose median; "
+        "right: converged, and within 10 mm"
+    )
     return f"{text_table(header, rows)}\n{note}"
 
 

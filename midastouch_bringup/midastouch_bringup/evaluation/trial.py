@@ -1,4 +1,4 @@
-"""One run of the whole pipeline over a sequence: every frame, in order, no middleware (DESIGN 4.2)."""
+"""One run of a filter over a sequence: every frame, in order, no middleware (DESIGN 4.2)."""
 
 from __future__ import annotations
 
@@ -10,29 +10,39 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
+from midastouch_filter.paper_filter import PaperFilter
 from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
-from midastouch_perception.pipeline import Touch, TouchPipeline
+from midastouch_perception.pipeline import Touch
 
+from .calibration import Coverage
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
+from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
+RIGHT = 0.01
+"""m: a published pose nearer to the truth than this is right."""
+
+AnyFilter = ParticleFilter | PaperFilter
 
 
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
-    """Input of one step: index in the sequence, image (H, W, 3) uint8, measured and true `T_obj_gel` (4, 4).
+    """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
+    true `T_obj_gel` (4, 4).
 
     Only differences of the measured pose reach the filter.
     """
 
     index: int
-    image: np.ndarray
+    felt: Measurement
+    ms: dict[str, float]
     measured: np.ndarray
     truth: np.ndarray
 
 
-Observer = Callable[[TrialFrame, Touch, Estimate, ParticleFilter], None]
+Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
 
 def measure(touch: Touch) -> Measurement:
@@ -43,19 +53,21 @@ def measure(touch: Touch) -> Measurement:
 
 def run_trial(
     frames: Iterable[TrialFrame],
-    pipeline: TouchPipeline,
-    background: np.ndarray,
-    particle_filter: ParticleFilter,
+    particle_filter: AnyFilter,
     observe: Observer | None = None,
+    symmetry: Symmetry | None = None,
+    series: bool = True,
 ) -> dict:
     """Run an initialised filter over the frames; the `trials` entry of the `evaluate` JSON without its
     labels.
 
-    Time is counted from the image to the estimate (TDN, TCN and filter); reading files and computing errors
-    are not. Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the
-    published pose. `observe` sees every frame with its touch, estimate and the filter, outside the timing.
+    Time counts from the image to the estimate (networks and filter); reading files and computing errors do not.
+    Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
+    Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take
+    longer than the filter. With a `symmetry` the final errors are given modulo it too. `observe` sees every frame
+    with its estimate and the filter, outside the timing.
     """
-    record = _Record()
+    record = _Record(symmetry or Symmetry(), series)
     previous = None
     for frame in frames:
         if previous is None:
@@ -63,30 +75,46 @@ def run_trial(
         odometry = None if previous is None else se3.inverse(previous) @ frame.measured
         previous = frame.measured
         start = time.perf_counter()
-        touch = pipeline.process(frame.image, background)
-        perceived = time.perf_counter()
-        estimate = particle_filter.step(odometry, measure(touch))
-        end = time.perf_counter()
-        record.add(frame, touch, estimate, particle_filter, end - start, end - perceived)
+        estimate = particle_filter.step(odometry, frame.felt)
+        ms = 1e3 * (time.perf_counter() - start)
+        record.add(frame, estimate, particle_filter, ms)
         if observe is not None:
-            observe(frame, touch, estimate, particle_filter)
-    return record.result()
+            observe(frame, estimate, particle_filter)
+    return record.result(particle_filter)
 
 
 class _Record:
-    def __init__(self) -> None:
-        self._columns: dict[str, list] = {}
-        self._seconds: list[float] = []
+    def __init__(self, symmetry: Symmetry, series: bool) -> None:
+        self._symmetry, self._series = symmetry, series
+        self._rows: list[dict] = []
+        self._ms: dict[str, list[float]] = {stage: [] for stage in STAGES}
         self._initial: dict[str, float] = {}
         self._filter_ms: Counter[str] = Counter()
+        self._states: list[tuple[int, str]] = []
+        self._in_contact: list[bool] = []
+        self._right: list[bool] = []
+        self._coverage = Coverage()
 
-    def start(self, truth: np.ndarray, particle_filter: ParticleFilter) -> None:
+    def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
         """Errors before the first step, of the start itself."""
         self._initial = _error("e", particle_rmse(particle_filter.poses, truth, particle_filter.weights))
 
-    def add(self, frame, touch, estimate, particle_filter, seconds, filter_seconds) -> None:
-        self._seconds.append(seconds)
+    def add(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float) -> None:
+        for stage in STAGES:
+            self._ms[stage].append(frame.ms.get(stage, 0.0) if stage != "filter" else filter_ms)
         self._filter_ms.update(estimate.status.ms)
+        self._states.append((frame.index, estimate.status.state))
+        self._in_contact.append(frame.felt.in_contact)
+        known = estimate.pose is not None
+        self._right.append(known and bool(pose_errors(estimate.pose, frame.truth)[0] <= RIGHT))
+        if known and frame.felt.in_contact:
+            self._coverage.add(estimate, frame.truth, self._right[-1])
+        self._last = frame, estimate
+        if self._series:
+            self._rows.append(self._row(frame, estimate, particle_filter))
+
+    def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
+        """Everything that is told of one frame."""
         status, truth = estimate.status, frame.truth
         poses, weights = particle_filter.poses, particle_filter.weights
         modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
@@ -96,38 +124,61 @@ class _Record:
         row |= _error("min_cluster", min_cluster_error(modes, truth))
         row |= _error("closest_mode", closest_mode_error(modes, truth))
         row |= _error("estimate", (np.nan, np.nan) if estimate.pose is None else pose_errors(estimate.pose, truth))
-        row |= {
+        return row | {
             "n_particles": status.n_particles,
             "n_modes": status.n_modes,
             "mode_mass": status.mode_mass,
             "ess": status.ess,
             "state": status.state,
-            "in_contact": touch.in_contact,
-            "ms_tdn": touch.ms.get("tdn", 0.0),
-            "ms_tcn": touch.ms.get("tcn", 0.0),
-            "ms_filter": 1e3 * filter_seconds,
-            "ms": 1e3 * seconds,
+            "in_contact": frame.felt.in_contact,
+            **{f"ms_{stage}": self._ms[stage][-1] for stage in STAGES},
+            "ms": sum(self._ms[stage][-1] for stage in STAGES),
             "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),
         }
-        for key, value in row.items():
-            self._columns.setdefault(key, []).append(value)
 
-    def result(self) -> dict:
-        columns, seconds = self._columns, np.array(self._seconds)
-        state = columns["state"]
-        return {
+    def result(self, particle_filter: AnyFilter) -> dict:
+        frame, estimate = self._last
+        last = self._rows[-1] if self._series else self._row(frame, estimate, particle_filter)
+        seconds = 1e-3 * np.sum([self._ms[stage] for stage in STAGES], axis=0)
+        converged = np.array([state == CONVERGED for _, state in self._states])
+        right, in_contact = np.array(self._right), np.array(self._in_contact)
+        out = {
             "frames": len(seconds),
             "wall_s": float(seconds.sum()),
             "hz_mean": float(len(seconds) / seconds.sum()),
             # the 5th percentile of the rate is the 95th of the time per frame
             "hz_p05": float(1 / np.percentile(seconds, 95)),
-            "ms": {stage: float(np.mean(columns[f"ms_{stage}"])) for stage in STAGES},
+            "ms": {stage: float(np.mean(self._ms[stage])) for stage in STAGES},
             "filter_stages_ms": {name: ms / len(seconds) for name, ms in self._filter_ms.items()},
             "initial": self._initial,
-            "final": {key: columns[key][-1] for key in FINAL_KEYS},
-            "converged_at_frame": columns["frame"][state.index("converged")] if "converged" in state else None,
-            "per_frame": columns,
+            "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
+            "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
+            "right_from_frame": _from_then_on((converged & right) | ~in_contact),
+            "frames_in_contact": int(in_contact.sum()),
+            "frames_converged": int(converged.sum()),
+            "frames_converged_right": int((converged & right).sum()),
+            "coverage": self._coverage.counts(),
         }
+        if self._series:
+            out["per_frame"] = {key: [row[key] for row in self._rows] for key in last}
+        return out
+
+    def _modulo_symmetry(self, particle_filter: AnyFilter) -> dict[str, float]:
+        frame, estimate = self._last
+        if self._symmetry.trivial or estimate.pose is None:
+            return {}
+        truth = frame.truth
+        poses = self._symmetry.nearest(particle_filter.poses, truth)
+        pose = self._symmetry.nearest(estimate.pose[None], truth)[0]
+        out = _error("symmetric_e", particle_rmse(poses, truth, particle_filter.weights))
+        return out | _error("symmetric_estimate", pose_errors(pose, truth))
+
+
+def _from_then_on(holds: np.ndarray) -> int | None:
+    """Index of the frame from which something holds (N,) to the end; None if it does not hold at the end."""
+    fails = np.flatnonzero(~holds)
+    first = int(fails[-1]) + 1 if len(fails) else 0
+    return first if first < len(holds) else None
 
 
 ERROR_KEYS = tuple(
@@ -135,6 +186,7 @@ ERROR_KEYS = tuple(
     for prefix in ("e", "min_cluster", "closest_mode", "estimate")
     for unit in ("trans_mm", "rot_deg")
 )
+SYMMETRIC_KEYS = tuple(f"symmetric_{key}" for key in ERROR_KEYS if key.startswith(("e_", "estimate_")))
 FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state")
 
 

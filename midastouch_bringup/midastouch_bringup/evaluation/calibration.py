@@ -1,0 +1,89 @@
+"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of its likelihood.
+
+Both are judged by the level at which the truth is found: if a method is calibrated, the truth lies within the region
+to which it gives the share q in a share q of all cases, for every q.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.lookup import PoseLookup
+from midastouch_filter.measurement_model import MeasurementModel
+from midastouch_filter.state import CONVERGED
+from midastouch_filter.workers import Workers
+from midastouch_perception.codebook import Codebook
+
+LEVELS = np.array([*np.arange(0.05, 1.0, 0.05).round(2), 0.99, 0.999])
+"""Upper ends of the bins in which levels are counted; a last bin holds what lies beyond."""
+
+_NEES = chi2.ppf(LEVELS, 6)
+KINDS = ("one_mode", "several_modes", "converged", "right")
+
+
+def nees(estimate: Estimate, truth: np.ndarray) -> float:
+    """Normalised estimation error squared of the published pose, e' C^-1 e: about 6 on average if C is right.
+
+    e: translation and rotation vector from the estimate to the truth, object frame, as the covariance has them.
+    """
+    turn = truth[:3, :3] @ estimate.pose[:3, :3].T
+    error = np.concatenate([truth[:3, 3] - estimate.pose[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
+    # particles of one kind only have no spread: a floor of 1 um and 1e-4 rad keeps the inverse
+    covariance = estimate.covariance + np.diag(np.repeat([1e-12, 1e-8], 3))
+    return float(error @ np.linalg.solve(covariance, error))
+
+
+class Coverage:
+    """Counts the levels of the truth in the published Gaussians, by kind of frame.
+
+    Kinds: `one_mode`, `several_modes`: how many are reported; `converged`: by state; `right`: the pose is within
+    10 mm, which leaves wrong modes out and judges the covariance alone.
+    """
+
+    def __init__(self) -> None:
+        self._counts = {kind: np.zeros(len(LEVELS) + 1, int) for kind in KINDS}
+
+    def add(self, estimate: Estimate, truth: np.ndarray, right: bool) -> None:
+        """Count a frame with a published pose."""
+        bin_ = int(np.searchsorted(_NEES, nees(estimate, truth)))
+        status = estimate.status
+        kinds = (status.n_modes == 1, status.n_modes > 1, status.state == CONVERGED, right)
+        for kind, holds in zip(KINDS, kinds, strict=True):
+            self._counts[kind][bin_] += holds
+
+    def counts(self) -> dict[str, list[int]]:
+        """Frames per bin of `LEVELS` and one beyond, by kind."""
+        return {kind: counts.tolist() for kind, counts in self._counts.items()}
+
+
+def observed_shares(counts: np.ndarray) -> np.ndarray:
+    """Share of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
+    counts = np.asarray(counts, float)
+    total = counts.sum()
+    return np.cumsum(counts)[:-1] / total if total else np.full(len(LEVELS), np.nan)
+
+
+def likelihood_counts(
+    codebook: Codebook, codes: list[np.ndarray], poses: np.ndarray, config: FilterConfig
+) -> list[int]:
+    """Count the levels of the true poses (N, 4, 4) in the likelihoods of their codes, in the bins of `LEVELS`.
+
+    The likelihood of one touch over the codebook is a distribution; the level of the truth is the mass of all entries
+    that it ranks above the entry nearest to the true pose, plus half of the entry's own.
+    """
+    workers = Workers(config.threads)
+    lookup = PoseLookup(codebook.poses, workers)
+    model = MeasurementModel(codebook.codes, codebook.meta, lookup, config, workers)
+    counts = np.zeros(len(LEVELS) + 1, int)
+    for code, entry in zip(codes, lookup.exact(poses), strict=True):
+        model.score_book(model.unit_code(code))
+        likelihood = np.exp(model.log_ratio, dtype=float)
+        own = likelihood[entry]
+        # entries as likely as the truth's own share the rank
+        level = (likelihood[likelihood > own].sum() + 0.5 * likelihood[likelihood == own].sum()) / likelihood.sum()
+        counts[np.searchsorted(LEVELS, level)] += 1
+    return counts.tolist()

@@ -1,0 +1,86 @@
+"""Test protocols beside the plain one: what real arms and real work do to a slide.
+
+Each takes the frames of a trial and returns those of the disturbed one; only what the filter is told differs, except
+for a kidnapping, which also leaves frames out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from midastouch_filter.filter import Measurement
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+from .trial import TrialFrame
+
+FRAME_TIME = 0.05
+"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+
+_BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
+_DELAY = 0.05  # s
+_KIDNAP = 0.05  # m
+_LIFTED = 10  # frames
+
+Disturbance = Callable[[list[TrialFrame], np.random.Generator], list[TrialFrame]]
+
+
+def tool_bias(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """A wrong hand-eye calibration: the same 2 mm and 2 deg, in a random direction, on every measured pose."""
+    directions = rng.standard_normal((2, 3))
+    directions *= np.array([[_BIAS_T], [_BIAS_R]]) / np.linalg.norm(directions, axis=1, keepdims=True)
+    bias = se3.exp(directions.reshape(6))
+    return [dataclasses.replace(frame, measured=frame.measured @ bias) for frame in frames]
+
+
+def time_offset(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Clocks that disagree: each image gets the arm's pose of 50 ms before."""
+    measured = np.array([frame.measured for frame in frames])
+    late = np.maximum(np.arange(len(frames)) - _DELAY / FRAME_TIME, 0)
+    low = np.floor(late).astype(int)
+    high = np.minimum(low + 1, len(frames) - 1)
+    step = se3.log(se3.inverse(measured[low]) @ measured[high])
+    delayed = measured[low] @ se3.exp((late - low)[:, None] * step)
+    return [dataclasses.replace(frame, measured=pose) for frame, pose in zip(frames, delayed, strict=True)]
+
+
+def lift(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Half-way the arm lifts the sensor and puts it down 50 mm away, which the odometry tells."""
+    return _moved_away(frames, told=True)
+
+
+def kidnap(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Half-way the sensor is lifted, and the object is moved 50 mm before the next touch: nothing tells the filter."""
+    return _moved_away(frames, told=False)
+
+
+def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
+    """The first half, frames without contact, and the rest from the first frame 50 mm away; without one, the
+    farthest."""
+    last = frames[len(frames) // 2]
+    rest = frames[len(frames) // 2 + 1 :]
+    if not rest:
+        raise InputError(f"a slide of {len(frames)} frames is too short to lift the sensor; give a longer one")
+    distance = np.linalg.norm([f.truth[:3, 3] - last.truth[:3, 3] for f in rest[: len(rest) // 2 + 1]], axis=1)
+    far = int(np.argmax(distance >= _KIDNAP)) if (distance >= _KIDNAP).any() else int(np.argmax(distance))
+    after = rest[far:]
+    jump = np.eye(4) if told else last.measured @ se3.inverse(after[0].measured)
+    air = Measurement(in_contact=False)
+    lifted = [dataclasses.replace(last, felt=air, ms={})] * _LIFTED
+    return [
+        *frames[: len(frames) // 2 + 1],
+        *lifted,
+        *(dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after),
+    ]
+
+
+DISTURBANCES: dict[str, Disturbance] = {
+    "tool_bias": tool_bias,
+    "time_offset": time_offset,
+    "lift": lift,
+    "kidnap": kidnap,
+}
+PLAIN = "plain"

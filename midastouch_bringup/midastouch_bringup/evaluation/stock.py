@@ -1,0 +1,84 @@
+"""Slides, codebooks, touches and symmetries of a benchmark: made when first asked for, then kept in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+
+from ..codebooks import cached_codebook
+from ..datasets import Sequence, load_sequence
+from ..slide_simulation import simulate_sequence
+from .setup import Networks
+from .symmetry import Symmetry, cached_symmetry
+from .touches import Touches, made_from
+
+_SEEDS = 10  # tried for a slide that gets stuck
+_NEXT_SEED = 1000
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What trials are made of.
+
+    folder: where it is kept; tdn, tcn, sensor: as for `Networks.load`; length [m] of a slide; codebook_size, poses.
+    """
+
+    folder: Path
+    tdn: str = "fast"
+    tcn: str = "fast"
+    sensor: str = "digit_tacto"
+    length: float = 0.5
+    codebook_size: int = 50_000
+
+    @cached_property
+    def networks(self) -> Networks:
+        """Loaded on first use."""
+        return Networks.load(self.tdn, self.tcn, self.sensor)
+
+    def codebook(self, mesh: ObjectMesh) -> Codebook:
+        """The object's codebook."""
+        networks = self.networks
+        return cached_codebook(
+            mesh, networks.tcn, networks.sensor, self.codebook_size, folder=self.folder / "codebooks"
+        )
+
+    def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
+        """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
+        kind = f"{1e3 * self.length:.0f}mm_{mesh.sha256[:8]}"
+        path = self.folder / "slides" / kind / mesh.name / f"{number:02d}"
+        if not path.is_dir():
+            self._simulate(mesh, number, path)
+        return load_sequence(path)
+
+    def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
+        for attempt in range(_SEEDS):
+            seed = number + _NEXT_SEED * attempt
+            try:
+                simulate_sequence(mesh, self.networks.sensor, self.length, seed, path, progress=True)
+                return
+            except InputError as error:
+                stuck = error
+        raise InputError(f"{mesh.name}: no slide of {self.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
+
+    def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
+        """Slide `number` over the object and what the networks make of it."""
+        sequence = self.slide(mesh, number)
+        path = self.folder / "touches" / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
+        try:
+            touches = Touches.load(path)
+            if made_from(sequence, self.networks).items() <= touches.made_from.items():
+                return sequence, touches
+        except InputError:  # none yet, or damaged
+            pass
+        touches = Touches.perceive(sequence, self.networks)
+        touches.save(path)
+        return sequence, touches
+
+    def symmetry(self, mesh: ObjectMesh) -> Symmetry:
+        """The object's symmetry."""
+        return cached_symmetry(mesh, self.folder / "symmetries")

@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from midastouch_bringup.evaluation.campaign import Plan, likelihood_levels, run_campaign
+from midastouch_bringup.evaluation.symmetry import Symmetry
+from midastouch_bringup.evaluation.touches import Touches
+from midastouch_bringup.evaluation.trial_log import TrialLog
+from midastouch_filter.config import FilterConfig
+from midastouch_perception.mesh import ObjectMesh
+
+
+@dataclass(frozen=True)
+class StubStock:
+    """A stock without files, over one slide."""
+
+    sequence: object
+    book: object
+    networks: object
+    length: float = 0.045
+    codebook_size: int = 4000
+
+    def codebook(self, mesh):
+        return self.book
+
+    def touches(self, mesh, number):
+        return self.sequence, Touches.perceive(self.sequence, self.networks)
+
+    def symmetry(self, mesh):
+        return Symmetry()
+
+
+@pytest.fixture(scope="module")
+def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
+    path = tmp_path_factory.mktemp("meshes") / "block.ply"
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(path)
+    return ObjectMesh.load(path)
+
+
+@pytest.fixture
+def plan(sequence, codebook, networks) -> Plan:
+    return Plan(
+        StubStock(sequence, codebook, networks),
+        FilterConfig(max_particles=1000, min_particles=300),
+        ("default", "no_kld"),
+        ("paper",),
+        slides=(0,),
+        seeds=(0, 1),
+        stride=3,
+        threads=1,
+    )
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> TrialLog:
+    return TrialLog(tmp_path / "trials.jsonl")
+
+
+def test_every_combination_is_run_once(plan, saved_mesh, log, tmp_path):
+    totals, done = [], []
+
+    def start_progress(total):
+        totals.append(total)
+        return done.append
+
+    trials, missing = run_campaign(plan, [saved_mesh], log, start_progress=start_progress)
+    assert missing == 0
+    assert {(t["variant"], t["seed"]) for t in trials} == {
+        ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
+    }  # fmt: skip
+    assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
+    assert (totals, sum(done)) == ([4], 4)
+    # again: nothing is left to do
+    again, _ = run_campaign(plan, [saved_mesh], TrialLog(tmp_path / "trials.jsonl"), start_progress=start_progress)
+    assert totals == [4, 0]
+    assert again == trials
+    # other settings are other trials
+    other = replace(plan, config=replace(plan.config, min_particles=301))
+    assert run_campaign(other, [saved_mesh], log, minutes=0)[1] == 4
+
+
+def test_a_seed_fixes_a_trial(plan, saved_mesh, tmp_path):
+    plan = replace(plan, variants=("default",))
+    runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name))[0] for name in ("a", "b")]
+    errors = [[t["final"]["e_trans_mm"] for t in trials] for trials in runs]
+    assert errors[0] == errors[1]
+    assert errors[0][0] != errors[0][1]
+
+
+def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log):
+    trials, missing = run_campaign(plan, [saved_mesh], log, minutes=0)
+    assert (trials, missing) == ([], 4)
+
+
+def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log):
+    plan = replace(plan, variants=("default",), seeds=(0,))
+    plain, _ = run_campaign(plan, [saved_mesh], log)
+    lifted, _ = run_campaign(replace(plan, protocol="lift"), [saved_mesh], log)
+    assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
+    assert plain[0]["frames_in_contact"] == plain[0]["frames"]
+    assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10
+
+
+def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
+    counts = likelihood_levels(plan, saved_mesh, log)
+    assert sum(counts) == 6
+    monkeypatch.setattr(StubStock, "touches", lambda *_: pytest.fail("judged again"))
+    assert likelihood_levels(plan, saved_mesh, log) == counts

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from midastouch_bringup.evaluation.accuracy import compare_variants, summarise_accuracy
+from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
+from midastouch_bringup.evaluation.result_file import to_json
+from midastouch_bringup.evaluation.trial import ERROR_KEYS
+from midastouch_bringup.report.accuracy import front_figure, reliability_figure
+from midastouch_bringup.report.results_page import write_results_page
+
+
+@pytest.fixture(scope="module")
+def result() -> dict:
+    """A result of `midastouch benchmark` over two objects, three variants and both starts."""
+    rng = np.random.default_rng(0)
+    trials = [
+        {
+            "object": name,
+            "slide": 0,
+            "init": init,
+            "seed": seed,
+            "variant": variant,
+            "frames": 50,
+            "frames_converged": 30,
+            "frames_converged_right": 20,
+            "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
+            "final": {key: rng.uniform(1, 9) for key in ERROR_KEYS} | {"state": "converged", "n_particles": 500},
+            "hz_mean": 50.0,
+            "hz_p05": 40.0,
+            "ms": {"tdn": 2.0, "tcn": 1.0, "filter": 100.0 if variant == "paper" else 8.0},
+            "coverage": {kind: rng.integers(0, 5, len(LEVELS) + 1).tolist() for kind in KINDS},
+        }
+        for name in ("can", "mug")
+        for init in ("paper", "uniform")
+        for seed in range(3)
+        for variant in ("default", "paper", "1k")
+    ]
+    return to_json(
+        {
+            "config": {
+                "inits": ["paper", "uniform"], "beta": 1.0, "slides": [0], "seeds": [0, 1, 2], "stride": 1,
+                "protocol": "plain", "slide_length_m": 0.5, "codebook_size": 50_000, "jobs": 1,
+                "networks": {"tdn": "t-1", "tcn": "c-1"},
+            },
+            "machine": {"cpu": "a cpu"},
+            "objects": [
+                {"object": "can", "symmetry": "axis", "likelihood_levels": [3] * (len(LEVELS) + 1)},
+                {"object": "mug", "symmetry": "none", "likelihood_levels": [2] * (len(LEVELS) + 1)},
+            ],
+            "variants": {name: {"summary": f"about {name}"} for name in ("default", "paper", "1k")},
+            "levels": LEVELS,
+            "missing_trials": 0,
+            "summary": summarise_accuracy(trials),
+            "comparison": compare_variants(trials),
+            "trials": [{key: value for key, value in trial.items() if key != "coverage"} for trial in trials],
+        }
+    )  # fmt: skip
+
+
+def test_a_benchmark_has_its_section(result, tmp_path):
+    text = write_results_page([("accuracy.json", result)], tmp_path).read_text()
+    for words in ("Accuracy over 2 objects", "about paper", "Start: uniform", "Calibration of the likelihood", "axis"):
+        assert words in text
+    pictures = {path.name for path in tmp_path.glob("*.png")}
+    assert pictures == {
+        *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage", "front")),
+        "likelihood_0.png",
+    }
+
+
+def test_a_front_shows_every_variant(result):
+    figure = front_figure([row for row in result["comparison"] if row["init"] == "paper"])
+    (axes,) = figure.axes
+    assert {text.get_text() for text in axes.texts} == {"default", "paper", "1k"}
+
+
+def test_a_perfect_calibration_lies_on_the_diagonal():
+    figure = reliability_figure(list(LEVELS), {"perfect": (list(LEVELS), {})}, "mass")
+    diagonal, curve = figure.axes[0].lines
+    assert curve.get_xdata() == pytest.approx(curve.get_ydata())
+    assert diagonal.get_xdata() == pytest.approx(diagonal.get_ydata())
