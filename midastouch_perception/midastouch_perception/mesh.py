@@ -69,8 +69,13 @@ class ObjectMesh:
         vertices, faces = np.asarray(vertices, float), np.asarray(faces)
         if vertices.ndim != 2 or faces.ndim != 2 or not len(faces):
             raise InputError(f"{source}: mesh without faces; export it as triangles, not as points")
+        if vertices.shape[1] != 3 or faces.shape[1] != 3:
+            raise InputError(f"{source}: faces of {faces.shape[1]} corners in {vertices.shape[1]}-D; export triangles")
         if not np.isfinite(vertices).all():
             raise InputError(f"{source}: mesh with non-finite vertices; export it again")
+        strays = faces[(faces < 0) | (faces >= len(vertices))]
+        if len(strays):
+            raise InputError(f"{source}: a face names vertex {strays[0]} of {len(vertices)}; export it again")
         content = hashlib.sha256(vertices.tobytes() + faces.astype(np.int32).tobytes()).hexdigest()
         mesh = cls(vertices, faces, name, content)
         if not len(mesh.faces):
