@@ -66,8 +66,7 @@ class ParticleFilter:
         clock: Callable[[], float] = lambda: 0.0,
     ):
         self.config = c = config or FilterConfig()
-        if not np.isfinite(codebook.poses).all():
-            raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")
+        _require_usable(codebook)
         self._order = along_curve(codebook.poses)
         self._poses = np.asarray(codebook.poses, float)[self._order]
         self._network_id = str(codebook.meta.get("tcn", ""))
@@ -320,6 +319,9 @@ class ParticleFilter:
 
     def _refine(self, relief: np.ndarray, share: float) -> None:
         """Let the relief place the particles of narrow modes."""
+        if relief.shape != self._refinement.shape or not np.isfinite(relief).all():
+            self._refuse("bad_relief", f"relief is not finite or not of shape {self._refinement.shape}")
+            return
         finder = self._mode_finder
         aligned = self._refinement.apply(self._particles, finder.members(self._particles), self._modes, relief, share)
         if self._gates["wide_modes"].skips(not aligned):
@@ -406,3 +408,16 @@ class ParticleFilter:
                 f"tactile code: from network {theirs}, but the codebook was built with {self._network_id};"
                 " build the codebook with the encoder in use"
             )
+
+
+def _require_usable(codebook: Codebook) -> None:
+    """Raise InputError unless the book holds finite poses and as many codes."""
+    poses, codes = np.shape(codebook.poses), np.shape(codebook.codes)
+    if poses[1:] != (4, 4) or not poses[0]:
+        raise InputError(f"codebook: poses of shape {poses}, not (entries, 4, 4); build it again")
+    if len(codes) != 2 or not codes[1]:
+        raise InputError(f"codebook: codes of shape {codes}, not (entries, length); build it again")
+    if codes[0] != poses[0]:
+        raise InputError(f"codebook: {codes[0]} codes for {poses[0]} poses; build it again")
+    if not np.isfinite(codebook.poses).all():
+        raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")

@@ -21,6 +21,7 @@ from .lookup import PoseLookup, squared_distance
 from .particles import Particles
 from .workers import Workers
 
+_NARROWEST = 1e-5  # m; a book that holds poses twice has no distance between them to interpolate over
 _SAMPLE = 2048  # codebook entries that stand for the rest of the book while only occupied entries are scored
 
 
@@ -35,13 +36,8 @@ class MeasurementModel:
         self._codes = np.ascontiguousarray(codes, np.float32)
         if not np.isfinite(self._codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
-        self._temperature = config.temperature or float(meta["temperature"])
-        self.outlier = config.outlier or float(meta["outlier"])
-        if not (self._temperature > 0 and 0 < self.outlier < 1):
-            raise InputError(
-                f"codebook: temperature {self._temperature} and outlier share {self.outlier} are not a calibration;"
-                " build it again or set the parameters `temperature` and `outlier`"
-            )
+        self._temperature = config.temperature or _calibration(meta, "temperature", np.inf)
+        self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
         self._lookup, self._workers = lookup, workers
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
         self._sample = np.arange(0, len(self._codes), max(len(self._codes) // _SAMPLE, 1))
@@ -107,7 +103,7 @@ class MeasurementModel:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
         if not self._smoothing:
             return self.log_ratio[particles.entries]
-        lookup, rate = self._lookup, np.float32(-0.5 / self._lookup.spacing**2)
+        lookup, rate = self._lookup, np.float32(-0.5 / max(self._lookup.spacing, _NARROWEST) ** 2)
         out = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
@@ -124,6 +120,19 @@ class MeasurementModel:
         return np.searchsorted(share, rng.random(n) * share[-1], side="right").astype(np.int32)
 
 
+def _calibration(meta: dict, name: str, below: float) -> float:
+    """The number `name` in a codebook's metadata; InputError unless it lies between 0 and `below`."""
+    try:
+        value = float(meta[name])
+    except (KeyError, TypeError, ValueError):
+        value = np.nan
+    if not 0 < value < below:
+        raise InputError(
+            f"codebook: {name} {meta.get(name)} is not a calibration; build it again or set the parameter `{name}`"
+        )
+    return value
+
+
 @numba.njit(cache=True, nogil=True)
 def _interpolate(low, high, positions, quaternions, entries, records, neighbours, k, rate, log_ratio, out):
     for i in range(low, high):
@@ -135,8 +144,9 @@ def _interpolate(low, high, positions, quaternions, entries, records, neighbours
         for j in range(k):
             other = neighbours[entry, j]
             d = squared_distance(x, y, z, qx, qy, qz, qw, records[other])
-            # relative to the nearest entry, so that a particle far from all of them still gets a weight
-            w = np.exp(rate * (d - nearest))
+            # relative to the nearest entry, so that a particle far from all of them still gets a weight; one that has
+            # not reached its nearest entry yet must not overflow
+            w = np.exp(rate * max(d - nearest, np.float32(0.0)))
             total += w
             weighted += w * log_ratio[other]
         out[i] = weighted / total

@@ -21,7 +21,8 @@ _ORTHONORMAL = 1e-3  # largest deviation of R^T R from I that still counts as a 
 class Odometry:
     """Motion of the sensor between two frames, `T_gel(t-1)_gel(t)`.
 
-    transform (4, 4); row (7,) float32, the same as position and quaternion; distance m; angle rad.
+    transform (4, 4), its rotation orthonormal to rounding; row (7,) float32, the same as position and quaternion;
+    distance m; angle rad.
     """
 
     transform: np.ndarray
@@ -37,7 +38,7 @@ class Odometry:
             raise ValueError(f"odometry of shape {transform.shape} instead of (4, 4)")
         if not np.isfinite(transform).all():
             raise ValueError("odometry is not finite")
-        error, row = _decompose(transform)
+        error, row, transform = _decompose(transform)
         if not error < _ORTHONORMAL:
             raise ValueError("odometry is not a rigid transform")
         distance = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
@@ -120,7 +121,7 @@ class MotionModel:
 
 @numba.njit(cache=True)
 def _decompose(transform):
-    """How far (4, 4) is from a rigid transform, and its row [x y z qx qy qz qw]."""
+    """How far (4, 4) is from a rigid transform, its row [x y z qx qy qz qw], and that row as a transform."""
     r = transform[:3, :3]
     error = np.abs(transform[3] - np.array([0.0, 0.0, 0.0, 1.0])).max()
     for i in range(3):
@@ -135,7 +136,10 @@ def _decompose(transform):
     row = np.empty(7)
     row[:3] = transform[:3, 3]
     row[3:] = quaternion.from_matrix(r)
-    return (error if determinant > 0 else np.inf), row
+    rigid = np.eye(4)
+    rigid[:3, 3] = row[:3]
+    rigid[:3, :3] = quaternion.to_matrix(row[3:])
+    return (error if determinant > 0 else np.inf), row, rigid
 
 
 @numba.njit(cache=True, nogil=True)

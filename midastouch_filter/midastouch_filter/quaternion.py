@@ -30,6 +30,17 @@ def rotate(qx, qy, qz, qw, x, y, z):
 
 
 @numba.njit(cache=True)
+def to_matrix(q):
+    """Rotation matrix (3, 3) float64 of a unit quaternion (4,) float64."""
+    x, y, z, w = q
+    r = np.empty((3, 3))
+    r[0, 0], r[0, 1], r[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    r[1, 0], r[1, 1], r[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    r[2, 0], r[2, 1], r[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return r
+
+
+@numba.njit(cache=True)
 def from_matrix(r):
     """Quaternion (4,) of a rotation matrix (3, 3) float64, by its largest component (Shepperd 1978)."""
     q = np.empty(4)

@@ -43,6 +43,11 @@ class Refinement:
         )
         self._jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the reliefs."""
+        return self._alignment.sensor.gel_depth.shape
+
     def apply(
         self, particles: Particles, members: np.ndarray, modes: list[Mode], relief: np.ndarray, share: float
     ) -> dict[int, Aligned]:
