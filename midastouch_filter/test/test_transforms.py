@@ -159,6 +159,47 @@ def test_backward_jump_of_time_forgets_moving_edges_only():
         buffer.lookup("base", "other", SECOND)
 
 
+MS = 1_000_000
+# transforms in time, late, repeated, after a gap, and from clocks that step forwards and backwards
+steps_ms = st.lists(
+    st.one_of(st.integers(1, 100), st.integers(-900, 0), st.integers(-20_000, 20_000)), min_size=1, max_size=40
+)
+
+
+@given(steps_ms, st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=100)
+def test_any_order_of_stamps_answers_as_a_sorted_history(steps, seed):
+    """Against a plain model: the first of equal stamps counts, 10 s are kept, 1 s back is a jump."""
+    rng = np.random.default_rng(seed)
+    buffer, known, stamp = TransformBuffer(history_s=10.0, jump_s=1.0), {}, 1_000_000 * MS
+    for step, transform in zip(steps, random_transforms(len(steps), seed), strict=True):
+        stamp = max(known, default=stamp) + step * MS
+        jumped = bool(known) and stamp < max(known) - 1000 * MS
+        if jumped:
+            known.clear()
+        expected = Insertion.TIME_JUMP if jumped else Insertion.DUPLICATE if stamp in known else Insertion.ADDED
+        assert buffer.insert("base", "gel", stamp, transform) is expected
+        known.setdefault(stamp, transform)
+        known = {t: known[t] for t in sorted(known) if t >= max(known) - 10_000 * MS}
+        stamps = list(known)
+        asked = int(rng.integers(stamps[0] - 5 * MS, stamps[-1] + 5 * MS))
+        if asked < stamps[0]:
+            with pytest.raises(PastExtrapolationError):
+                buffer.lookup("base", "gel", asked)
+        elif asked > stamps[-1]:
+            with pytest.raises(FutureExtrapolationError):
+                buffer.lookup("base", "gel", asked)
+        else:
+            got = buffer.lookup("base", "gel", asked)
+            after = next(i for i, t in enumerate(stamps) if t >= asked)
+            start, end = known[stamps[max(after - 1, 0)]], known[stamps[after]]
+            span = stamps[after] - stamps[max(after - 1, 0)]
+            share = (asked - stamps[after - 1]) / span if span else 1.0
+            rotation = Slerp([0, 1], Rotation.from_matrix([start[:3, :3], end[:3, :3]]))(share).as_matrix()
+            np.testing.assert_allclose(got[:3, :3], rotation, atol=1e-8)
+            np.testing.assert_allclose(got[:3, 3], (1 - share) * start[:3, 3] + share * end[:3, 3], atol=1e-9)
+
+
 def test_clear_keeps_static_transforms():
     buffer = TransformBuffer()
     buffer.insert("gel", "camera", 0, IDENTITY, static=True)

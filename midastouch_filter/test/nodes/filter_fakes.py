@@ -117,3 +117,16 @@ def pose_msg(frame: str, pose: np.ndarray, variances=(1e-4,) * 3 + (1e-2,) * 3) 
 def cloud_msg(stamp: int, penetration: np.ndarray) -> PointCloud2:
     header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_gel_frame")
     return points_to_msg(cloud_from_penetration(penetration, penetration > 0, MAP_SENSOR), header)
+
+
+def all_finite(msg) -> bool:
+    """Whether every number in a message is finite, at any depth."""
+    if isinstance(msg, float | np.floating):
+        return bool(np.isfinite(msg))
+    if isinstance(msg, np.ndarray | array.array):
+        return bool(np.isfinite(np.asarray(msg)).all())
+    if isinstance(msg, list | tuple):
+        return all(map(all_finite, msg))
+    if hasattr(msg, "get_fields_and_field_types"):
+        return all(all_finite(getattr(msg, name)) for name in msg.get_fields_and_field_types())
+    return True

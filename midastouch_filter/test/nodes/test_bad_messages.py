@@ -15,7 +15,7 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from filter_fakes import SECOND, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import SECOND, all_finite, code_msg, pose_msg, tf_msg, translation
 
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.nodes.localiser import LoadedObject
@@ -77,19 +77,6 @@ def bad_pose(rng: np.random.Generator) -> PoseWithCovarianceStamped:
     covariance[rng.integers(36)] = rng.choice(EXTREMES)
     msg.pose.covariance = covariance.tolist()
     return msg
-
-
-def all_finite(msg) -> bool:
-    """Whether every number in a message is finite, at any depth."""
-    if isinstance(msg, float | np.floating):
-        return bool(np.isfinite(msg))
-    if isinstance(msg, np.ndarray | array.array):
-        return bool(np.isfinite(np.asarray(msg)).all())
-    if isinstance(msg, list | tuple):
-        return all(map(all_finite, msg))
-    if hasattr(msg, "get_fields_and_field_types"):
-        return all(all_finite(getattr(msg, name)) for name in msg.get_fields_and_field_types())
-    return True
 
 
 def test_every_code_is_answered_and_nothing_published_is_not_finite(graph):
