@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from midastouch_perception.errors import InputError
+
+from .rtde_handshake import require_outputs
 
 RTDE_PORT = 30004
 _OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
@@ -32,14 +33,17 @@ class RtdeReceiver:
 
     def read(self) -> ArmState | None:
         """The newest state, the same again if no new one has arrived; None once the connection is lost."""
-        if not self._arm.isConnected():
-            return None
-        return ArmState(
-            self._arm.getTimestamp(),
-            np.array(self._arm.getActualTCPPose()),
-            np.array(self._arm.getActualQ()),
-            np.array(self._arm.getActualQd()),
-        )
+        while self._arm.isConnected():
+            state = ArmState(
+                self._arm.getTimestamp(),
+                np.array(self._arm.getActualTCPPose()),
+                np.array(self._arm.getActualQ()),
+                np.array(self._arm.getActualQd()),
+            )
+            # the library's thread may have put in the next state between two of these calls
+            if self._arm.getTimestamp() == state.robot_time:
+                return state
+        return None
 
     def close(self) -> None:
         """End the connection."""
@@ -57,11 +61,10 @@ def rtde_connector(timeout: float = 2.0) -> Callable[[str, float], RtdeReceiver]
         raise InputError("ur_tf needs the Python package ur-rtde; install it: pip install ur-rtde") from error
 
     def connect(robot_ip: str, rate: float) -> RtdeReceiver:
+        require_outputs(robot_ip, RTDE_PORT, _OUTPUTS, rate, timeout)
         try:
-            # The library's own attempt holds the interpreter for minutes when nobody answers: ask first.
-            socket.create_connection((robot_ip, RTDE_PORT), timeout=timeout).close()
             return RtdeReceiver(RTDEReceiveInterface(robot_ip, rate, _OUTPUTS))
-        except (OSError, RuntimeError) as error:
+        except RuntimeError as error:
             raise ConnectionError(f"no RTDE at {robot_ip}:{RTDE_PORT}: {error}") from error
 
     return connect

@@ -39,7 +39,7 @@ def test_state_arrives_and_advances(controller):
     arm = rtde_connector()("127.0.0.1", 125.0)
     first = until(lambda: (state := arm.read()) and state.robot_time > 1000.0 and state)
     np.testing.assert_allclose(transform_from_rtde(first.tcp_pose), transform_from_rtde(POSE), atol=1e-12)
-    np.testing.assert_allclose(first.positions, [0.1] * 6)
+    np.testing.assert_allclose(first.positions, [first.robot_time] + [0.1] * 5)
     np.testing.assert_allclose(first.velocities, [0.2] * 6)
     until(lambda: arm.read().robot_time > first.robot_time)
     assert controller.stdout.readline() == "frequency 125.0\n"

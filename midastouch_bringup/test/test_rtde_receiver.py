@@ -1,9 +1,16 @@
+import contextlib
 import socket
 import sys
+import threading
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rtde_server import serve
 
 from midastouch_bringup import rtde_receiver
 from midastouch_perception.errors import InputError
@@ -42,11 +49,20 @@ def ur_rtde(monkeypatch):
     return module
 
 
+def serve_next(server):
+    with contextlib.suppress(OSError):
+        client, _ = server.accept()
+        with client:
+            serve(client, "")
+
+
 @pytest.fixture
 def controller(monkeypatch):
-    """A port that accepts connections, in the place of the controller's."""
+    """A server that speaks RTDE, on a port in the place of the controller's."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         monkeypatch.setattr(rtde_receiver, "RTDE_PORT", server.getsockname()[1])
+        thread = threading.Thread(target=serve_next, args=[server], daemon=True)
+        thread.start()
         yield server
 
 
@@ -67,10 +83,36 @@ def test_state_is_read_until_the_connection_is_lost(ur_rtde, controller):
     assert arm.read() is None
 
 
-def test_an_arm_that_does_not_answer_is_named(ur_rtde, controller):
+def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
+    """The library's thread puts in the next one while this one is read."""
+
+    class Hurried(FakeInterface):
+        time, calls = 10.0, 0
+
+        def getTimestamp(self):
+            return self.time
+
+        def getActualTCPPose(self):
+            pose = [self.time] * 6
+            self.calls += 1
+            if self.calls in (1, 2):
+                self.time += 0.008
+            return pose
+
+        def getActualQ(self):
+            return [self.time] * 6
+
+    ur_rtde.RTDEReceiveInterface = Hurried
+    state = rtde_receiver.rtde_connector()("127.0.0.1", 125.0).read()
+    assert state.robot_time == pytest.approx(10.016)
+    assert set(state.tcp_pose) == set(state.positions) == {state.robot_time}
+
+
+def test_an_arm_that_does_not_answer_is_named(ur_rtde, monkeypatch):
     connect = rtde_receiver.rtde_connector(timeout=0.2)
-    port = controller.getsockname()[1]
-    controller.close()
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    monkeypatch.setattr(rtde_receiver, "RTDE_PORT", port)
     with pytest.raises(ConnectionError, match=f"127.0.0.1:{port}"):
         connect("127.0.0.1", 125.0)
 

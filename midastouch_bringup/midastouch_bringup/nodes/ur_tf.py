@@ -40,6 +40,8 @@ PARAMETERS = (
     Parameter("reconnect_period", 2.0, "Pause between attempts to connect", "s", minimum=0.1, maximum=600.0),
 )
 
+_CLOCK_STEP_NS = 1_000_000_000
+
 
 class UrTf(Node):
     """Publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
@@ -64,7 +66,7 @@ class UrTf(Node):
         static.publish(TFMessage(transforms=[_stamped(now, self._base, BASE_LINK_FROM_BASE)]))
 
         self._trouble = "not connected yet"
-        self._samples, self._connections = 0, 0
+        self._samples, self._connections, self._newest_stamp = 0, 0, 0
         self._diagnostics = Diagnostics(self, self._describe, hardware_id=self._settings["robot_ip"])
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rtde", daemon=True)
@@ -103,7 +105,12 @@ class UrTf(Node):
                 return
             if state.robot_time != newest:
                 newest, since = state.robot_time, time.monotonic()
-                self._publish(state, clock.stamp(state.robot_time, arrival))
+                stamp = clock.stamp(state.robot_time, arrival)
+                # The first samples of a connection may be stamped late, as long as the delay is not known. Those that
+                # then come out earlier would put the arm back; far earlier, our own clock was set back.
+                if not 0 <= self._newest_stamp - stamp < _CLOCK_STEP_NS:
+                    self._newest_stamp = stamp
+                    self._publish(state, stamp)
             elif time.monotonic() - since > timeout:
                 self._report(f"no new sample for {timeout:g} s")
                 return

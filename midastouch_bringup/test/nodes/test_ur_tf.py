@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from midastouch_bringup.nodes import ur_tf
 from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_bringup.rtde_receiver import ArmState
 from midastouch_bringup.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
@@ -131,6 +132,16 @@ def test_stamps_advance_with_the_arm_and_lie_in_the_past(bench):
     # the fake arm's clock runs at 8 ms a read, slower or faster than ours: stamps need only be ordered
     assert (np.diff(stamps) > 0).all()
     assert stamps[-1] <= b.node.get_clock().now().nanoseconds
+
+
+def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):
+    base, ms = 1_000_000_000_000, 1_000_000
+    told = iter([base, base - 50 * ms, base, base + 10 * ms, base - 2000 * ms, *range(base, base + 9000 * ms, ms)])
+    monkeypatch.setattr(ur_tf.RobotClock, "stamp", lambda *_: next(told))
+    b = bench()
+    b.until(lambda: len(b.tf) >= 4)
+    stamps = [stamp_ns(m.transforms[0].header.stamp) - base for m in b.tf[:4]]
+    assert stamps == [0, 10 * ms, -2000 * ms, 0]
 
 
 @pytest.mark.parametrize("fault", ["silent", "lost"])
