@@ -29,6 +29,11 @@ _NODE = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"),
     Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`"),
     Parameter(
+        "object_folders",
+        "",
+        "Folders that set_object may load from, separated by ':'; package:// is always allowed; empty: any folder",
+    ),
+    Parameter(
         "init_mode",
         "uniform",
         "Start: over the whole surface, at initial_pose, or not before a pose is given on initialpose",

@@ -32,12 +32,13 @@ class Start:
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown."""
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown."""
 
     filter: ParticleFilter
     diagonal: float
     name: str
     sensor: SensorModel | None = None
+    network_id: str = ""
 
 
 def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
@@ -47,7 +48,7 @@ def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     running.warm_up(seed)
     sensor = SensorModel.load(codebook.meta["sensor"]).scaled(SCALE)
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor)
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]))
 
 
 class Localiser:
@@ -85,7 +86,7 @@ class Localiser:
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on another object, from scratch: poses on the old one say nothing about it."""
         if self._object is not None:
-            self._start = None
+            self._start = self._pending_prior = None
         self._object = loaded
         self.restart()
 

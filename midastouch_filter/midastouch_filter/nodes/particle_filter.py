@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -23,8 +22,8 @@ from ..state import STALE, UNINITIALISED, Status
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
 from .localiser import LoadedObject, Localiser, load_object
+from .object_source import NewObject, ObjectSource
 from .relief_source import ReliefSource
-from .resources import resolve
 from .start_topics import StartTopics
 from .transform_queue import TransformQueue
 from .transform_source import TransformSource
@@ -48,14 +47,15 @@ class ParticleFilterNode(Node):
     ):
         super().__init__("particle_filter", **node_options)
         self.parameters = Parameters(self, PARAMETERS)
-        self._config, self._load = config_of(self.parameters), load
-        mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
+        self._config = config_of(self.parameters)
+        self._objects = ObjectSource(load, self.parameters, self._config)
         # Before any topic is announced: who waits for this node's topics finds it ready.
-        loaded = self._load_object(mesh, codebook) if mesh or codebook else None
+        first = self._objects.initial()
         simulated = self.get_parameter("use_sim_time").value
         # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
         self._clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
         self._newest: int | None = None
+        self._network_id = ""
         self._last_arrival: float | None = None
         self._silent = False
         self._untouched = True
@@ -79,8 +79,8 @@ class ParticleFilterNode(Node):
             self._now,
             lambda: self.parameters["transform_timeout"],
         )
-        if loaded is not None:
-            self._set_object(*loaded)
+        if first is not None:
+            self._set_object(first)
         self._connect(subscribe)
         self._say(self._now_ns(), UNINITIALISED, self._localiser.waiting_for or "waiting for tactile/code")
 
@@ -129,7 +129,7 @@ class ParticleFilterNode(Node):
             self._counts["out_of_order"] += 1
             self._out.status(stamp, self._with_counts(self._status))
             return
-        self._newest = stamp
+        self._newest, self._network_id = stamp, measurement.network_id
         self._last_arrival, self._silent = self._now(), False
         self._queue.push(stamp, measurement)
         self._process_queue()
@@ -207,21 +207,23 @@ class ParticleFilterNode(Node):
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
-            self._set_object(*self._load_object(request.mesh_path, request.codebook_path))
-            response.success = True
+            new = self._objects.requested(request.mesh_path, request.codebook_path, self._network_id)
         except InputError as error:
             response.message = str(error)
+            return response
+        # What waits for its transform was felt on the object before.
+        for stamp in self._queue.clear():
+            self._say(stamp, STALE, "the object was changed while this code waited for its transform")
+        self._set_object(new)
+        waits_for = self._localiser.waiting_for or "waiting for tactile/code"
+        self._status = Status(UNINITIALISED, "")
+        self._say(self._now_ns(), UNINITIALISED, f"the object is now '{new.loaded.name}': {waits_for}")
+        response.success = True
         return response
 
-    def _load_object(self, mesh: str, codebook: str) -> tuple[LoadedObject, str | Path]:
-        """The object, and its mesh's address as viewers understand it; InputError."""
-        paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
-        loaded = self._load(*paths, self._config, self.parameters["seed"])
-        return loaded, mesh if "://" in mesh else paths[0]
-
-    def _set_object(self, loaded: LoadedObject, address: str | Path) -> None:
-        self._localiser.set_object(loaded)
-        self._out.show_object(address)
+    def _set_object(self, new: NewObject) -> None:
+        self._localiser.set_object(new.loaded)
+        self._out.show_object(new.address)
 
     def _describe(self) -> tuple[bytes, str, dict]:
         s = self._status

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
 from midastouch_perception.errors import InputError
 
 _PACKAGE = "package://"
+_FILE = "file://"
 
 
 def resolve(address: str, what: str) -> Path:
@@ -22,11 +26,27 @@ def resolve(address: str, what: str) -> Path:
     if address.startswith(_PACKAGE):
         name, _, inside = address[len(_PACKAGE) :].partition("/")
         try:
-            share = Path(get_package_share_directory(name)).resolve()
+            share = Path(get_package_share_directory(name))
         except (PackageNotFoundError, ValueError) as error:
             raise InputError(f"{address}: no package '{name}' is installed; check {what}") from error
-        path = (share / inside).resolve()
+        # Without following links: `colcon build --symlink-install` fills a share folder with links to the sources.
+        path = Path(os.path.normpath(share / inside))
         if not path.is_relative_to(share):
             raise InputError(f"{address}: leaves its package; check {what}")
         return path
-    return Path(address.removeprefix("file://")).expanduser()
+    if address.startswith(_FILE):
+        return Path(unquote(urlsplit(address).path))
+    return Path(address).expanduser()
+
+
+def require_within(address: str, path: Path, folders: Sequence[Path]) -> None:
+    """InputError unless `path`, which `address` means, lies in one of the folders, links followed.
+
+    Addresses package:// are in their package already. No folders: everything is allowed.
+    """
+    if not folders or address.startswith(_PACKAGE):
+        return
+    real = path.resolve()
+    if not any(real.is_relative_to(folder.resolve()) for folder in folders):
+        allowed = ", ".join(map(str, folders))
+        raise InputError(f"{address}: outside of {allowed}; move it there, or change the parameter object_folders")

@@ -50,9 +50,11 @@ class TransformQueue:
         """Queue `payload` until its transform at `stamp` [ns] is there."""
         self._items.append((stamp, payload, self._now()))
 
-    def clear(self) -> None:
-        """Forget everything that waits."""
+    def clear(self) -> list[int]:
+        """Forget everything that waits; returns the stamps [ns]."""
+        stamps = [stamp for stamp, *_ in self._items]
         self._items.clear()
+        return stamps
 
     def pop(self) -> Ready | None:
         """The first item if its wait is over, else None."""

@@ -21,9 +21,16 @@ def package(tmp_path, monkeypatch) -> Path:
 def test_paths_and_files():
     assert resolve("/data/mug.ply", "mesh") == Path("/data/mug.ply")
     assert resolve("file:///data/mug.ply", "mesh") == Path("/data/mug.ply")
+    assert resolve(Path("/data/my mug.ply").as_uri(), "mesh") == Path("/data/my mug.ply")
 
 
 def test_packages(package):
+    assert resolve("package://toys/meshes/mug.ply", "mesh") == package / "meshes/mug.ply"
+
+
+def test_a_package_may_link_to_its_sources(package, tmp_path):
+    (tmp_path / "sources").mkdir()
+    (package / "meshes").symlink_to(tmp_path / "sources")
     assert resolve("package://toys/meshes/mug.ply", "mesh") == package / "meshes/mug.ply"
 
 

@@ -1,0 +1,57 @@
+"""The objects to localise on: the one of the parameters at start, and those that `set_object` names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros.parameters import Parameters
+
+from ..config import FilterConfig
+from .localiser import LoadedObject
+from .resources import require_within, resolve
+
+
+@dataclass(frozen=True)
+class NewObject:
+    """An object that was read, and its mesh's address as viewers understand it."""
+
+    loaded: LoadedObject
+    address: str | Path
+
+
+class ObjectSource:
+    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed)`; all of it raises InputError."""
+
+    def __init__(self, load: Callable[..., LoadedObject], parameters: Parameters, config: FilterConfig):
+        self._load, self._parameters, self._config = load, parameters, config
+
+    def initial(self) -> NewObject | None:
+        """The object of the parameters `mesh` and `codebook`; None if they are empty."""
+        mesh, codebook = self._parameters["mesh"], self._parameters["codebook"]
+        return self._read(mesh, codebook) if mesh or codebook else None
+
+    def requested(self, mesh: str, codebook: str, network_id: str) -> NewObject:
+        """The object that somebody on the network asks for: only from the folders that the parameters allow.
+
+        A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
+        used ("": no code has come yet).
+        """
+        folders = [Path(f).expanduser() for f in self._parameters["object_folders"].split(":") if f]
+        for address, what in ((mesh, "mesh"), (codebook, "codebook")):
+            require_within(address, resolve(address, what), folders)
+        new = self._read(mesh, codebook)
+        theirs = new.loaded.network_id
+        if theirs and network_id and theirs != network_id:
+            raise InputError(
+                f"{codebook}: built with the network {theirs}, but the codes that come are of {network_id}; build it "
+                "again, or restart tcn with that network first"
+            )
+        return new
+
+    def _read(self, mesh: str, codebook: str) -> NewObject:
+        paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
+        loaded = self._load(*paths, self._config, self._parameters["seed"])
+        return NewObject(loaded, mesh if "://" in mesh else paths[0])

@@ -1,0 +1,257 @@
+"""`set_object` over DDS: another mesh and codebook while the node runs, and every way in which that is refused."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from filter_fakes import SECOND, FakeFilter, code_msg, pose_msg, tf_msg, translation
+from geometry_msgs.msg import PoseWithCovarianceStamped
+
+from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.state import CONVERGED
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.codebook import FORMAT, Codebook
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.sensor_model import SensorModel
+
+pytestmark = pytest.mark.dds
+T_BASE_OBJ = translation(0.4, 0.1, 0.2)
+STREAMS = {"queue_depth": 100, "reliable": True, "input_timeout": 1000.0, "transform_timeout": 600.0}
+MUG = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
+
+
+def request(name: str, folder: str = "/data") -> SetObject.Request:
+    return SetObject.Request(mesh_path=f"{folder}/{name}.ply", codebook_path=f"{folder}/{name}.npz")
+
+
+class Bench:
+    """A node whose `load` hands out a fake filter per object; `networks` are those of their codebooks."""
+
+    def __init__(self, graph, networks=None, **parameters):
+        self.graph, self.filters, self.networks = graph, {}, networks or {}
+        self.node = graph.add(
+            lambda **options: ParticleFilterNode(load=self._load, **options), {**STREAMS, **MUG, **parameters}
+        )
+        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        self.codes, self.tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
+        graph.spin_until(lambda: self.statuses, "the status at start")
+
+    def _load(self, mesh_path, codebook_path, config, seed):
+        if mesh_path.stem == "bad":
+            raise InputError(f"{mesh_path}: not a mesh")
+        self.filters[mesh_path.stem] = FakeFilter()
+        network = self.networks.get(mesh_path.stem, "")
+        return LoadedObject(self.filters[mesh_path.stem], 0.1, mesh_path.stem, None, network)
+
+    def frame(self, stamp: int, T_base_gel: np.ndarray = T_BASE_OBJ) -> FilterStatus:
+        """Send one frame; the status that answers it."""
+        self.tf.publish(tf_msg(stamp, T_base_gel))
+        self.codes.publish(code_msg(stamp))
+        self.graph.spin_until(lambda: self.answers(stamp), f"the answer to {stamp}")
+        return self.answers(stamp)[-1]
+
+    def answers(self, stamp: int) -> list[FilterStatus]:
+        return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]
+
+    def set_object(self, *names) -> SetObject.Response:
+        return self.graph.call(SetObject, "set_object", request(*names))
+
+
+def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
+    bench = Bench(graph)
+    meshes, moving = graph.listen(MarkerArray, "object_mesh", latched=True), graph.listen(TFMessage, "/tf")
+    bench.filters["mug"].state = CONVERGED
+    assert bench.frame(SECOND).state == "converged"
+    answer = bench.set_object("cup")
+    assert (answer.success, answer.message) == (True, "")
+    late = graph.listen(FilterStatus, "filter_status", latched=True)
+    graph.spin_until(lambda: late and "now 'cup'" in late[-1].reason, "the status for who comes now")
+    assert (late[-1].state, late[-1].n_particles) == ("uninitialised", 0)
+
+    moving.clear()
+    status = bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
+    assert status.state == "ambiguous"
+    assert len(bench.filters["mug"].measurements) == 1
+    assert bench.filters["cup"].starts == ["uniform"]
+    assert bench.filters["cup"].odometry == [None]  # motion over the old object does not count
+    assert not [t for m in moving for t in m.transforms if t.child_frame_id == "object"]
+    graph.spin_until(lambda: len(meshes) == 2, "the new mesh")
+    assert [(m.action, m.mesh_resource) for m in meshes[1].markers] == [
+        (Marker.DELETEALL, ""),
+        (Marker.ADD, "file:///data/cup.ply"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "complaint"),
+    [
+        (SetObject.Request(mesh_path="/data/bad.ply", codebook_path="/data/bad.npz"), "not a mesh"),
+        (SetObject.Request(mesh_path="/data/cup.ply"), "no codebook given"),
+        (SetObject.Request(codebook_path="/data/cup.npz"), "no mesh given"),
+        (SetObject.Request(mesh_path="package://no_such_package/a.ply", codebook_path="/a.npz"), "no package"),
+        (SetObject.Request(mesh_path="package://rclpy/../../x.ply", codebook_path="/a.npz"), "leaves its package"),
+    ],
+)
+def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
+    bench = Bench(graph)
+    meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
+    bench.frame(SECOND)
+    answer = graph.call(SetObject, "set_object", wanted)
+    assert not answer.success
+    assert complaint in answer.message
+    assert bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01)).state == "ambiguous"
+    assert len(bench.filters["mug"].measurements) == 2
+    np.testing.assert_allclose(bench.filters["mug"].odometry[1], translation(0.01), atol=1e-9)
+    graph.spin_until(lambda: meshes)
+    assert len(meshes) == 1
+
+
+def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp_path):
+    inside, outside = tmp_path / "objects", tmp_path / "secret"
+    inside.mkdir()
+    outside.mkdir()
+    (inside / "link").symlink_to(outside)
+    bench = Bench(graph, object_folders=f"/opt/nothing:{inside}")
+    for folder in (outside, f"{inside}/../secret", f"{inside}/link", f"file://{outside}"):
+        answer = bench.set_object("cup", str(folder))
+        assert not answer.success
+        assert "outside of /opt/nothing, " in answer.message
+    assert set(bench.filters) == {"mug"}  # the object of the parameters may lie anywhere
+    assert bench.set_object("cup", str(inside)).success
+    assert bench.set_object("cup", f"file://{inside}").success
+
+
+def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
+    bench = Bench(graph)
+    bench.frame(SECOND)
+    for stamp in (2, 3):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    graph.spin_until(lambda: len(bench.node._queue) == 2, "the codes in the queue")
+    assert bench.set_object("cup").success
+    graph.spin_until(lambda: bench.answers(2 * SECOND) and bench.answers(3 * SECOND), "an answer to both")
+    assert "the object was changed" in bench.answers(3 * SECOND)[0].reason
+    assert bench.answers(3 * SECOND)[0].state == "stale"
+    assert bench.frame(4 * SECOND).state == "ambiguous"
+    assert len(bench.filters["cup"].measurements) == 1
+
+
+def test_a_codebook_of_another_network_than_the_codes_that_come_is_refused(graph):
+    bench = Bench(graph, networks={"cup": "other", "jug": "fake"})
+    bench.frame(SECOND)
+    answer = bench.set_object("cup")
+    assert not answer.success
+    assert "built with the network other, but the codes that come are of fake" in answer.message
+    assert bench.frame(2 * SECOND).state == "ambiguous"
+    assert len(bench.filters["mug"].measurements) == 2
+    assert bench.set_object("jug").success
+
+
+def test_before_any_code_has_come_every_network_is_accepted_and_wrong_codes_are_refused_one_by_one(graph):
+    bench = Bench(graph, networks={"cup": "other"})
+    assert bench.set_object("cup").success
+    bench.codes.publish(code_msg(SECOND, network_id="other"))
+    bench.tf.publish(tf_msg(SECOND, T_BASE_OBJ))
+    graph.spin_until(lambda: bench.answers(SECOND), "an answer")
+    # the fake filter knows the network "fake" only, as a real one knows that of its codebook
+    assert bench.answers(SECOND)[0].state == "stale"
+    assert "network other" in bench.answers(SECOND)[0].reason
+
+
+def test_a_prior_for_the_old_object_is_forgotten(graph):
+    bench = Bench(graph, init_mode="wait")
+    priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
+    priors.publish(pose_msg("base_link", T_BASE_OBJ))
+    graph.spin_until(lambda: bench.node._localiser._pending_prior is not None, "the prior")
+    assert bench.set_object("cup").success
+    assert bench.frame(SECOND).state == "uninitialised"
+
+
+# --- the real node, as a process
+
+
+def write_object(folder: Path, name: str, vertices: np.ndarray, faces: np.ndarray, network: str) -> ObjectMesh:
+    """A mesh file and a small codebook with random codes, as `build-codebook` would name them."""
+    trimesh.Trimesh(vertices, faces, process=False).export(folder / f"{name}.ply")
+    mesh = ObjectMesh.load(folder / f"{name}.ply")
+    rng = np.random.default_rng(0)
+    poses = np.tile(np.eye(4), (500, 1, 1))
+    poses[:, :3, 3] = mesh.sample_surface(500, rng)[0]
+    sensor = SensorModel.load("digit_tacto")
+    meta = {
+        "format": FORMAT, "mesh_name": name, "mesh_sha256": mesh.sha256, "mesh_path": "", "sensor": sensor.name,
+        "sensor_id": sensor.content_id, "tcn": network, "size": 500, "seed": 0, "temperature": 0.1, "outlier": 0.05,
+    }  # fmt: skip
+    Codebook(poses, rng.standard_normal((500, 2)).astype(np.float32), meta).save(folder / f"{name}.npz")
+    return mesh
+
+
+def test_a_running_process_switches_between_real_objects(graph, tmp_path):
+    box = trimesh.creation.box((0.06, 0.04, 0.03)).subdivide().subdivide()
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    write_object(tmp_path, "box", box.vertices, box.faces, "fake")
+    write_object(tmp_path, "ball", ball.vertices, ball.faces, "fake")
+    write_object(tmp_path, "foreign", ball.vertices * 0.9, ball.faces, "other")
+    (tmp_path / "broken.ply").write_bytes(b"ply\nnonsense")
+    parameters = {
+        "mesh": tmp_path / "box.ply", "codebook": tmp_path / "box.npz", "max_particles": 1000, "min_particles": 500,
+        "reliable": "true", "queue_depth": 100, "threads": 1, "refinement": "false",
+    }  # fmt: skip
+    arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    node = subprocess.Popen(
+        [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *arguments],
+        env=os.environ.copy(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
+        statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        codes, tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
+
+        def frame(stamp: int) -> FilterStatus:
+            tf.publish(tf_msg(stamp, T_BASE_OBJ))
+            codes.publish(code_msg(stamp))
+            graph.spin_until(lambda: any(stamp_ns(s.header.stamp) == stamp for s in statuses), "an answer")
+            return next(s for s in statuses if stamp_ns(s.header.stamp) == stamp)
+
+        assert frame(SECOND).n_particles > 0
+        refusals = {
+            "broken": "broken.ply: cannot be read as a mesh",
+            "missing": "missing.ply: no such mesh file",
+            "foreign": "network other",
+        }
+        for name, complaint in refusals.items():
+            answer = graph.call(SetObject, "set_object", request(name, str(tmp_path)))
+            assert not answer.success
+            assert complaint in answer.message
+        mixed = SetObject.Request(mesh_path=f"{tmp_path}/ball.ply", codebook_path=f"{tmp_path}/box.npz")
+        assert "built for the mesh 'box'" in graph.call(SetObject, "set_object", mixed).message
+        assert frame(2 * SECOND).state in ("ambiguous", "converged")
+
+        assert graph.call(SetObject, "set_object", request("ball", str(tmp_path))).success
+        assert frame(3 * SECOND).state in ("ambiguous", "converged")
+        graph.spin_until(lambda: meshes and meshes[-1].markers[-1].mesh_resource.endswith("/ball.ply"), "the mesh")
+    finally:
+        node.send_signal(signal.SIGINT)
+        try:
+            said, _ = node.communicate(timeout=60)
+        finally:
+            node.kill()
+    assert node.returncode == 0, said
