@@ -1,0 +1,44 @@
+"""Captured no-contact images, one per sensor, kept between starts: each DIGIT looks different. ROS-free."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import InputError
+from ..files import atomic_path
+from .background import read_background
+
+
+def default_folder() -> Path:
+    """Where ROS keeps what nodes remember: below $ROS_HOME, or ~/.ros."""
+    return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "midastouch" / "backgrounds"
+
+
+class BackgroundStore:
+    """The image of the sensor with this serial number in a folder, as `SERIAL.png`.
+
+    Raises InputError for a serial number that could not be a file's name.
+    """
+
+    def __init__(self, folder: Path, serial: str):
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", serial):
+            raise InputError(f"serial '{serial}': not a serial number; letters, digits, '.', '_' and '-' only")
+        self.path = folder / f"{serial}.png"
+
+    def load(self, height: int, width: int) -> np.ndarray | None:
+        """RGB image (height, width, 3) uint8; None if none was kept. InputError as `read_background`."""
+        return read_background(self.path, height, width) if self.path.exists() else None
+
+    def save(self, image: np.ndarray) -> None:
+        """Keep an image (H, W, 3) uint8 RGB in place of the last one; InputError if it cannot be written."""
+        encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
+        try:
+            with atomic_path(self.path) as temporary:
+                temporary.write_bytes(encoded.tobytes())
+        except OSError as error:
+            raise InputError(f"{self.path}: {error.strerror or error}; the background was not kept") from error
