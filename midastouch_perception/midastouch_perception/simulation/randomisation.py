@@ -23,11 +23,13 @@ class RandomisationRange:
     """How far sensors vary.
 
     Attributes: wide_share of the sensors that leave TACTO's neighbourhood; table_share of those that shine by
-    `colour_table`, if there is one.
+    `colour_table`, if there is one; dark_share of the frames in which the object, beside the view, stands in the way of
+    one of the lights.
     """
 
     wide_share: float = 0.6
     table_share: float = 0.35
+    dark_share: float = 0.12
     colour_table: ColourTable | None = None
 
 
@@ -66,7 +68,8 @@ class RandomSensor:
         self._noise = rng.uniform(0.2, 2.5)
         self._jpeg = int(rng.uniform(60, 97)) if rng.random() < 0.6 else None
         self.background = self._draw_background(backgrounds, rng)
-        self._rest = self._render(self._rest_depth, self._rest_normals)
+        self._dark_share = ranges.dark_share
+        self._rest = self._render(self._rest_depth, self._rest_normals, self._illumination)
 
     def images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
@@ -77,11 +80,11 @@ class RandomSensor:
         """
         out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
-            out[i] = self._expose(self.background + self._difference(depth_map, surface), rng)
+            out[i] = self._expose(self.background + self._difference(depth_map, surface, rng), rng)
         reference = self._expose(self.background * self._drift(rng) + rng.normal(0, 1.0, 3).astype(np.float32), rng)
         return out, reference
 
-    def _difference(self, penetration: np.ndarray, surface: np.ndarray) -> np.ndarray:
+    def _difference(self, penetration: np.ndarray, surface: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         touching = penetration > 0
         if not touching.any():
             return np.zeros((*penetration.shape, 3), np.float32)
@@ -96,14 +99,31 @@ class RandomSensor:
                 shading = gel_normals(self.sensor, depth)
             else:
                 shading = np.where(touching[..., None], surface, self._rest_normals)
-            change = (self._render(depth, shading) - self._rest) @ self._mixing * (self._gain * self._field)
+            image = self._render(depth, shading, self._illumination)
+            if rng.random() < self._dark_share:
+                image = self._darken(image, depth, shading, rng)
+            change = (image - self._rest) @ self._mixing * (self._gain * self._field)
         if self._shadow:
             change *= 1 - self._shadow * self._occlusion(penetration)
             change -= 12 * self._gain * self._shadow * self._occlusion(penetration) * (~touching)[..., None]
         return cv2.GaussianBlur(change, (0, 0), self._blur)
 
-    def _render(self, depth: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        return shade(depth, normals, *self._tangents, self._illumination)
+    def _render(self, depth: np.ndarray, normals: np.ndarray, light: Illumination) -> np.ndarray:
+        return shade(depth, normals, *self._tangents, light)
+
+    def _darken(
+        self, image: np.ndarray, depth: np.ndarray, normals: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """The image with one light gone in a region with straight outlines, as behind a wall beside the view."""
+        light = self._illumination
+        on = np.ones((len(light.colours), 1))
+        on[rng.integers(len(on))] = 0
+        y, x = np.mgrid[-1 : 1 : image.shape[0] * 1j, -1 : 1 : image.shape[1] * 1j]
+        region = np.ones(image.shape[:2], bool)
+        for angle in rng.uniform(0, 2 * np.pi) + rng.uniform(0, np.pi / 2, int(rng.integers(1, 3))):
+            region &= x * np.cos(angle) + y * np.sin(angle) > rng.uniform(-0.3, 0.9)
+        dark = self._render(depth, normals, dataclasses.replace(light, colours=light.colours * on))
+        return np.where(region[..., None], dark, image)
 
     def _gel_follows(self, penetration: np.ndarray) -> np.ndarray:
         """Gel surface that cannot follow sharp edges: blurred, but pressed home where the contact is deep."""
