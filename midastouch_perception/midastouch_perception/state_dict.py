@@ -46,6 +46,27 @@ def matched(state: dict[str, np.ndarray], expected: dict[str, tuple[int, ...]], 
     return {name: np.asarray(values, np.float32) for name, values in state.items()}
 
 
+def random_state(shapes: dict[str, tuple[int, ...]], rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Weights as before training, float32, for figures that do not depend on them, such as speed.
+
+    Kernels (K, in, out) or (out, in, h, w) keep the spread of what passes through them and a ReLU (He et al. 2015);
+    normalisation is near the identity; single numbers (the power of a generalised mean) are 3.
+    """
+    state = {}
+    for name, shape in shapes.items():
+        if len(shape) > 1:
+            outputs = shape[0] if len(shape) == 4 else shape[-1]
+            spread = np.sqrt(2 * outputs / np.prod(shape))
+            values = np.float32(spread) * rng.standard_normal(shape, np.float32)
+        elif shape == (1,):
+            values = np.full(shape, 3.0)
+        else:
+            centre = 1.0 if name.endswith((".weight", "running_var")) else 0.0
+            values = centre + 0.3 * np.tanh(rng.standard_normal(shape))
+        state[name] = values.astype(np.float32)
+    return state
+
+
 def _listed(names: list[str]) -> str:
     rest = len(names) - _NAMED
     return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")

@@ -9,6 +9,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
+from midastouch_perception.state_dict import random_state
 from midastouch_perception.tcn import minkloc3d_network
 
 
@@ -31,15 +32,4 @@ def block() -> ObjectMesh:
 @pytest.fixture(scope="session")
 def minkloc_state() -> dict[str, np.ndarray]:
     """Random weights of MinkLoc3D under their official names."""
-    rng = np.random.default_rng(0)
-    state = {}
-    for name, shape in minkloc3d_network.expected_shapes().items():
-        values = rng.normal(size=shape)
-        if name.endswith("kernel"):
-            values *= np.sqrt(2 / (np.prod(shape[:-1]) / 3))
-        elif name.endswith(("running_var", ".weight")):
-            values = 1 + 0.5 * np.tanh(values)
-        elif name == "pooling.p":
-            values = np.array([3.0])
-        state[name] = values.astype(np.float32)
-    return state
+    return random_state(minkloc3d_network.expected_shapes(), np.random.default_rng(0))

@@ -22,6 +22,11 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")
     parser.add_argument("--frames", type=arguments.positive_int, default=150, help="of the slide (default 150)")
     arguments.add_network_options(parser)
+    parser.add_argument(
+        "--paper-networks",
+        action="store_true",
+        help="also time the paper's networks, FCRN and MinkLoc3D (with random weights: speed does not depend on them)",
+    )
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
@@ -64,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     for stage in progress_bar(iterable=stages, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
+    if args.paper_networks:  # last, for they need more memory than all else
+        result |= benchmark.paper_networks()
     result = to_json(result)
     if args.json:
         write_json(args.json, result)
@@ -78,9 +85,12 @@ def _table(result: dict) -> str:
     for key, label in (
         ("tdn_ms", "TDN"),
         ("tcn_ms", "TCN"),
+        ("fcrn_ms", "the paper's TDN (FCRN)"),
+        ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
         ("end_to_end_ms", "image to estimate, 50,000 particles"),
     ):
-        rows.append([label, *_cells(result[key])])
+        if key in result:
+            rows.append([label, *_cells(result[key])])
     for key, label in (("filter_ms", "filter step"), ("lookup_ms", "look-up")):
         rows += [[f"{label}, {int(n):,} particles", *_cells(stage)] for n, stage in result[key].items()]
     if "converged_ms" in result:

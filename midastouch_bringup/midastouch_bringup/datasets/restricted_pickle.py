@@ -11,7 +11,6 @@ from __future__ import annotations
 import io
 import math
 import pickle
-import pickletools
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
+from midastouch_perception.pickle_memo import refuse_oversized_memo
 
 _PLAIN_DTYPE = re.compile(r"[biufcSU?]\d*")
 
@@ -202,13 +202,6 @@ def _resolve_all(loaded: Any) -> Any:
     return resolve(loaded)
 
 
-def _refuse_oversized_memo(data: bytes) -> None:
-    """A few bytes may claim the memo slot 2^32 - 1, for which the unpickler would allocate gigabytes."""
-    for opcode, argument, _ in pickletools.genops(data):
-        if opcode.name == "LONG_BINPUT" and argument > len(data):
-            raise InputError(f"memo slot {argument} in a file of {len(data)} bytes")
-
-
 def loads(data: bytes, name: str) -> Any:
     """Values pickled in `data`: plain containers, numbers, text and NumPy arrays.
 
@@ -216,7 +209,7 @@ def loads(data: bytes, name: str) -> Any:
     inconsistent content.
     """
     try:
-        _refuse_oversized_memo(data)
+        refuse_oversized_memo(data)
         return _resolve_all(_Unpickler(io.BytesIO(data)).load())
     except InputError as error:
         raise InputError(f"{name}: refused, {error}; use a file from a source you trust") from None

@@ -18,6 +18,7 @@ from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 from ..datasets import Sequence
+from .paper_networks import paper_network_times
 from .setup import Networks, sequence_background
 from .timing import Stopwatch, summarise, time_calls
 from .trial import measure
@@ -26,6 +27,7 @@ COUNTS = (50_000, 10_000, 1_000)
 _STEP = 1.5e-3  # m, one frame of a slide
 _REPEATS = 40
 _BOOK_POSES = 500
+_PAPER_IMAGES = 20
 
 
 class Benchmark:
@@ -48,6 +50,12 @@ class Benchmark:
         tdn.drop(2)
         tcn.drop(2)
         return {"tdn_ms": tdn.summary(), "tcn_ms": tcn.summary()}
+
+    def paper_networks(self) -> dict:
+        """fcrn_ms, minkloc3d_ms: as tdn_ms and tcn_ms, of the paper's networks, on a few of the images."""
+        images = self._images[:: max(1, len(self._images) // _PAPER_IMAGES)]
+        penetrations = [self._networks.tdn.predict(image, self._background) for image in images]
+        return paper_network_times(images, penetrations, self._networks.sensor)
 
     def filter(self) -> dict:
         """filter_ms: one step with so many particles, kept at that number, along the slide."""

@@ -20,7 +20,7 @@ _EPSILON = 1e-5  # of batch normalisation
 _OPSET, _IR = 17, 8  # as old as the operators allow, for old ONNX Runtimes
 
 
-class _Graph:
+class Graph:
     """Nodes and weights of the network under construction. Values are passed by name."""
 
     def __init__(self, state: dict[str, np.ndarray]):
@@ -74,13 +74,22 @@ class _Graph:
         y = self.convolution(y, f"{name}.conv3", f"{name}.bn1_2")
         return self.add("Relu", self.add("Add", y, interleaved(2, f"{name}.bn2")))
 
+    def model(self, x: str, x_shape: tuple[int, ...], y: str, y_shape: tuple[int, ...]) -> onnx.ModelProto:
+        """The graph from its input `x` to its output `y`, of these shapes after the batch."""
+        x_info, y_info = (
+            helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", *shape])
+            for name, shape in ((x, x_shape), (y, y_shape))
+        )
+        graph = helper.make_graph(self.nodes, "fcrn", [x_info], [y_info], self.weights)
+        return helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
+
 
 def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
     """The network with the weights of a state dict, names and shapes as `fcrn_shapes.expected_shapes`.
 
     Input "image" (N, 3, 320, 240) float32, normalised grey levels; output "height" (N, 1, 320, 240) float32.
     """
-    graph = _Graph(state)
+    graph = Graph(state)
     x = graph.add("Relu", graph.convolution("image", "conv1", "bn1", 2))
     x = graph.add("MaxPool", x, kernel_shape=[3, 3], strides=[2, 2], pads=[1, 1, 1, 1])
     for level, blocks in enumerate(BLOCKS, 1):
@@ -94,12 +103,7 @@ def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
     # 160 x 128, since ten and eight cells are not quite 320 and 240 pixels
     scales = graph.constant("scales", np.array([1, 1, 2, 1.875]))
     graph.add("Resize", x, "", scales, output="height", mode="linear", coordinate_transformation_mode="half_pixel")
-    interface = [
-        helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", channels, 320, 240])
-        for name, channels in (("image", 3), ("height", 1))
-    ]
-    proto = helper.make_graph(graph.nodes, "fcrn", interface[:1], interface[1:], graph.weights)
-    return helper.make_model(proto, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR)
+    return graph.model("image", (3, 320, 240), "height", (1, 320, 240))
 
 
 def save_fcrn(state: dict[str, np.ndarray], card: dict, folder: Path) -> Path:

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.state_dict import matched, plain_names, random_state
+
+EXPECTED = {"conv.weight": (2, 3), "conv.bias": (2,)}
+
+
+def state(prefix: str = "") -> dict[str, np.ndarray]:
+    return {f"{prefix}{name}": np.ones(shape) for name, shape in EXPECTED.items()}
+
+
+@pytest.mark.parametrize("prefix", ["", "module.", "model.", "net.", "module.model."])
+def test_wrappers_and_counters_are_dropped(prefix):
+    counters = {f"{prefix}bn.num_batches_tracked": np.array(3)}
+    assert plain_names(state(prefix) | counters).keys() == EXPECTED.keys()
+
+
+def test_a_prefix_that_only_some_names_have_is_kept():
+    mixed = {"model.a": np.ones(1), "b": np.ones(1)}
+    assert plain_names(mixed).keys() == mixed.keys()
+
+
+def test_what_fits_comes_as_float32():
+    values = matched(state(), EXPECTED, "file")
+    assert {name: v.shape for name, v in values.items()} == EXPECTED
+    assert {v.dtype for v in values.values()} == {np.dtype(np.float32)}
+
+
+def test_every_fault_is_listed():
+    wrong = {"conv.weight": np.ones((3, 2)), "extra": np.ones(1), "other": np.full(2, np.nan)}
+    with pytest.raises(InputError) as caught:
+        matched(wrong, EXPECTED, "net.pth")
+    assert str(caught.value) == (
+        "net.pth: missing: conv.bias; unexpected: extra, other; "
+        "of wrong shape: conv.weight (3, 2) instead of (2, 3); not numbers or not finite: other"
+    )
+
+
+def test_long_lists_are_cut():
+    expected = {f"layer{i}": (1,) for i in range(20)}
+    with pytest.raises(InputError, match=r"missing: layer0, layer1, layer2, layer3 and 16 more$"):
+        matched({}, expected, "file")
+
+
+def test_random_weights_keep_the_spread_of_what_passes():
+    rng = np.random.default_rng(0)
+    shapes = {"a.kernel": (27, 20, 50), "b.weight": (50, 60, 3, 3), "bn.weight": (50,), "bn.bias": (50,), "p": (1,)}
+    state = random_state(shapes, rng)
+    assert matched(state, shapes, "random").keys() == shapes.keys()
+    for name, fan_in in (("a.kernel", 27 * 20), ("b.weight", 60 * 9)):
+        assert state[name].std() == pytest.approx(np.sqrt(2 / fan_in), rel=0.02)
+    assert state["bn.weight"].min() > 0.5
+    assert abs(state["bn.bias"]).max() < 0.5
+    assert state["p"] == 3
