@@ -127,14 +127,9 @@ class ParticleFilter:
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
 
-        Raises InputError if the prior is no rigid transform or a sigma is negative or not finite.
+        Raises InputError as `initialisation.checked_prior`.
         """
-        try:
-            prior = Odometry.from_matrix(prior).transform
-        except ValueError as error:
-            raise InputError(f"prior pose: {str(error).replace('odometry', 'the pose')}") from error
-        if not (0 <= sigma_t < np.inf and 0 <= sigma_r < np.inf):
-            raise InputError(f"prior pose: sigmas {sigma_t} m, {sigma_r} rad must be finite and not negative")
+        prior = initialisation.checked_prior(prior, sigma_t, sigma_r)
         drawn = initialisation.gaussian_poses(prior, sigma_t, sigma_r, self.config.max_particles, self._rng)
         self._start(self._around(np.sort(self._lookup.exact(drawn))))
 

@@ -41,9 +41,10 @@ class Odometry:
         error, row, transform = _decompose(transform)
         if not error < _ORTHONORMAL:
             raise ValueError("odometry is not a rigid transform")
-        distance = math.sqrt(row[0] ** 2 + row[1] ** 2 + row[2] ** 2)
+        distance = math.hypot(*row[:3])
         angle = 2 * math.atan2(math.sqrt(row[3] ** 2 + row[4] ** 2 + row[5] ** 2), abs(row[6]))
-        return cls(transform, row.astype(np.float32), distance, angle)
+        with np.errstate(over="ignore"):  # a jump that is never applied
+            return cls(transform, row.astype(np.float32), distance, angle)
 
     @property
     def path(self) -> float:

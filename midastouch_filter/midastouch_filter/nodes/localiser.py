@@ -17,16 +17,23 @@ from midastouch_perception.tdn.inputs import SCALE
 from ..config import FilterConfig
 from ..estimate import Estimate
 from ..filter import Measurement, ParticleFilter
+from ..initialisation import checked_prior
 from .pose_prior import spread_at_lever
 
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """A Gaussian start: T_obj_gel (4, 4), sigma_t [m], sigma_r [rad]."""
+    """A Gaussian start: T_obj_gel (4, 4), sigma_t [m], sigma_r [rad].
+
+    Raises InputError if the filter could not start there: it may have to again, long after the pose was given.
+    """
 
     pose: np.ndarray
     sigma_t: float
     sigma_r: float
+
+    def __post_init__(self) -> None:
+        checked_prior(self.pose, self.sigma_t, self.sigma_r)
 
 
 @dataclasses.dataclass(frozen=True)

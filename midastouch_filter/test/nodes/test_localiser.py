@@ -92,6 +92,17 @@ def test_object_prior_starts_where_the_sensor_is_on_it():
     assert len(running.starts) == 1, "a prior counts once"
 
 
+def test_a_prior_that_nobody_can_start_from_is_refused_and_forgotten():
+    """Kept, it would end the node at the next restart."""
+    subject, running = localiser()
+    subject.expect_object_at(translation(1e300), 0.01, 0.1)
+    with pytest.raises(InputError, match="prior pose"):
+        subject.process(np.eye(4), TOUCH)
+    subject.restart()
+    assert running.starts == ["uniform", "uniform"]
+    assert subject.process(np.eye(4), TOUCH) is not None
+
+
 def test_object_pose_is_told_only_while_converged():
     subject, running = localiser(first_start=START)
     T_base_obj = translation(0.4, 0.2)
