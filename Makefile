@@ -1,7 +1,8 @@
-# make demo | make test | make bench | make lint
+# make demo | make test | make bench | make lint | make soak [MINUTES=10]
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
 
 PYTHON ?= python3
+MINUTES ?= 10
 BIN := .venv/bin
 
 # What a sourced ROS installation or another workspace has set would mix their libraries with the wheels'.
@@ -10,7 +11,7 @@ ifdef ROS_DISTRO
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test bench lint setup
+.PHONY: demo test bench lint soak setup
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -21,6 +22,10 @@ test: lint
 
 bench: setup
 	$(BIN)/midastouch bench --json out/bench.json
+
+# MINUTES of images at 60 Hz, and as much of everything else; takes some times as long.
+soak: setup
+	SOAK_MINUTES=$(MINUTES) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_bringup/test/soak
 
 lint: setup
 	$(BIN)/ruff check .

@@ -1,0 +1,52 @@
+"""Load and faults over real DDS, short in the suite and long for the report.
+
+`make soak` sets SOAK_MINUTES (of images at 60 Hz; 10 of them go with 100,000 filter steps, 1000 malformed messages of
+every type and 20 loops of a bag) and SOAK_REPORT (the JSON to write).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[3] / "digit_driver/test"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
+
+from slide import Slide, make_slide
+
+from midastouch_bringup.evaluation.machine import machine_info
+from midastouch_bringup.evaluation.result_file import write_json
+from midastouch_perception.ros.testing import Graph, open_graph
+
+
+@pytest.fixture(scope="session")
+def minutes() -> float | None:
+    """Minutes of load; None in the suite, where everything is as short as it can be."""
+    given = os.environ.get("SOAK_MINUTES")
+    return float(given) if given else None
+
+
+@pytest.fixture(scope="session")
+def figures(minutes) -> Iterator[dict]:
+    """What was measured, by the name of the test's subject; written when all tests have run."""
+    measured: dict = {}
+    yield measured
+    if path := os.environ.get("SOAK_REPORT"):
+        write_json(path, {"minutes": minutes, "machine": machine_info(), **measured})
+
+
+@pytest.fixture(scope="session")
+def slide(tmp_path_factory) -> Slide:
+    return make_slide(tmp_path_factory.mktemp("slide"))
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    with open_graph() as opened:
+        yield opened

@@ -1,0 +1,96 @@
+"""The filter alone over very many steps: rotations stay rotations, memory and time per step stay what they are."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+from slide import Slide
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.state import STATES
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import measure_poses
+from midastouch_perception.tcn import load_tcn
+from midastouch_perception.tdn.inputs import SCALE
+
+PARTS = 20
+
+
+def touches(slide: Slide, mesh: ObjectMesh) -> list[Measurement]:
+    """What is felt at each pose of the slide."""
+    sensor = SensorModel.load("digit_tacto")
+    penetration = PenetrationRenderer(mesh, sensor.scaled(SCALE)).render(slide.poses)
+    codes = load_tcn("fast", sensor).encode(penetration)
+    return [Measurement(True, code, 1e-5, "", reduced_relief(p)) for code, p in zip(codes, penetration, strict=True)]
+
+
+def resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def far_from_rotations(poses: np.ndarray) -> float:
+    """Largest deviation of R^T R from the identity."""
+    rotation = poses[..., :3, :3]
+    return float(np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max())
+
+
+def test_many_steps(slide, minutes, figures):
+    """To and fro over a slide with noisy odometry; now and then lifted, carried away, or fed with what is no touch."""
+    steps = round(10_000 * minutes) if minutes else 200
+    rng = np.random.default_rng(0)
+    mesh = ObjectMesh.load(slide.mesh)
+    felt = touches(slide, mesh)
+    config = FilterConfig(max_particles=5000, threads=1)
+    running = ParticleFilter(mesh, Codebook.load(slide.codebook, mesh=mesh), config, 0)
+    running.initialise_gaussian(slide.poses[0], 5e-3, 0.2)
+    last = len(slide.poses) - 1
+    states = dict.fromkeys(STATES, 0)
+    cpu_ms, resident, worst, longest = [], [], 0.0, 0.0
+    before = None
+    for part in np.array_split(np.arange(steps), PARTS):
+        started = time.process_time()
+        for i in part:
+            k = last - abs(i % (2 * last) - last)
+            measured = measure_poses(slide.poses[k : k + 1], rng, 2e-4, 0.005)[0]
+            odometry = None if before is None else se3.inverse(before) @ measured
+            touch, event = felt[k], rng.integers(1000)
+            if event < 20:
+                touch = Measurement(False)
+            elif event < 25:
+                touch = Measurement(True, np.full(len(felt[k].code), np.nan))
+            elif event == 25:
+                odometry = se3.exp([10.0, 0, 0, 0, 0, 0])
+            before = measured
+            estimate = running.step(odometry, touch)
+            states[estimate.status.state] += 1
+        cpu_ms.append(1e3 * (time.process_time() - started) / len(part))
+        resident.append(resident_mb())
+        poses = np.concatenate([running.poses, [mode.pose for mode in estimate.modes]])
+        assert np.isfinite(poses).all()
+        assert np.isfinite(running.weights).all()
+        norms = np.linalg.norm(running._particles.quaternions.astype(float), axis=1)
+        worst, longest = max(worst, far_from_rotations(poses)), max(longest, float(np.abs(norms - 1).max()))
+    figures["filter"] = {
+        "steps": steps,
+        "orthonormality": worst,
+        "quaternion_norm": longest,
+        "cpu_ms_per_step": {"first_quarter": np.mean(cpu_ms[1:6]), "last_quarter": np.mean(cpu_ms[-5:])},
+        "resident_mb": {"after_first_part": resident[0], "growth": resident[-1] - resident[0]},
+        "states": states,
+    }
+    assert worst < 1e-9
+    assert longest < 1e-5
+    assert states["converged"] > 0
+    if minutes:
+        assert np.mean(cpu_ms[-5:]) < 1.3 * np.mean(cpu_ms[1:6])
+        assert resident[-1] - resident[1] < 20
