@@ -6,7 +6,7 @@ from midastouch_filter.paper_filter import PaperConfig, PaperFilter
 from midastouch_filter.particles import Particles
 from midastouch_perception import se3
 
-SMALL = PaperConfig(n_start=3000, n_least=300)
+SMALL = PaperConfig(n_start=2000, n_least=200)
 
 
 @pytest.fixture
@@ -61,6 +61,7 @@ def test_a_slide_narrows_the_particles_around_the_truth(paper_filter, slide):
 
 
 def test_the_same_seed_gives_the_same_particles(paper_filter, slide):
+    slide = tuple(part[:8] for part in slide)
     first = run(paper_filter, slide, 3)[-1].pose, paper_filter.poses
     second = run(paper_filter, slide, 3)[-1].pose, paper_filter.poses
     assert (first[0] == second[0]).all()
@@ -117,7 +118,7 @@ def test_the_spread_of_the_hypotheses_sets_the_number_of_particles(paper_filter,
 
 
 def test_without_contact_it_goes_on_with_a_random_code(paper_filter, slide):
-    run(paper_filter, slide, 0)
+    run(paper_filter, tuple(part[:3] for part in slide), 0)
     estimate = paper_filter.step(slide[1][1], Measurement(False))
     assert estimate.status.state == "no_contact"
     assert np.isfinite(paper_filter.poses).all()

@@ -20,9 +20,27 @@ def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
     return {
-        variant: {init: summarise_trials(some) | {"coverage": coverage(some)} for init, some in by_init.items()}
+        variant: {
+            init: summarise_trials(some) | {"coverage": coverage(some), "recovery": recovery(some)}
+            for init, some in by_init.items()
+        }
         for variant, by_init in groups.items()
     }
+
+
+def recovery(trials: list[dict]) -> dict | None:
+    """How the filter came back after the sensor had been lifted: trials; recovered, in how many it was right from some
+    frame to the end; median_frames and p90_frames of sliding until then. None if no trial was lifted."""
+    lifted = [t for t in trials if t["touched_again_at"] is not None]
+    if not lifted:
+        return None
+    frames = [
+        max(t["right_from_frame"] - t["touched_again_at"], 0) for t in lifted if t["right_from_frame"] is not None
+    ]
+    out = {"trials": len(lifted), "recovered": len(frames)}
+    if frames:
+        out |= {"median_frames": float(np.median(frames)), "p90_frames": float(np.percentile(frames, 90))}
+    return out
 
 
 def coverage(trials: list[dict]) -> dict[str, dict]:
@@ -110,6 +128,16 @@ def object_table(summary: dict, objects: list[dict]) -> tuple[list[str], list[li
     return header, rows
 
 
+def recovery_text(back: dict) -> str:
+    """One line on `recovery`."""
+    after = (
+        f" after {number(back['median_frames'], 0)} frames of sliding (median), {number(back['p90_frames'], 0)} (p90)"
+        if back["recovered"]
+        else ""
+    )
+    return f"right again in {back['recovered']} of {back['trials']} trials after the sensor was lifted{after}"
+
+
 def share(part: int, whole: int) -> str:
     """`part` of `whole` in percent."""
     return f"{100 * part / whole:.0f} %"
@@ -152,6 +180,8 @@ def accuracy_text(result: dict) -> str:
     for init, summary in result["summary"].get(DEFAULT, {}).items():
         parts.append(f"init {init}\n" + text_table(*object_table(summary, result["objects"]), left=2))
         parts.append("truth within the published Gaussian\n" + text_table(*coverage_table(summary["coverage"])))
+        if summary["recovery"]:
+            parts.append(recovery_text(summary["recovery"]))
     if len(result["variants"]) > 1:
         for init in result["config"]["inits"]:
             parts.append(f"variants, init {init}\n" + text_table(*comparison_table(result["comparison"], init)))

@@ -93,7 +93,7 @@ class Symmetry:
         """Free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
         if self.free == "axis":
             u = self.axis
-            across = np.einsum("njk,ijk,i->n", correlation, _LEVI_CIVITA, -u)
+            across = np.einsum("njk,ijk,i->n", correlation, _LEVI_CIVITA, u)
             along = np.trace(correlation, axis1=1, axis2=2) - np.einsum("i,nij,j->n", u, correlation, u)
             return Rotation.from_rotvec(np.arctan2(across, along)[:, None] * u).as_matrix()
         if self.free == "all":

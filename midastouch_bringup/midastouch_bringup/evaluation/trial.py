@@ -154,6 +154,7 @@ class _Record:
             "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
             "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
             "right_from_frame": _from_then_on((converged & right) | ~in_contact),
+            "touched_again_at": _from_then_on(in_contact) if not in_contact.all() else None,
             "frames_in_contact": int(in_contact.sum()),
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..evaluation.accuracy import comparison_table, coverage_table, object_table, pareto_front
+from ..evaluation.accuracy import comparison_table, coverage_table, object_table, pareto_front, recovery_text
 from ..evaluation.calibration import observed_shares
 from ..evaluation.variants import DEFAULT
 from .figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save, style_error_axes
@@ -42,6 +42,8 @@ def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -
     page.table(*object_table(summary, content["objects"]))
     trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
     page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
+    if summary["recovery"]:
+        page.note(recovery_text(summary["recovery"]))
     page.table(*coverage_table(summary["coverage"]))
     curves = {
         (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])

@@ -8,6 +8,8 @@ from midastouch_bringup.evaluation.accuracy import (
     compare_variants,
     coverage,
     pareto_front,
+    recovery,
+    recovery_text,
     summarise_accuracy,
 )
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
@@ -26,6 +28,8 @@ def trial(variant: str, seed: int, error: float, ms: float, state: str = "conver
         "variant": variant,
         "frames": 10,
         "frames_converged": 8,
+        "touched_again_at": None,
+        "right_from_frame": 3,
         "frames_converged_right": 6,
         "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
         "final": dict.fromkeys(ERROR_KEYS, error) | {"state": state, "n_particles": 500} | final,
@@ -78,6 +82,15 @@ def test_coverage_adds_up_over_trials():
     assert added["frames"] == 20
     assert added["observed"][8] == 0
     assert added["observed"][9] == 1
+
+
+def test_recovery_counts_frames_from_the_next_touch():
+    assert recovery(TRIALS) is None
+    lifted = [TRIALS[0] | {"touched_again_at": 20, "right_from_frame": k} for k in (25, 5, None)]
+    back = recovery([*lifted, TRIALS[1]])
+    assert (back["trials"], back["recovered"], back["median_frames"]) == (3, 2, 2.5)
+    assert recovery_text(back).startswith("right again in 2 of 3 trials")
+    assert recovery_text(recovery(lifted[2:])).endswith("lifted")
 
 
 def test_it_is_printed_and_written_in_few_lines(tmp_path):

@@ -103,6 +103,7 @@ def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log):
     assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
     assert plain[0]["frames_in_contact"] == plain[0]["frames"]
     assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10
+    assert (plain[0]["touched_again_at"], lifted[0]["touched_again_at"]) == (None, 16)
 
 
 def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):

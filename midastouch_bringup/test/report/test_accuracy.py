@@ -22,6 +22,8 @@ def result() -> dict:
             "variant": variant,
             "frames": 50,
             "frames_converged": 30,
+            "touched_again_at": None,
+            "right_from_frame": 3,
             "frames_converged_right": 20,
             "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
             "final": {key: rng.uniform(1, 9) for key in ERROR_KEYS} | {"state": "converged", "n_particles": 500},
