@@ -25,7 +25,7 @@ class ContactDetector:
     resolution; begin, end: areas [m^2]; depth [m], penetration from which a pixel counts.
     """
 
-    def __init__(self, sensor: SensorModel, begin: float = 3e-6, end: float = 1.5e-6, depth: float = 3e-5):
+    def __init__(self, sensor: SensorModel, begin: float = 1.5e-6, end: float = 0.8e-6, depth: float = 3e-5):
         self._pixel_area = sensor.pixel_area
         self._begin, self._end, self._depth = begin, end, depth
         self._touching = False

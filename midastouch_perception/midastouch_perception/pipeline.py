@@ -10,6 +10,8 @@ import numpy as np
 
 from .contact import Contact, ContactDetector
 from .tcn.inference import TactileCodeNet
+from .tdn.background import shows_contact
+from .tdn.fit_check import FitCheck
 from .tdn.inference import TactileDepthNet
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
@@ -35,11 +37,18 @@ class DepthStage:
     """Image -> penetration and contact. Frames that do not differ from the background skip the network.
 
     Args: tdn; contact, default for the network's sensor; quiet, largest block-mean difference [grey levels] to the
-    background that still counts as none. Attributes: skipped, number of frames the gate kept from the network.
+    background that still counts as none; fit, a check that is shown what the network makes of the images.
+    Attributes: skipped, number of frames the gate kept from the network.
     """
 
-    def __init__(self, tdn: TactileDepthNet, contact: ContactDetector | None = None, quiet: float = 1.2):
-        self.tdn = tdn
+    def __init__(
+        self,
+        tdn: TactileDepthNet,
+        contact: ContactDetector | None = None,
+        quiet: float = 1.2,
+        fit: FitCheck | None = None,
+    ):
+        self.tdn, self._fit = tdn, fit
         self._contact = contact or ContactDetector(tdn.sensor)
         self._quiet = quiet
         self.skipped = 0
@@ -53,8 +62,14 @@ class DepthStage:
             self.skipped += 1
             self._contact.free()
             return np.zeros(shape, np.float32), Contact(False, 0.0, np.zeros(shape, bool))
-        penetration = self.tdn.penetration(difference)
+        penetration = self.tdn.predict(image, background, difference)
+        if self._fit is not None:
+            self._fit.observe(difference, penetration)
         return penetration, self._contact.update(penetration)
+
+    def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
+        """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""
+        return shows_contact(self.tdn, candidate, background)
 
 
 class TouchPipeline:

@@ -12,16 +12,18 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..tdn.background import estimate_background
+from ..tdn.background import doubtful_share, estimate_background
 
 _BLOCK = 16
 _MOST_FILES = 200
+_MOST_DOUBT = 0.1  # share of the image
 
 
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
 
-    Raises InputError: no such path, no images in it, not an image, another size.
+    Raises InputError: no such path, no images in it, not an image, another size, or images that show contacts at the
+    same place too often to tell what is behind them.
     """
     path = Path(path)
     if not path.is_dir():
@@ -30,7 +32,15 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     if not files:
         raise InputError(f"{path}: no PNG or JPEG images in this folder to estimate a background from")
     chosen = files[:: -(-len(files) // _MOST_FILES)]
-    return estimate_background([_read_image(file, height, width) for file in chosen])
+    images = [_read_image(file, height, width) for file in chosen]
+    background = estimate_background(images)
+    doubt = doubtful_share(images, background)
+    if doubt > _MOST_DOUBT:
+        raise InputError(
+            f"{path}: {100 * doubt:.0f} % of the image is touched in most of these images; "
+            "give images without contact, or a slide with longer pauses"
+        )
+    return background
 
 
 def _read_image(path: Path, height: int, width: int) -> np.ndarray:

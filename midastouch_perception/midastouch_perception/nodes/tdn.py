@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -23,6 +24,8 @@ from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
+from ..tdn.colour_layout import image_problem, shipped_layout
+from ..tdn.fit_check import FitCheck
 from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
 from .stages import Depth, ImageStage
@@ -76,8 +79,9 @@ class TdnNode(Node):
         super().__init__("tdn", **node_options)
         self.parameters = Parameters(self, PARAMETERS)
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
-        depth = depth or DepthStage(load_tdn(self.parameters["tdn"], self._sensor))
-        self._stage = ImageStage(depth)
+        self._fit, self._layout = FitCheck(), shipped_layout()
+        depth = depth or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), fit=self._fit)
+        self._depth, self._stage = depth, ImageStage(depth)
         self._map_sensor = self._sensor.scaled(SCALE)
         self._sink = sink
         self._running: RunningBackground | None = None
@@ -102,12 +106,17 @@ class TdnNode(Node):
 
     def _load_background(self) -> None:
         path = self.parameters["background"]
+        self._background, self._background_source, self._background_problem = None, "none yet", ""
         if path:
-            self._background = read_background(path, self._sensor.height, self._sensor.width)
-            self._background_source = f"file {path}"
+            image = read_background(path, self._sensor.height, self._sensor.width)
+            self._set_background(image, f"file {path}")
         else:
             self._running = RunningBackground(self.parameters["background_frames"])
-            self._background, self._background_source = None, "none yet"
+
+    def _set_background(self, image: np.ndarray, source: str) -> None:
+        self._background, self._background_source = image, source
+        self._background_problem = image_problem(image, self._layout)
+        self._fit.reset()
 
     def _on_image(self, msg: Image) -> None:
         started = time.perf_counter()
@@ -124,12 +133,20 @@ class TdnNode(Node):
     def _observe_background(self, image) -> None:
         if self._running is not None:
             self._running.add(image)
-            self._background = self._running.image
-            self._background_source = f"the first {self._running.count} images"
+            if self._running.image is not self._background:
+                self._set_background(self._running.image, f"the first {self._running.count} images")
         if self._capture is not None:
             self._capture.add(image)
             if self._capture.done:
-                self._finish_capture(self._capture.image, self._capture.refusal)
+                self._finish_capture(
+                    self._capture.image, self._capture.refusal or self._contact_in(self._capture.image)
+                )
+
+    def _contact_in(self, image: np.ndarray) -> str:
+        """Why a captured image is not taken; empty if it is."""
+        if not self._depth.shows_contact(image, self._background):
+            return ""
+        return "the sensor is touching something; lift the finger off and try again"
 
     def _publish(self, header: Header, depth: Depth) -> None:
         area = float(depth.area_m2)
@@ -164,16 +181,19 @@ class TdnNode(Node):
         if self._capture is None:
             return
         self._capture = None
-        if image is None:
+        if refusal:
             self._captured.set_result((False, refusal))
             return
         self._running = None
-        self._background, self._background_source = image, "capture_background"
+        self._set_background(image, "capture_background")
         self._captured.set_result((True, ""))
 
     def _describe(self) -> tuple[bytes, str, dict]:
         values = {**self._rate.values(), "background": self._background_source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
+        values |= self._fit.values
+        if problem := self._background_problem or self._fit.problem:
+            return diagnostics.WARN, problem, values
         if self._running is not None and self._running.change > self.parameters["still_threshold"]:
             return (
                 diagnostics.WARN,

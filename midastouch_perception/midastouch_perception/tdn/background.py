@@ -1,12 +1,24 @@
-"""The sensor's no-contact image, from frames of a sequence when nobody captured one."""
+"""The sensor's no-contact image: from frames of a sequence when nobody captured one, and whether it is one."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+import cv2
 import numpy as np
 
+from ..contact import ContactDetector
 from ..errors import InputError
+from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
+
+if TYPE_CHECKING:
+    from .inference import TactileDepthNet
 
 _STRIP = 20  # image rows at a time, so that memory stays small
+_BLOCK = 16  # px; noise averages out over a block
+_SAME = 4.0  # grey levels between block means that still are the same surface
+_CLEARLY = 0.15  # by which one direction must be explained better than the other
+_MAJORITY = 1 / 3  # of the frames that show a place untouched, or its median is not trusted
 
 
 def estimate_background(images: list[np.ndarray]) -> np.ndarray:
@@ -23,3 +35,36 @@ def estimate_background(images: list[np.ndarray]) -> np.ndarray:
     for row in range(0, out.shape[0], _STRIP):
         out[row : row + _STRIP] = np.median([image[row : row + _STRIP] for image in images], axis=0)
     return out
+
+
+def doubtful_share(images: list[np.ndarray], background: np.ndarray) -> float:
+    """Share of the image in which `background`, estimated from `images`, is that of few of them only.
+
+    There the sensor was touched too often, and the median shows contacts. A contact that never ends cannot be told.
+    """
+    small = [_block_means(image) for image in (*images, background)]
+    same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME
+    return float((same.mean(axis=0) < _MAJORITY).mean())
+
+
+def shows_contact(tdn: TactileDepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
+    """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
+
+    Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: light on a bump
+    and in a dent differ, and only one of the two directions is explained by what the network feels. Nor if the images
+    differ everywhere, as those of two sensors do.
+    """
+    difference = tdn.difference(candidate, present)
+    if quietest_tenth(difference) > QUIET_LIMIT:
+        return False
+    felt = tdn.predict(candidate, present, difference)
+    forward = explained_share(difference, felt)
+    if forward is None or forward < EXPLAINED_LIMIT or not ContactDetector(tdn.sensor).update(felt).in_contact:
+        return False
+    backward = explained_share(-difference, tdn.predict(present, candidate, -difference))
+    return forward > backward + _CLEARLY
+
+
+def _block_means(image: np.ndarray) -> np.ndarray:
+    size = (image.shape[1] // _BLOCK, image.shape[0] // _BLOCK)
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)

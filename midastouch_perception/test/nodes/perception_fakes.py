@@ -26,6 +26,9 @@ class FakeDepthStage:
         mask = penetration > 0
         return penetration, Contact(bool(mask.any()), 1e-8 * np.count_nonzero(mask), mask)
 
+    def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
+        return bool((candidate > background).any())
+
 
 class FakeTcn:
     """The penetration map's block means as a unit vector of 48 numbers."""

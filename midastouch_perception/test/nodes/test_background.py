@@ -78,6 +78,15 @@ def test_background_from_a_folder_is_the_median_of_its_images(tmp_path):
     np.testing.assert_array_equal(read_background(tmp_path, 320, 240), GREY)
 
 
+def test_a_folder_of_touches_at_one_place_is_refused(tmp_path):
+    for i in range(8):
+        image = GREY.copy()
+        image[100:200] += np.uint8(10 * i)
+        cv2.imwrite(str(tmp_path / f"{i:03d}.png"), image)
+    with pytest.raises(InputError, match="touched in most of these images"):
+        read_background(tmp_path, 320, 240)
+
+
 def test_unusable_backgrounds_are_named(tmp_path):
     (tmp_path / "text.png").write_text("not an image")
     cv2.imwrite(str(tmp_path / "small.png"), GREY[:100])

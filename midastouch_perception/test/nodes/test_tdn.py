@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -83,12 +84,15 @@ def test_bad_images_are_counted_and_survived(graph, depth, background):
     statuses = graph.listen(DiagnosticArray, "/diagnostics")
     wrong_length = image_msg(touched(60), 1)
     wrong_length.height = 319
+    deep = image_msg(touched(60), 1)
+    deep.encoding, deep.step = "rgb16", 2 * deep.step
     bad = [
         image_msg(touched(60)[:100], 1),
         image_msg(np.ascontiguousarray(touched(60).transpose(1, 0, 2)), 1),
         image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"),
         image_msg(np.full((320, 240), np.nan, np.float32), 1, "32FC1"),
         wrong_length,
+        deep,
         Image(),
     ]
     for msg in bad:
@@ -135,10 +139,15 @@ def test_capture_background(graph, depth, background):
     assert not moving.success
     assert "not still" in moving.message
 
-    assert capture([touched(60)] * 12).success
-    images.publish(image_msg(touched(60), 1000))
+    touching = capture([touched(60)] * 12)
+    assert not touching.success
+    assert "lift the finger" in touching.message
+
+    dimmed = BACKGROUND - 20
+    assert capture([dimmed] * 12).success
+    images.publish(image_msg(BACKGROUND, 1000))
     graph.spin_until(lambda: stamp_ns(contacts[-1].header.stamp) == 1000)
-    assert not contacts[-1].in_contact, "what was captured is now the background"
+    assert contacts[-1].in_contact, "what was captured is now the background"
 
 
 def test_capture_without_images_gives_up(graph, depth, background):
@@ -168,6 +177,53 @@ def test_clouds_are_not_built_for_nobody(graph, depth, background):
             or values.get("no_subscriber") == "1"
         )
     )
+
+
+def warnings_of(graph) -> Callable[[], list[str]]:
+    """Gives the messages of all statuses so far that warn."""
+    warned: list[str] = []
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def collect() -> list[str]:
+        warned.extend(s.message for m in statuses for s in m.status if s.level != b"\x00")
+        statuses.clear()
+        return warned
+
+    return collect
+
+
+def lit_gel() -> np.ndarray:
+    """Untouched gel (320, 240, 3) lit red from the left, green from the right."""
+    x = np.linspace(-1, 1, 240)
+    row = np.stack([90 - 40 * x, 90 + 40 * x, np.full(240, 80)], axis=1)
+    return np.tile(row, (320, 1, 1)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda image: image[::-1, ::-1], "upside down"),
+        (lambda image: image // 20, "black"),
+        (lambda image: np.full_like(image, 255), "saturated"),
+    ],
+)
+def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, tmp_path, wrong, said):
+    cv2.imwrite(str(tmp_path / "background.png"), np.ascontiguousarray(wrong(lit_gel())[:, :, ::-1]))
+    start(graph, depth, background=str(tmp_path / "background.png"))
+    warned = warnings_of(graph)
+    graph.spin_until(lambda: warned())
+    assert said in warned()[0]
+
+
+def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, background):
+    """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
+    graph.add(TdnNode, {**REPLAY, "background": background})
+    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
+    for stamp in range(25):
+        images.publish(image_msg(BACKGROUND + np.uint8(30 + stamp), stamp + 1))
+    graph.spin_until(lambda: warned())
+    assert "no part of the image" in warned()[0]
+    assert "capture_background" in warned()[0]
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,7 @@ def pressed(tool, sensor):
     from midastouch_perception.simulation.contact_poses import sample_contact_poses
 
     renderer = PenetrationRenderer(tool, sensor)
-    penetration, normals = renderer.render_with_normals(
-        sample_contact_poses(tool, 1, np.random.default_rng(5), sensor)
-    )
+    penetration, normals = renderer.render_with_normals(sample_contact_poses(tool, 1, np.random.default_rng(5), sensor))
     return penetration[0], normals[0]
 
 
@@ -67,6 +65,4 @@ def test_image_is_background_plus_change_plus_noise(pressed, sensor):
     assert image.dtype == np.uint8
     residual = image - np.floor(optics.difference(penetration, normals) + background)
     assert residual.std() == pytest.approx(2.0, abs=0.1)
-    np.testing.assert_array_equal(
-        image, optics.image(penetration, background, np.random.default_rng(0), normals)
-    )
+    np.testing.assert_array_equal(image, optics.image(penetration, background, np.random.default_rng(0), normals))

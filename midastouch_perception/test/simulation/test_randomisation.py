@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midastouch_perception.simulation.colour_table import ColourTable
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -63,3 +64,35 @@ def test_untouched_gel_looks_like_the_reference(touches, half, backgrounds):
     rng = np.random.default_rng(2)
     images, reference = RandomSensor(half, backgrounds, rng, RandomisationRange(0.0)).images(penetration, normals, rng)
     assert np.abs(images.mean(axis=0) - reference).mean() < 6
+
+
+def sensors_with_table(strength: float) -> RandomisationRange:
+    """Every sensor shines by a table whose channels answer to the slope's direction, 120 deg apart."""
+    angle = np.linspace(-np.pi, np.pi, 24)
+    coefficients = np.zeros((8, 24, 6, 3))
+    for channel in range(3):
+        coefficients[:, :, 5, channel] = strength * np.arange(8)[:, None] * np.cos(angle + 2.1 * channel)
+    return RandomisationRange(wide_share=1.0, table_share=1.0, colour_table=ColourTable(coefficients))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sensors_with_a_colour_table(touches, half, backgrounds, seed):
+    """They differ from those with an empty table where they are touched, and hardly elsewhere."""
+    images = []
+    for strength in (12.0, 0.0):
+        rng = np.random.default_rng(seed)
+        images.append(RandomSensor(half, backgrounds, rng, sensors_with_table(strength)).images(*touches, rng)[0])
+    assert all(np.isfinite(one).all() and one.min() >= 0 and one.max() <= 255 for one in images)
+    change = np.abs(images[0] - images[1]).mean(axis=-1)
+    touched = touches[0] > 0
+    assert change[touched].mean() > 1
+    assert change[touched].mean() > 2.5 * change[~touched].mean()
+
+
+def test_no_table_for_sensors_near_tacto(touches, half, backgrounds):
+    images = []
+    for table in (sensors_with_table(12.0).colour_table, None):
+        rng = np.random.default_rng(5)
+        ranges = RandomisationRange(wide_share=0.0, table_share=1.0, colour_table=table)
+        images.append(RandomSensor(half, backgrounds, rng, ranges).images(*touches, rng)[0])
+    np.testing.assert_array_equal(*images)

@@ -4,6 +4,7 @@ import pytest
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
+from midastouch_perception.simulation.procedural import box, mesh_from_sdf
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
@@ -28,15 +29,40 @@ def ray_cast(mesh, pose, sensor):
     return (sensor.gel_depth.ravel() - depth).reshape(sensor.height, sensor.width)
 
 
-@pytest.mark.parametrize("variant", ["as it is", "inverted", "a face missing", "a face doubled"])
-def test_equals_brute_force_ray_casting(block, sensor, variant):
-    faces = {
-        "as it is": block.faces,
-        "inverted": block.faces[:, ::-1],
-        "a face missing": block.faces[1:],
-        "a face doubled": np.concatenate([block.faces, block.faces[:40]]),
+@pytest.fixture(scope="module")
+def coarse_block():
+    """A box of few faces: each costs brute force an intersection test per ray."""
+    return mesh_from_sdf(box((0.016, 0.012, 0.008), 0.003), np.array([0.019, 0.015, 0.011]), 2e-3, "coarse_block")
+
+
+def fin(mesh):
+    """The mesh with a third triangle on every 50th face's first edge, standing off by 2 mm: not a manifold."""
+    chosen = mesh.faces[::50]
+    tips = mesh.vertices[chosen[:, 0]] + 2e-3 * mesh.vertex_normals[chosen[:, 0]]
+    third = len(mesh.vertices) + np.arange(len(chosen))
+    fins = np.column_stack([chosen[:, 0], chosen[:, 1], third])
+    return np.concatenate([mesh.vertices, tips]), np.concatenate([mesh.faces, fins])
+
+
+@pytest.mark.parametrize(
+    "variant", ["as it is", "inverted", "a face missing", "a face doubled", "without area", "fins", "half inverted"]
+)
+def test_equals_brute_force_ray_casting(coarse_block, sensor, variant):
+    half_inverted = coarse_block.faces.copy()
+    half_inverted[::2] = half_inverted[::2, ::-1]
+    vertices, faces = {
+        "as it is": (coarse_block.vertices, coarse_block.faces),
+        "inverted": (coarse_block.vertices, coarse_block.faces[:, ::-1]),
+        "a face missing": (coarse_block.vertices, coarse_block.faces[1:]),
+        "a face doubled": (coarse_block.vertices, np.concatenate([coarse_block.faces, coarse_block.faces[:40]])),
+        "without area": (
+            coarse_block.vertices,
+            np.concatenate([coarse_block.faces, coarse_block.faces[:40, [0, 1, 1]]]),
+        ),
+        "fins": fin(coarse_block),
+        "half inverted": (coarse_block.vertices, half_inverted),
     }[variant]
-    mesh = ObjectMesh.from_arrays(block.vertices, faces, variant)
+    mesh = ObjectMesh.from_arrays(vertices, faces, variant)
     small = sensor.scaled(0.125)
     poses = sample_contact_poses(mesh, 4, np.random.default_rng(3), sensor)
     rendered = PenetrationRenderer(mesh, small).render(poses)

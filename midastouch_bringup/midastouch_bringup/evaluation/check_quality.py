@@ -1,0 +1,192 @@
+"""How often the checks on tactile images are wrong: fit check, no-contact image, contact decision.
+
+On imaginary sensors of the training's randomisation over real no-contact images, and on those images themselves, each
+judged against the mean of the others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
+from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tdn import TactileDepthNet
+from midastouch_perception.tdn.background import shows_contact
+from midastouch_perception.tdn.colour_layout import ORIENTATIONS, image_problem, mean_layout
+from midastouch_perception.tdn.fit_check import FitCheck
+
+TOUCHES = 6
+"""Touches of each imaginary sensor on the tool, and as many light ones on each small part."""
+_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_share=0.0)
+_FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_share=0.0)
+DEPTHS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.7e-3)
+"""Edges [m] of the classes of true penetration in which missed contacts are counted."""
+WARM_UP = (0.0, 0.01, 0.02, 0.05, 0.1)
+"""Change of brightness against the no-contact image at which false contacts are counted."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ImaginarySensor:
+    """background (H, W, 3) uint8, the stored no-contact image; touches (N, H, W, 3) uint8, firm ones; light, by part:
+    images (N, H, W, 3) uint8 and true deepest penetration (N,) m; free (H, W, 3) uint8, a second no-contact image."""
+
+    background: np.ndarray
+    touches: np.ndarray
+    light: dict[str, tuple[np.ndarray, np.ndarray]]
+    free: np.ndarray
+
+
+def wire() -> ObjectMesh:
+    """A straight wire 2 mm thick and 40 mm long."""
+    return mesh_from_sdf(cylinder(1e-3, 0.02, 2e-4), np.array([1.5e-3, 1.5e-3, 0.021]), 3e-4, "wire")
+
+
+def imaginary_sensors(
+    n: int, sensor: SensorModel, backgrounds: np.ndarray, ranges: RandomisationRange, rng: np.random.Generator
+) -> Iterator[ImaginarySensor]:
+    """`n` sensors with optics of `ranges` over `backgrounds` (B, H, W, 3) uint8, each with its touches."""
+    meshes = {name: ObjectMesh.load(bundled_objects()[name]) for name in ("handle_tool", "eyebolt")}
+    meshes["wire"] = wire()
+    renderers = {name: PenetrationRenderer(mesh, sensor) for name, mesh in meshes.items()}
+    poses = {}
+    for name, mesh in meshes.items():
+        sampling = _FIRM if name == "handle_tool" else _LIGHT
+        poses[name] = sample_contact_poses(mesh, n * TOUCHES, rng, sensor, sampling).reshape(n, TOUCHES, 4, 4)
+    for i in range(n):
+        drawn = RandomSensor(sensor, backgrounds, rng, ranges)
+        images, depths = {}, {}
+        for name, renderer in renderers.items():
+            penetration, normals = renderer.render_with_normals(poses[name][i])
+            images[name], background = drawn.images(penetration, normals, rng)
+            depths[name] = penetration.max(axis=(1, 2))
+        nothing = np.zeros((1, sensor.height, sensor.width), np.float32)
+        free, _ = drawn.images(nothing, np.zeros((*nothing.shape, 3), np.float32), rng)
+        light = {name: (_bytes(images[name]), depths[name]) for name in ("eyebolt", "wire")}
+        yield ImaginarySensor(_bytes(background), _bytes(images["handle_tool"]), light, _bytes(free[0]))
+
+
+def _bytes(image: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+_swapped, _turned = ORIENTATIONS["with red and blue swapped"], ORIENTATIONS["upside down"]
+
+MISFITS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray, np.ndarray]]] = {
+    "images swap red and blue": lambda own, other: (_swapped(own.touches), own.background),
+    "images and background swap red and blue": lambda own, other: (_swapped(own.touches), _swapped(own.background)),
+    "images upside down": lambda own, other: (own.touches[:, ::-1, ::-1], own.background),
+    "images and background upside down": lambda own, other: (own.touches[:, ::-1, ::-1], _turned(own.background)),
+    "another sensor's background": lambda own, other: (own.touches, other.background),
+    "15 % brighter than the background": lambda own, other: (_bytes(own.touches * 1.15), own.background),
+    "light saturated": lambda own, other: (_bytes(own.touches * 2.5), _bytes(own.background * 2.5)),
+    "background taken in contact": lambda own, other: (own.touches[1:], own.touches[0]),
+}
+"""What can be wrong, as images and background made from those of a sensor and of another."""
+
+
+class CheckQuality:
+    """Counts over imaginary sensors; `add` each, then ask for the results."""
+
+    def __init__(self, tdn: TactileDepthNet):
+        self._tdn = tdn
+        self._scores: dict[str, list[tuple[float, float, bool]]] = {}
+        self._light: dict[str, list[tuple[float, bool]]] = {}
+        self._free: dict[float, list[bool]] = {gain: [] for gain in WARM_UP}
+        self._captures: dict[str, list[bool]] = {}
+
+    def add(self, own: ImaginarySensor, other: ImaginarySensor) -> None:
+        """One sensor, and another whose background is taken for its own."""
+        self._judge("right", own.touches, own.background)
+        for name, make in MISFITS.items():
+            images, background = make(own, other)
+            self._judge(name, np.ascontiguousarray(images), np.ascontiguousarray(background))
+        for name, (images, depths) in own.light.items():
+            felt = [self._felt(image, own.background) for image in images]
+            self._light.setdefault(name, []).extend(zip(depths.tolist(), felt, strict=True))
+        for gain, felt in self._free.items():
+            felt.append(self._felt(_bytes(own.free * (1 + gain)), own.background))
+        for name, candidate, present in (
+            ("a touch refused", own.touches[0], own.background),
+            ("no contact refused", own.free, own.background),
+            ("no contact after a background in contact refused", own.free, own.touches[0]),
+            ("another sensor's no contact refused", other.background, own.background),
+        ):
+            self._captures.setdefault(name, []).append(shows_contact(self._tdn, candidate, present))
+
+    def fit(self) -> dict[str, dict]:
+        """By case: alarms (share of sensors), and per figure the area under the ROC curve against the right ones."""
+        right = np.array([score[:2] for score in self._scores["right"]])
+        out = {}
+        for name, scores in self._scores.items():
+            figures = np.array([score[:2] for score in scores])
+            out[name] = {
+                "alarms": float(np.mean([alarm for *_, alarm in scores])),
+                "quietest_tenth": float(np.nanmedian(figures[:, 0])),
+                "explained_share": float(np.nanmedian(figures[:, 1])),
+                "auc_quietest_tenth": roc_area(figures[:, 0], right[:, 0]),
+                "auc_explained_share": roc_area(right[:, 1], figures[:, 1]),
+            }
+        return out
+
+    def contact(self) -> dict:
+        """Share of light touches missed, by part and by true penetration, and of false contacts by brightness."""
+        missed = {}
+        for name, touches in self._light.items():
+            depth, felt = np.array(touches, float).T
+            classes = np.digitize(depth, DEPTHS)
+            missed[name] = [
+                {
+                    "from_mm": 1e3 * DEPTHS[k - 1],
+                    "to_mm": 1e3 * DEPTHS[k],
+                    "touches": int((classes == k).sum()),
+                    "missed": float(1 - felt[classes == k].mean()) if (classes == k).any() else None,
+                }
+                for k in range(1, len(DEPTHS))
+            ]
+        false = [{"brighter": gain, "false_contacts": float(np.mean(felt))} for gain, felt in self._free.items()]
+        return {"missed": missed, "false": false}
+
+    def capture(self) -> dict[str, float]:
+        """Share of no-contact images on offer that are refused as touched."""
+        return {name: float(np.mean(refused)) for name, refused in self._captures.items()}
+
+    def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
+        check = FitCheck(every=1, window=len(images))
+        stage = DepthStage(self._tdn, fit=check)
+        for image in images:
+            stage.process(image, background)
+        figures = [np.nan if value is None else value for value in (check.quiet, check.explained)]
+        self._scores.setdefault(name, []).append((*figures, bool(check.problem)))
+
+    def _felt(self, image: np.ndarray, background: np.ndarray) -> bool:
+        return DepthStage(self._tdn).process(image, background)[1].in_contact
+
+
+def roc_area(high: np.ndarray, low: np.ndarray) -> float:
+    """Chance that one of `high` lies above one of `low`, ties counting half: the area under the ROC curve."""
+    high, low = high[np.isfinite(high)][:, None], low[np.isfinite(low)][None]
+    return float(np.mean((high > low) + 0.5 * (high == low))) if high.size and low.size else float("nan")
+
+
+def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
+    """Share of real no-contact images (B, H, W, 3) uint8 refused as they are and made wrong in each way.
+
+    Each is compared with the mean of the others.
+    """
+    wrong = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
+    wrong["saturated"] = lambda image: _bytes(image * 2.5)
+    refused: dict[str, list[bool]] = {name: [] for name in wrong}
+    for i, image in enumerate(backgrounds):
+        layout = mean_layout(np.delete(backgrounds, i, axis=0))
+        for name, make in wrong.items():
+            refused[name].append(bool(image_problem(np.ascontiguousarray(make(image)), layout)))
+    return {name: float(np.mean(alarms)) for name, alarms in refused.items()}

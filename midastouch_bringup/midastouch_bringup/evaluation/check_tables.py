@@ -1,0 +1,32 @@
+"""The tables of an `evaluate-checks` result, for the terminal and for the results page."""
+
+from __future__ import annotations
+
+from .table import number
+
+_FIT = ("alarms", "quietest_tenth", "auc_quietest_tenth", "explained_share", "auc_explained_share")
+
+
+def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
+    """Header and rows of each table."""
+    fit = [[name, *(number(case[key], 2) for key in _FIT)] for name, case in result["fit_check"].items()]
+    missed = [
+        [f"{part}, {c['from_mm']:.2f} to {c['to_mm']:.2f} mm deep", c["touches"], number(c["missed"], 2)]
+        for part, classes in result["contact"]["missed"].items()
+        for c in classes
+    ]
+    false = [
+        [f"{100 * c['brighter']:g} % brighter", number(c["false_contacts"], 2)] for c in result["contact"]["false"]
+    ]
+    header = ["fit check, simulated sensors", "alarms", "quietest tenth", "ROC area", "explained share", "ROC area"]
+    return [
+        (header, fit),
+        (["no-contact image, real, each against the others", "refused"], _shares(result["no_contact_image"])),
+        (["capture of a background", "share"], _shares(result["capture"])),
+        (["light touches", "touches", "missed"], missed),
+        (["no contact, brightness against the background", "false contacts"], false),
+    ]
+
+
+def _shares(shares: dict[str, float]) -> list[list[object]]:
+    return [[name, number(share, 2)] for name, share in shares.items()]

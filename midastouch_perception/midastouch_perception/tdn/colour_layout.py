@@ -1,0 +1,88 @@
+"""How a DIGIT's untouched gel is lit: red from the left, green from the right, blue from below.
+
+The depth network sees differences to the no-contact image only, and cannot know that a driver hands it images that are
+turned, mirrored, or have red and blue swapped: that shows in where the no-contact image has which colour. The layout
+compared with is the mean of the no-contact images of 24 DIGITs (`no_contact_layout.npz`, made by this module).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..files import atomic_path
+
+_FILE = Path(__file__).parent / "no_contact_layout.npz"
+_GRID = (16, 12)  # rows, columns
+_MARGIN = 0.15  # by which another orientation must match better to be believed
+_LEAST = 0.2  # correlation below which no layout is recognised: some DIGITs are lit otherwise
+_DARK, _BRIGHT = 12.0, 250.0  # grey levels
+_CLIPPED_SHARE = 0.05
+
+ORIENTATIONS = {
+    "upside down": lambda image: image[::-1, ::-1],
+    "mirrored left to right": lambda image: image[:, ::-1],
+    "mirrored top to bottom": lambda image: image[::-1],
+    "with red and blue swapped": lambda image: image[..., ::-1],
+    "upside down and with red and blue swapped": lambda image: image[::-1, ::-1, ::-1],
+}
+"""What can be wrong with an image (H, W, 3), as a function that undoes it (and makes it)."""
+
+
+def colour_layout(image: np.ndarray) -> np.ndarray:
+    """Where an image (H, W, 3) RGB has which colour: chromaticities (16, 12, 3), mean 0, norm 1; 0 if grey."""
+    small = cv2.resize(np.ascontiguousarray(image, np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
+    chromaticity = small / np.maximum(small.sum(axis=2, keepdims=True), 1e-3)
+    chromaticity -= chromaticity.mean(axis=(0, 1))
+    norm = np.linalg.norm(chromaticity)
+    return chromaticity / norm if norm > 1e-3 else np.zeros_like(chromaticity)
+
+
+def mean_layout(images: Sequence[np.ndarray]) -> np.ndarray:
+    """The layout (16, 12, 3) of many sensors' no-contact images (H, W, 3), of unit norm."""
+    mean = np.mean([colour_layout(image) for image in images], axis=0)
+    return mean / np.linalg.norm(mean)
+
+
+def shipped_layout() -> np.ndarray:
+    """The mean layout (16, 12, 3) that comes with the networks."""
+    with np.load(_FILE, allow_pickle=False) as file:
+        return file["layout"]
+
+
+def image_problem(image: np.ndarray, layout: np.ndarray) -> str:
+    """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to mend it; empty if nothing.
+
+    layout (16, 12, 3), of DIGITs as they should be.
+    """
+    if image.mean() < _DARK:
+        return "the no-contact image is black; check the sensor's lights and its cable"
+    clipped = float((image >= _BRIGHT).any(axis=2).mean())
+    if clipped > _CLIPPED_SHARE:
+        return (
+            f"{100 * clipped:.0f} % of the no-contact image is saturated; dim the sensor's lights (driver: intensity)"
+        )
+    found = colour_layout(image)
+    upright = float((found * layout).sum())
+    fits = {name: float((found * undo(layout)).sum()) for name, undo in ORIENTATIONS.items()}
+    best = max(fits, key=fits.get)
+    if fits[best] > max(upright + _MARGIN, _LEAST):
+        return f"the images look {best}; check the driver's rotation and encoding"
+    return ""
+
+
+def main() -> None:
+    """Write the mean layout of the no-contact images in a folder, the one argument, beside this file."""
+    folder = Path(sys.argv[1])
+    images = [cv2.imread(str(p))[:, :, ::-1] for p in sorted(folder.iterdir()) if p.suffix in (".jpg", ".png")]
+    with atomic_path(_FILE) as path:
+        np.savez_compressed(path, layout=mean_layout(images).astype(np.float32), images=len(images))
+    print(f"{_FILE}: {len(images)} images")
+
+
+if __name__ == "__main__":
+    main()

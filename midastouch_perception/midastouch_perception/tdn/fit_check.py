@@ -1,0 +1,122 @@
+"""Fit check: do this sensor's images look like what the depth network was trained for? (DESIGN 5.2)
+
+Two figures of each difference image, both cheap:
+
+- *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact. If not, the
+  background is another sensor's, another day's, or turned.
+- *explained share*: light falls on a bump as the bump's slopes say. If the slopes of the felt relief do not explain
+  the image by some linear optics, the network has felt something that is not there.
+
+The limits are those that simulated sensors as the network was trained on seldom break: `midastouch evaluate-checks`
+measures how seldom, and how surely misfits do.
+"""
+
+from __future__ import annotations
+
+import collections
+
+import cv2
+import numpy as np
+
+_BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
+_FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
+QUIET_LIMIT = 4.0  # grey levels
+EXPLAINED_LIMIT = 0.55
+
+
+def explained_share(difference: np.ndarray, penetration: np.ndarray) -> float | None:
+    """Share (0 ... 1) of a difference image's energy that the felt relief explains; None if there is hardly any.
+
+    difference (H, W, 3) grey levels; penetration (H, W) m. The optics fitted to each image: every channel is linear in
+    the relief's two slopes, with factors linear in the position, plus a quadratic in the slopes.
+    """
+    seen = _blocks(difference).reshape(-1, 3)
+    energy = float((seen**2).sum())
+    if energy < _FAINT**2 * seen.size:
+        return None
+    half = cv2.resize(penetration, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) * np.float32(1e3)
+    slope_x, slope_y = cv2.Sobel(half, cv2.CV_32F, 1, 0), cv2.Sobel(half, cv2.CV_32F, 0, 1)
+    x, y = _blocks(slope_x), _blocks(slope_y)
+    rows, columns = _BLOCKS
+    v, u = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
+    terms = [x, x * u, x * v, y, y * u, y * v, *(_blocks(t) for t in (slope_x**2, slope_y**2, slope_x * slope_y))]
+    design = np.stack([t.ravel() for t in terms], axis=1).astype(float)
+    design /= np.linalg.norm(design, axis=0) + 1e-9
+    # the ridge keeps terms apart that a straight edge makes equal
+    weights = np.linalg.solve(design.T @ design + 1e-3 * np.eye(len(terms)), design.T @ seen)
+    return 1 - float(((seen - design @ weights) ** 2).sum()) / energy
+
+
+def quietest_tenth(difference: np.ndarray) -> float:
+    """Grey levels by which a tenth of a difference image (H, W, 3) stays within of the background."""
+    change = np.abs(_blocks(difference)).max(axis=2).ravel()
+    return float(np.partition(change, len(change) // 10)[len(change) // 10])
+
+
+def _blocks(image: np.ndarray) -> np.ndarray:
+    return cv2.resize(image, _BLOCKS[::-1], interpolation=cv2.INTER_AREA)
+
+
+class FitCheck:
+    """Watches the frames of one sensor; the verdict is on the median of the last ones looked at.
+
+    Args: every, how many frames that go through the network pass for one that is looked at; window, how many of
+    those count, at least a third of which must have come before anything is said.
+    """
+
+    def __init__(self, every: int = 5, window: int = 15):
+        self._every, self._enough = every, max(1, window // 3)
+        self._frames = 0
+        self._quiet: collections.deque[float] = collections.deque(maxlen=window)
+        self._explained: collections.deque[float] = collections.deque(maxlen=window)
+
+    def observe(self, difference: np.ndarray, penetration: np.ndarray) -> None:
+        """One frame: difference (H, W, 3) grey levels, penetration (H, W) m that the network made of it."""
+        self._frames += 1
+        if (self._frames - 1) % self._every:
+            return
+        self._quiet.append(quietest_tenth(difference))
+        share = explained_share(difference, penetration)
+        if share is not None:
+            self._explained.append(share)
+
+    def reset(self) -> None:
+        """Forget what was seen: the background is another one."""
+        self._quiet.clear()
+        self._explained.clear()
+
+    @property
+    def quiet(self) -> float | None:
+        """Median quietest tenth [grey levels]; None before enough frames."""
+        return self._median(self._quiet)
+
+    @property
+    def explained(self) -> float | None:
+        """Median explained share; None before enough frames with a visible change."""
+        return self._median(self._explained)
+
+    @property
+    def values(self) -> dict[str, str]:
+        """Both figures for the diagnostics."""
+        figures = {"quietest_tenth": self.quiet, "explained_share": self.explained}
+        return {name: "" if value is None else f"{value:.2f}" for name, value in figures.items()}
+
+    def _median(self, values: collections.deque) -> float | None:
+        return float(np.median(values)) if len(values) >= self._enough else None
+
+    @property
+    def problem(self) -> str:
+        """What does not fit and how to mend it; empty if nothing."""
+        if self.quiet is not None and self.quiet > QUIET_LIMIT:
+            return (
+                f"no part of the image is as in the no-contact image (off by {self.quiet:.0f} grey levels): it is "
+                "another sensor's, or the light has changed; lift the finger and call capture_background"
+            )
+        if self.explained is not None and self.explained < EXPLAINED_LIMIT:
+            return (
+                f"the felt relief explains {100 * self.explained:.0f} % of what the images show: this sensor does not "
+                "look like those the network was trained for, its images are turned or have red and blue swapped, or "
+                "its no-contact image shows a contact; check the driver's encoding and rotation, then lift the finger "
+                "and call capture_background"
+            )
+        return ""

@@ -1,0 +1,56 @@
+import cv2
+import numpy as np
+import pytest
+
+from midastouch_perception.tdn.colour_layout import (
+    ORIENTATIONS,
+    colour_layout,
+    image_problem,
+    mean_layout,
+    shipped_layout,
+)
+
+
+def digit(gain: float = 1.0) -> np.ndarray:
+    """Untouched gel (320, 240, 3) lit red from the left, green from the right, blue from below."""
+    y, x = np.mgrid[1:-1:320j, -1:1:240j]
+    lobes = [np.exp(-((x + 0.7) ** 2)), np.exp(-((x - 0.7) ** 2)), np.exp(-((y + 0.9) ** 2)) * 0.9]
+    return np.clip(gain * (60 + 80 * np.stack(lobes, axis=-1)), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("gain", [0.3, 1.0, 1.4])
+def test_a_digit_as_it_should_be(gain):
+    assert image_problem(digit(gain), shipped_layout()) == ""
+
+
+@pytest.mark.parametrize("name", ["upside down", "mirrored left to right", "with red and blue swapped"])
+def test_wrong_orientations_are_named_with_the_mend(name):
+    said = image_problem(np.ascontiguousarray(ORIENTATIONS[name](digit())), shipped_layout())
+    assert "the images look " in said
+    assert "driver's rotation and encoding" in said
+    if name != "with red and blue swapped":  # blue is the faintest: it may pass for another mistake
+        assert name in said
+
+
+def test_what_has_no_colours_is_not_judged_by_them():
+    grey = np.full((320, 240, 3), 100, np.uint8)
+    assert not colour_layout(grey).any()
+    assert image_problem(grey, shipped_layout()) == ""
+
+
+def test_black_and_saturated_images_are_named():
+    assert "black" in image_problem(np.zeros((320, 240, 3), np.uint8), shipped_layout())
+    assert "saturated" in image_problem(np.full((320, 240, 3), 255, np.uint8), shipped_layout())
+
+
+def test_the_mean_of_equal_layouts_is_that_layout():
+    np.testing.assert_allclose(mean_layout([digit(), digit(0.5)]), colour_layout(digit()), atol=5e-3)
+
+
+def test_a_real_digit_that_is_not_in_the_mean(shared):
+    path = shared / "data/digit_real/ball_presses/background.png"
+    image = cv2.imread(str(path))[:, :, ::-1]
+    assert image_problem(image, shipped_layout()) == ""
+    for name in ("upside down", "mirrored left to right", "with red and blue swapped"):
+        wrong = np.ascontiguousarray(ORIENTATIONS[name](image))
+        assert f"look {name};" in image_problem(wrong, shipped_layout())

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.tdn.fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, FitCheck, explained_share, quietest_tenth
+
+
+def bump(row=80, column=60, radius=25.0, depth=1e-3) -> np.ndarray:
+    """A round press (160, 120) m."""
+    rows, columns = np.mgrid[:160, :120]
+    squared = ((rows - row) ** 2 + (columns - column) ** 2) / radius**2
+    return (depth * np.maximum(0, 1 - squared)).astype(np.float32)
+
+
+def lit(relief: np.ndarray, gain: float = 5e5) -> np.ndarray:
+    """Difference image (160, 120, 3) under lights from three sides."""
+    down, right = np.gradient(relief)
+    angles = np.radians([150.0, 30.0, 270.0])
+    return np.stack([gain * (right * np.cos(a) - down * np.sin(a)) for a in angles], axis=-1).astype(np.float32)
+
+
+@pytest.fixture
+def noise():
+    return np.random.default_rng(0).normal(0, 1.0, (160, 120, 3)).astype(np.float32)
+
+
+@pytest.mark.parametrize("gain", [2e5, -5e5, 4e6])
+def test_a_relief_explains_its_own_light(noise, gain):
+    relief = bump()
+    assert explained_share(lit(relief, gain) + noise, relief) > 0.9
+
+
+def test_another_relief_does_not(noise):
+    assert explained_share(lit(bump(60, 40)) + noise, bump(100, 85)) < 0.3
+    assert explained_share(lit(bump()) + noise, np.zeros((160, 120), np.float32)) == pytest.approx(0, abs=1e-6)
+
+
+def test_too_little_to_explain(noise):
+    assert explained_share(noise, bump()) is None
+    assert explained_share(np.zeros_like(noise), np.zeros((160, 120), np.float32)) is None
+
+
+def test_a_contact_leaves_a_tenth_of_the_image_alone(noise):
+    assert quietest_tenth(lit(bump(radius=60)) + noise) < 1
+    assert quietest_tenth(lit(bump()) + 8 + noise) == pytest.approx(8, abs=0.5)
+
+
+def test_verdict_needs_several_frames_and_looks_at_every_nth(noise):
+    check = FitCheck(every=2, window=6)
+    for frames in range(1, 9):
+        check.observe(lit(bump()) + noise, bump(110, 90))
+        assert bool(check.problem) == (frames >= 3), "two of a window of six are a third"
+    assert check.explained < EXPLAINED_LIMIT
+    assert "explains" in check.problem
+    assert check.quiet < QUIET_LIMIT
+
+
+def test_one_odd_frame_is_no_misfit(noise):
+    check = FitCheck(every=1, window=6)
+    for k in range(6):
+        check.observe(lit(bump()) + noise, bump(110, 90) if k == 2 else bump())
+    assert check.problem == ""
+    assert float(check.values["explained_share"]) > 0.9
+
+
+def test_a_background_that_is_off_everywhere_comes_first(noise):
+    check = FitCheck(every=1, window=3)
+    for _ in range(3):
+        check.observe(lit(bump()) + noise + 20, bump())
+    assert "off by 20 grey levels" in check.problem
+    assert "capture_background" in check.problem
+    check.reset()
+    assert check.problem == ""
+    assert check.values == {"quietest_tenth": "", "explained_share": ""}
