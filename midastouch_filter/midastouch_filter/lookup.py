@@ -5,6 +5,9 @@ rotation scale. Unlike the paper's scaled log map it is continuous over SO(3) an
 axis. It is the Euclidean distance of the 12 numbers (t, r/sqrt(2) R), so a KD-tree answers it exactly; a particle
 that moved a little since the last step is followed through the neighbour graph of the book instead, which costs
 a tenth of it.
+
+The graph's links are chosen as in DiskANN (Subramanya et al. 2019): of the entries around one, those in different
+directions first. With the nearest entries alone the walk gets stuck where they all lie on one side.
 """
 
 from __future__ import annotations
@@ -23,6 +26,9 @@ ROTATION_SCALE = 0.01
 """Metres that one radian counts as (paper section 4.2, alpha)."""
 
 _NEIGHBOURS = 24
+_LINKS = 32
+_CANDIDATES = 64  # nearest entries that links are chosen from
+_DETOUR = 1.2  # a link is left out if the way over another one is shorter by this factor
 _HOPS = 8
 
 
@@ -30,9 +36,10 @@ class PoseLookup:
     """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
 
     Attributes: records (M, 8) float32, each position, 0, quaternion; neighbours (M, K) int32, the K nearest
-    other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical
-    distance to the nearest other entry; largest_gap m, which 99 % of these keep below; stride m, the typical
-    distance that one hop along the graph can cover. Raises InputError for fewer than two poses.
+    other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; links (M, L) int32, the entries
+    that a walk can go to from each; spacing m, the typical distance to the nearest other entry; largest_gap m, which
+    99 % of these keep below; stride m, the typical distance that one hop along the graph can cover. Raises InputError
+    for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers):
@@ -44,14 +51,16 @@ class PoseLookup:
         self._workers = workers
         features = _features(poses)
         self._tree = KDTree(features)
-        k = min(_NEIGHBOURS, len(rows) - 1)
-        distance, index = self._tree.query(features, k=k + 1)
-        distance, index = distance.reshape(len(rows), -1), index.reshape(len(rows), -1)
+        candidates = min(_CANDIDATES, len(rows) - 1)
+        distance, index = self._tree.query(features, k=candidates + 1)
         # an entry is its own nearest neighbour, unless the book holds the same pose twice
         keep = index != np.arange(len(rows))[:, None]
         keep[keep.all(axis=1), -1] = False
-        self.neighbours = np.ascontiguousarray(index[keep].reshape(len(rows), k).astype(np.int32))
-        self.neighbour_distance = np.ascontiguousarray(distance[keep].reshape(len(rows), k))
+        index = index[keep].reshape(len(rows), candidates).astype(np.int32)
+        distance = distance[keep].reshape(len(rows), candidates)
+        self.neighbours = np.ascontiguousarray(index[:, :_NEIGHBOURS])
+        self.neighbour_distance = np.ascontiguousarray(distance[:, :_NEIGHBOURS])
+        self.links = _choose_links(features, index, distance, min(_LINKS, candidates))
         nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
@@ -59,7 +68,6 @@ class PoseLookup:
 
     def __len__(self) -> int:
         return len(self.records)
-
 
     @property
     def reach(self) -> float:
@@ -83,7 +91,7 @@ class PoseLookup:
         self._workers.run(
             len(particles),
             lambda low, high, _: _walk(
-                low, high, particles.positions, particles.quaternions, self.records, self.neighbours,
+                low, high, particles.positions, particles.quaternions, self.records, self.links,
                 particles.entries, distance,
             ),
         )  # fmt: skip
@@ -119,9 +127,40 @@ def squared_distance(x, y, z, qx, qy, qz, qw, record):
     return dx * dx + dy * dy + dz * dz + scale * (np.float32(1.0) - dot * dot)
 
 
+@numba.njit(cache=True)
+def _choose_links(features, index, distance, count):
+    """Links (M, count) int32 from the nearest entries (M, C), nearest first, at their distances (M, C).
+
+    A candidate is passed over if one of the links taken is that much nearer to it than the entry is: the walk gets
+    there through that link. What is left of `count` is filled up with the nearest ones passed over.
+    """
+    links = np.empty((len(index), count), np.int32)
+    passed_over = np.empty(index.shape[1], np.int32)
+    for i in range(len(index)):
+        taken = passed = 0
+        for j in range(index.shape[1]):
+            if taken == count:
+                break
+            candidate = index[i, j]
+            limit = (distance[i, j] / _DETOUR) ** 2
+            for link in links[i, :taken]:
+                squared = np.float32(0.0)
+                for k in range(features.shape[1]):
+                    squared += (features[candidate, k] - features[link, k]) ** 2
+                if squared < limit:
+                    passed_over[passed] = candidate
+                    passed += 1
+                    break
+            else:
+                links[i, taken] = candidate
+                taken += 1
+        links[i, taken:] = passed_over[: count - taken]
+    return links
+
+
 @numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def _walk(low, high, positions, quaternions, records, neighbours, entries, distance):
-    k = neighbours.shape[1]
+def _walk(low, high, positions, quaternions, records, links, entries, distance):
+    k = links.shape[1]
     for i in range(low, high):
         x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
         qx, qy, qz, qw = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
@@ -130,7 +169,7 @@ def _walk(low, high, positions, quaternions, records, neighbours, entries, dista
         for _ in range(_HOPS):
             start = best
             for j in range(k):
-                candidate = neighbours[start, j]
+                candidate = links[start, j]
                 d = squared_distance(x, y, z, qx, qy, qz, qw, records[candidate])
                 if d < least:
                     least, best = d, candidate
