@@ -88,6 +88,21 @@ class ReliefAlignment:
         return self._information * hessian, self._information * gradient, self._information * cost, fit
 
 
+def without_jitter(
+    pose: np.ndarray, prior: np.ndarray, jitter: np.ndarray, posterior: Aligned
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (4, 4) and covariance (6, 6) of the mode, given the posterior of mode plus this frame's jitter.
+
+    An arm reports each pose with an error of its own that does not stay: the relief sees the sum of both, and only
+    the mode's share of the innovation may move the particles for good (conditioning of a joint Gaussian).
+    """
+    total = prior + jitter
+    gain = np.linalg.solve(total, prior).T
+    offset = gain @ se3.log(se3.inverse(pose) @ posterior.pose)
+    covariance = prior - gain @ (total - posterior.covariance) @ gain.T
+    return pose @ se3.exp(offset), 0.5 * (covariance + covariance.T)
+
+
 @numba.njit(cache=True, nogil=True)
 def _accumulate(rendered, relief, tangent_x, tangent_y, gel_depth, distance, margin, outlier):
     """Robust normal equations of relief - rendered in the pose's tangent space [rho, omega], cost and fit."""

@@ -78,6 +78,11 @@ class FilterConfig:
     relief_noise: float = _number(1.5e-4, 1e-6, 1e-2, "m", "error of a felt relief, sigma")
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
 
+    # --- hindsight: other places that explain the last touches as well
+    hindsight: bool = _switch(True, "replay the last touches at rival places; needs refinement")
+    hindsight_touches: int = _number(20, 6, 200, "", "touches that are kept")
+    hindsight_spacing: float = _number(0.02, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
+
     # --- resampling and recovery
     resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -20,6 +21,7 @@ from midastouch_perception.sensor_model import SensorModel
 from . import gates, initialisation, kld, resampling
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
+from .hindsight import Hindsight, Place, Prior, pose_distance
 from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
 from .modes import ModeFinder
@@ -35,6 +37,8 @@ from .workers import Workers
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
+
+_FEWEST_OF_A_RIVAL = 100  # particles
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,9 @@ class ParticleFilter:
         self._regions = Regions(self._lookup, c.region_radius)
         self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
         self._refinement = self._make_refinement(mesh, codebook) if c.refinement else None
+        self._hindsight = None
+        if self._refinement and c.hindsight:
+            self._hindsight = Hindsight(self._lookup, self._poses, self._refinement.alignment, c)
         self._clock = clock
         self.reset(seed)
 
@@ -122,7 +129,7 @@ class ParticleFilter:
     def initialise_uniform(self) -> None:
         """Start over the whole surface, with uniform yaw: nothing is known."""
         entries = initialisation.uniform_entries(len(self._poses), self.config.max_particles, self._rng)
-        self._start(self._around(entries))
+        self._start(self._around(entries), None)
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
@@ -131,7 +138,8 @@ class ParticleFilter:
         """
         prior = initialisation.checked_prior(prior, sigma_t, sigma_r)
         drawn = initialisation.gaussian_poses(prior, sigma_t, sigma_r, self.config.max_particles, self._rng)
-        self._start(self._around(np.sort(self._lookup.exact(drawn))))
+        prior = Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3))
+        self._start(self._around(np.sort(self._lookup.exact(drawn))), prior)
 
     def _around(self, entries: np.ndarray) -> Particles:
         """Equally weighted particles at codebook entries (n,), spread over the gaps between them."""
@@ -139,12 +147,16 @@ class ParticleFilter:
         self._motion.scatter(particles, self._lookup.spacing)
         return particles
 
-    def _start(self, particles: Particles) -> None:
+    def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._particles = particles
+        self._checked = False
+        if self._hindsight:
+            self._hindsight.restart(prior)
         self._weights = particles.weights
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
         self._exploration = Exploration(self.config)
         self._modes: list[Mode] = []  # of the particles
+        self._fitted: list[int] = []  # those that the last relief fitted
         self._answers: list[Mode] = []  # the same, sharpened by the relief of the frame where it could be
         self._path_since_lookup = 0.0
         self._path_since_touch = np.inf
@@ -189,6 +201,9 @@ class ParticleFilter:
         if touched is not None and self._refinement is not None and measurement.relief is not None:
             with self._watch.stage("refinement"):
                 self._refine(measurement.relief, share)
+            if self._hindsight:
+                with self._watch.stage("hindsight"):
+                    self._look_back(touched, measurement.relief)
         return self._report()
 
     def _predict(self, odometry: np.ndarray | None, in_contact: bool) -> bool:
@@ -211,6 +226,8 @@ class ParticleFilter:
         self._motion.propagate(self._particles, motion, self._exploration.share if in_contact else 0.0)
         self._path_since_lookup += motion.path
         self._path_since_touch += motion.path
+        if self._hindsight:
+            self._hindsight.moved(motion.transform, motion.path)
         return True
 
     def _touch(self, measurement: Measurement, moved: bool) -> np.ndarray | None:
@@ -259,6 +276,7 @@ class ParticleFilter:
             self._measurement.score_book(code)
         log_ratio = self._surface.log_weight(particles, book_distance)
         log_ratio += self._measurement.log_likelihood(particles)
+        self._share_out(log_ratio)
         self._trend.update(resampling.log_sum_exp(particles.log_weights + log_ratio), share)
         self._exploration.update(self._modes[0].weight if self._modes else 0.0, share)
         log_ratio *= share
@@ -270,6 +288,26 @@ class ParticleFilter:
         particles.log_weights = log_ratio
         self._weights = np.exp(log_ratio)
         return True
+
+    def _share_out(self, log_ratio: np.ndarray) -> None:
+        """Let the code speak for all modes that the last relief fitted as for one.
+
+        Between them the reliefs decide, which tell more: a code's small errors are the same all along an edge, and
+        would in time kill one of two places that feel alike.
+        """
+        if len(self._fitted) < 2:
+            return  # spares the pass over the particles
+        members, weights = self._mode_finder.members(self._particles), self._particles.log_weights
+        parts = [part for part in (np.flatnonzero(members == k) for k in self._fitted) if len(part)]
+        if len(parts) < 2:
+            return
+        before = np.array([resampling.log_sum_exp(weights[part]) for part in parts])
+        after = np.array([resampling.log_sum_exp(weights[part] + log_ratio[part]) for part in parts])
+        if not (np.isfinite(before) & np.isfinite(after)).all():
+            return
+        together = np.logaddexp.reduce(after) - np.logaddexp.reduce(before)
+        for part, gain in zip(parts, after - before, strict=True):
+            log_ratio[part] += together - gain
 
     def _resample(self, code: np.ndarray) -> None:
         """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
@@ -299,7 +337,7 @@ class ParticleFilter:
         particles = self._around(np.concatenate([uniform, matches.entries]))
         self._refuse("restarted", "no particle can explain the touch; started again over the surface")
         self._restarted = self._note
-        self._start(particles)
+        self._start(particles, None)
         self._in_contact = True
 
     def _best_matches(self, code: np.ndarray, n: int) -> Particles:
@@ -311,6 +349,7 @@ class ParticleFilter:
         if self._modes and self._gates["unmoved_modes"].skips(changed):
             return
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
+        self._fitted = []
 
     def _refine(self, relief: np.ndarray, share: float) -> None:
         """Let the relief place the particles of narrow modes."""
@@ -324,12 +363,62 @@ class ParticleFilter:
         aligned = {finder.peaks[k]: a for k, a in aligned.items() if a.fit > self.config.relief_fit}
         self._weights = self._particles.weights
         self._modes = modes_from_moments(finder.moments(self._particles, self._weights))
-        if finder.peaks[0] in aligned:
+        self._fitted = [k for k, peak in enumerate(finder.peaks) if peak in aligned]
+        if self._fitted[:1] == [0]:
             self._trend.explained()
         self._answers = [
             sharpened(mode, aligned[peak]) if peak in aligned else mode
             for mode, peak in zip(self._modes, finder.peaks, strict=True)
         ]
+
+    def _look_back(self, code: np.ndarray, relief: np.ndarray) -> None:
+        """Keep the touch, and go on asking whether other places explain the last ones as well."""
+        if self._hindsight.due:
+            self._measurement.score_book(code)
+            self._hindsight.keep(self._measurement.log_ratio, relief)
+        narrow = [mode for mode in self._modes if self._refinement.is_narrow(mode)]
+        if not narrow or narrow[0] is not self._modes[0]:
+            return
+        places = self._hindsight.compare([mode.pose for mode in narrow[: self.config.refined_modes]])
+        if places is not None:
+            self._believe(places)
+
+    def _believe(self, places: list[Place]) -> None:
+        """Give the modes the odds that the replay found, and rivals that have no particles some of their own."""
+        self._checked = True
+        odds = np.exp([place.log_odds for place in places])
+        particles, members = self._particles, self._mode_finder.members(self._particles)
+        mode_of = [self._mode_at(place.pose) for place in places]
+        asked = np.isin(members, [k for k in mode_of if k is not None])
+        mass = 1.0 - float(self._weights[~asked].sum())
+        log_weights = particles.log_weights.copy()
+        new: list[Particles] = []
+        share = mass * odds / odds.sum()
+        for place, k, wanted in zip(places, mode_of, share, strict=True):
+            if k is not None:
+                mine = members == k
+                log_weights[mine] += np.log(max(wanted, 1e-9) / max(float(self._weights[mine].sum()), 1e-300))
+            elif wanted > 0.005:
+                count = max(_FEWEST_OF_A_RIVAL, round(wanted * len(particles)))
+                new.append(self._spread_around(place, count, wanted))
+        self._refused["rivals"] += len(new)
+        particles.log_weights = log_weights
+        self._particles = Particles.joined([particles, *new])
+        self._particles.log_weights -= resampling.log_sum_exp(self._particles.log_weights)
+        self._weights = self._particles.weights
+        self._find_modes(True)
+
+    def _mode_at(self, pose: np.ndarray) -> int | None:
+        distance = [pose_distance(mode.pose, pose) for mode in self._modes]
+        return int(np.argmin(distance)) if min(distance) < self.config.mode_radius else None
+
+    def _spread_around(self, place: Place, count: int, mass: float) -> Particles:
+        """`count` particles of total weight `mass` spread as the place's covariance and the arm's jitter say."""
+        noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self._refinement.jitter, count)
+        poses = place.pose @ se3.exp(noise)
+        particles = Particles.from_poses(poses, self._lookup.exact(poses))
+        particles.log_weights += np.log(mass)
+        return particles
 
     # ------------------------------------------------------------------ answers
 
@@ -365,6 +454,7 @@ class ParticleFilter:
                 in_contact=self._in_contact,
                 support=self._trend.support,
                 restarted=self._restarted,
+                checked=self._checked or self._hindsight is None,
                 mode_mass=dominant.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,

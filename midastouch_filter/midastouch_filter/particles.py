@@ -33,6 +33,12 @@ class Particles:
             np.ascontiguousarray(entries, np.int32),
         )
 
+    @classmethod
+    def joined(cls, sets: list[Particles]) -> Particles:
+        """All particles of several sets, with their weights."""
+        names = ("positions", "quaternions", "log_weights", "entries")
+        return cls(*(np.concatenate([getattr(each, name) for each in sets]) for name in names))
+
     def __len__(self) -> int:
         return len(self.positions)
 

@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
-from .alignment import Aligned, ReliefAlignment
+from .alignment import Aligned, ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
 from .particles import Particles
@@ -38,10 +37,10 @@ class Refinement:
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig):
         self._config = config
-        self._alignment = ReliefAlignment(
+        self.alignment = ReliefAlignment(
             mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
         )
-        self._jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
+        self.jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -57,21 +56,22 @@ class Refinement:
         is evidence independent of the last. Between several narrow modes, mass moves to those the relief fits.
         """
         c = self._config
-        narrow = [
-            k
-            for k, mode in enumerate(modes[: c.refined_modes])
-            if mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
-        ]
+        narrow = [k for k, mode in enumerate(modes[: c.refined_modes]) if self.is_narrow(mode)]
         aligned: dict[int, Aligned] = {}
         for k in narrow:
             prior = _in_own_frame(modes[k]) + np.diag(_FLOOR)
-            aligned[k] = posterior = self._alignment.align(modes[k].pose, prior + self._jitter, relief)
+            aligned[k] = posterior = self.alignment.align(modes[k].pose, prior + self.jitter, relief)
             if posterior.fit > c.relief_fit:
-                mean, covariance = _without_jitter(modes[k].pose, prior, self._jitter, posterior)
+                mean, covariance = without_jitter(modes[k].pose, prior, self.jitter, posterior)
                 _move(particles, np.flatnonzero(members == k), modes[k].pose, prior, mean, covariance)
         if len(aligned) > 1:
             self._weigh(particles, members, aligned, share)
         return aligned
+
+    def is_narrow(self, mode: Mode) -> bool:
+        """Whether the mode is close enough to a Gaussian to be aligned."""
+        c = self._config
+        return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
 
     @staticmethod
     def _weigh(particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float) -> None:
@@ -94,21 +94,6 @@ def _in_own_frame(mode: Mode) -> np.ndarray:
     """A mode's covariance (6, 6) in its pose's own axes instead of the object's."""
     turn = np.kron(np.eye(2), mode.pose[:3, :3])
     return turn.T @ mode.covariance @ turn
-
-
-def _without_jitter(
-    pose: np.ndarray, prior: np.ndarray, jitter: np.ndarray, posterior: Aligned
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (4, 4) and covariance (6, 6) of the mode, given the posterior of mode plus this frame's jitter.
-
-    An arm reports each pose with an error of its own that does not stay: the relief sees the sum of both, and only
-    the mode's share of the innovation may move the particles for good (conditioning of a joint Gaussian).
-    """
-    total = prior + jitter
-    gain = np.linalg.solve(total, prior).T
-    offset = gain @ se3.log(se3.inverse(pose) @ posterior.pose)
-    covariance = prior - gain @ (total - posterior.covariance) @ gain.T
-    return pose @ se3.exp(offset), 0.5 * (covariance + covariance.T)
 
 
 def _move(

@@ -43,12 +43,16 @@ class Status:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the state depends on; units as in `Status`. `support` is the trend over log(outlier): 1 is worst."""
+    """What the state depends on; units as in `Status`.
+
+    support: the trend over log(outlier), 1 is worst; checked: other places were compared with the dominant mode.
+    """
 
     initialised: bool = False
     in_contact: bool = False
     support: float = 0.0
     restarted: str = ""
+    checked: bool = True
     mode_mass: float = 0.0
     spread_t: float = 0.0
     spread_r: float = 0.0
@@ -97,4 +101,6 @@ class StateMachine:
             return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
         if e.spread_r > c.converged_rotation * slack:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
+        if not e.checked:
+            return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other places yet"
         return True, ""

@@ -20,10 +20,12 @@ settings.load_profile("filter")
 NETWORK = "fourier-test"
 
 
-def bumpy_mesh() -> ObjectMesh:
-    """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places."""
+def bumpy_mesh(twofold: bool = False) -> ObjectMesh:
+    """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places; `twofold`: the same after half a turn about z."""
     sphere = trimesh.creation.icosphere(subdivisions=4)
     directions = np.random.default_rng(3).standard_normal((12, 3))
+    if twofold:
+        directions = np.concatenate([directions, directions * [-1, -1, 1]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     bumps = np.exp(15 * (sphere.vertices @ directions.T - 1)).sum(axis=1)
     vertices = sphere.vertices * (1 + 0.12 * bumps[:, None]) * [0.05, 0.035, 0.025]
@@ -98,7 +100,7 @@ def with_pose_noise(poses: np.ndarray, rng: np.random.Generator, sigma_t: float,
 
 @pytest.fixture(scope="session")
 def world() -> SimpleNamespace:
-    """mesh, poses (8000), encode, codebook, and the functions above."""
+    """mesh, poses (8000), encode, codebook, and functions above."""
     mesh = bumpy_mesh()
     poses = random_poses(mesh, 8000, np.random.default_rng(1))
     encode = FourierEncoder()
@@ -107,6 +109,7 @@ def world() -> SimpleNamespace:
         poses=poses,
         encode=encode,
         codebook=make_codebook(poses, encode(poses)),
+        bumpy_mesh=bumpy_mesh,
         make_codebook=make_codebook,
         random_poses=random_poses,
         poses_at=poses_at,

@@ -1,0 +1,222 @@
+"""Hindsight: would another place on the object explain the last touches just as well?
+
+A particle filter forgets: a place that lost its particles to a few noisy touches is never asked again, and one narrow
+mode is left that looks certain. So the last touches are kept with the path between them. Every now and then the
+places that explain them best by their codes are looked for over the whole codebook, and each of these rivals as well
+as the filter's own modes is aligned to the kept reliefs, one after the other along the path. The evidence of this
+replay, and the start's prior as long as the start lies in reach, give the odds between them.
+
+A replay takes a hundred alignments, so it is done in slices, a few in every step of the filter.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from .alignment import ReliefAlignment, without_jitter
+from .config import FilterConfig
+from .lookup import ROTATION_SCALE, PoseLookup
+
+_FEWEST = 6  # touches that a replay needs to say anything
+_ANEW = 3  # further touches after which it is worth another one
+_SHORTLIST = 150  # best entries of each touch that are carried to the present as candidates
+_SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
+_MOST_RIVALS = 5
+_CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
+_APART = 0.015  # m: places nearer than this are the same one; 1 rad counts as 10 mm
+_HOPELESS = 12.0  # nats behind, at which a replay is broken off
+_LARGEST = 5.0  # nats that one touch may speak for one place and against another
+_PRIOR_FLOOR = -12.0  # nats: a prior may be wrong
+_START = np.repeat([4e-3, np.radians(12.0)], 3) ** 2  # of a candidate: half the distance between codebook entries
+_SLICE = 2  # alignments a step
+
+
+@dataclass(frozen=True)
+class Place:
+    """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
+    log_odds [nats] against the best of all explanations (0 for that one)."""
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    log_odds: float
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Where the start was thought to be: pose (4, 4), sigma_t [m] and sigma_r [rad] per axis."""
+
+    pose: np.ndarray
+    sigma_t: float
+    sigma_r: float
+
+    def log_density(self, poses: np.ndarray) -> np.ndarray:
+        """(N,) nats of poses (N, 4, 4) below the prior's own pose, floored."""
+        error = se3.log(se3.inverse(self.pose) @ poses)
+        squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
+        return np.maximum(-0.5 * squared, _PRIOR_FLOOR)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    motion: np.ndarray  # (4, 4) from the start to this touch
+    log_ratio: np.ndarray  # (M,) float16 of every codebook entry
+    relief: np.ndarray  # (80, 60) m
+
+
+class Hindsight:
+    """Keeps the last touches and replays them for the best places.
+
+    Args: lookup; poses (M, 4, 4) of its entries; alignment; config.
+    """
+
+    def __init__(self, lookup: PoseLookup, poses: np.ndarray, alignment: ReliefAlignment, config: FilterConfig):
+        self._lookup, self._poses, self._alignment, self._config = lookup, poses, alignment, config
+        self._jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
+        self._share = min(1.0, config.hindsight_spacing / config.correlation_length)
+        self.restart(None)
+
+    def restart(self, prior: Prior | None) -> None:
+        """Forget all touches; `prior` is what is known of the present pose, if anything."""
+        self._prior = prior
+        self._motion = np.eye(4)
+        self._path = np.inf
+        self._touches: deque[_Kept] = deque(maxlen=self._config.hindsight_touches)
+        self._since_replay = _FEWEST
+        self._replay: Iterator[list[Place] | None] | None = None
+
+    def moved(self, transform: np.ndarray, path: float) -> None:
+        """The sensor moved by `transform` (4, 4), which counts as `path` [m]."""
+        self._motion = self._motion @ transform
+        self._path += path
+
+    @property
+    def due(self) -> bool:
+        """Whether the present touch is worth keeping."""
+        return self._path >= self._config.hindsight_spacing
+
+    def keep(self, log_ratio: np.ndarray, relief: np.ndarray) -> None:
+        """Keep the present touch: log-likelihood ratio (M,) of every entry, relief (80, 60) m."""
+        self._touches.append(_Kept(self._motion, log_ratio.astype(np.float16), relief))
+        self._path = 0.0
+        self._since_replay += 1
+
+    def compare(self, modes: list[np.ndarray]) -> list[Place] | None:
+        """Do a slice of the replay; the places once it is complete, else None.
+
+        modes: poses (4, 4) of the filter's own modes at present. All of them are among the places, the refuted ones
+        with odds of -12 or less; the others are their rivals.
+        """
+        if self._replay is None:
+            if len(self._touches) < _FEWEST or self._since_replay < _ANEW:
+                return None
+            self._since_replay = 0
+            self._replay = self._replayed(modes)
+        places = next(self._replay)
+        if places is not None:
+            self._replay = None
+        return places
+
+    # ------------------------------------------------------------------ replay
+
+    def _replayed(self, modes: list[np.ndarray]) -> Iterator[list[Place] | None]:
+        touches, last = list(self._touches), self._motion
+        newest = touches[-1].motion
+        to_newest = se3.inverse(last) @ newest
+        starts = [mode @ to_newest for mode in modes]
+        candidates = self._candidates(touches)
+        for some in (touches[:: -max(len(touches) // _SIEVE, 1)], touches):
+            score = np.zeros(len(candidates))
+            for touch in some:
+                yield None
+                score += self._scores(candidates @ (se3.inverse(newest) @ touch.motion), touch)
+            best = np.argsort(-score, kind="stable")[:_KEPT]
+            candidates, score = candidates[best], score[best]
+        starts += self._rivals(candidates, score, starts)
+        ends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        refuted: list[np.ndarray] = []
+        best = np.full(len(touches), -np.inf)
+        done = 0
+        for start in starts:
+            pose, covariance = start, np.diag(_START)
+            evidence = np.full(len(touches), -np.inf)
+            for k in range(len(touches) - 1, -1, -1):
+                aligned = self._alignment.align(pose, covariance + self._jitter, touches[k].relief)
+                evidence[k] = aligned.log_evidence
+                pose, covariance = without_jitter(pose, covariance, self._jitter, aligned)
+                if k:
+                    on = se3.inverse(touches[k].motion) @ touches[k - 1].motion
+                    pose, covariance = pose @ on, _carried(covariance, on)
+                done += 1
+                if done % _SLICE == 0:
+                    yield None
+                behind = np.clip(best[k:] - evidence[k:], -_LARGEST, _LARGEST).sum() * self._share
+                if np.isfinite(behind) and behind > _HOPELESS:
+                    refuted.append(start)
+                    break
+            else:
+                ends.append((pose, covariance, evidence))
+                if not np.isfinite(best[0]) or (evidence - best).clip(-_LARGEST, _LARGEST).sum() > 0:
+                    best = evidence
+        yield self._places(ends, refuted, best, touches)
+
+    def _candidates(self, touches: list[_Kept]) -> np.ndarray:
+        """Poses (C, 4, 4) at the newest touch of the entries that fit best at any of the touches."""
+        newest, out = touches[-1].motion, []
+        for touch in touches:
+            best = np.argpartition(-touch.log_ratio, min(_SHORTLIST, len(touch.log_ratio) - 1))[:_SHORTLIST]
+            out.append(self._poses[best] @ (se3.inverse(touch.motion) @ newest))
+        poses = np.concatenate(out)
+        return poses[np.unique(self._lookup.exact(poses), return_index=True)[1]]
+
+    def _scores(self, poses: np.ndarray, touch: _Kept) -> np.ndarray:
+        """Log-likelihood ratios (C,) of poses (C, 4, 4) at a touch, as far as it counts."""
+        return self._share * touch.log_ratio[self._lookup.exact(poses)].astype(float)
+
+    def _rivals(self, candidates: np.ndarray, score: np.ndarray, taken: list[np.ndarray]) -> list[np.ndarray]:
+        chosen: list[np.ndarray] = []
+        for i in np.argsort(-score, kind="stable"):
+            if len(chosen) == _MOST_RIVALS or score[i] < score.max() - _CODE_MARGIN:
+                break
+            if all(pose_distance(candidates[i], other) > _APART for other in [*taken, *chosen]):
+                chosen.append(candidates[i])
+        return chosen
+
+    def _places(self, ends: list, refuted: list[np.ndarray], best: np.ndarray, touches: list[_Kept]) -> list[Place]:
+        odds = np.array([self._share * np.clip(e - best, -_LARGEST, _LARGEST).sum() for *_, e in ends])
+        from_oldest = se3.inverse(touches[0].motion)
+        if self._prior is not None:
+            odds += self._prior.log_density(np.stack([pose for pose, *_ in ends]) @ from_oldest)
+        odds -= odds.max()
+        on = from_oldest @ self._motion
+        found = [
+            Place(pose @ on, _carried(covariance, on), float(value))
+            for (pose, covariance, _), value in zip(ends, odds, strict=True)
+        ]
+        on = se3.inverse(touches[-1].motion) @ self._motion
+        found += [Place(pose @ on, np.diag(_START), -_HOPELESS) for pose in refuted]
+        places: list[Place] = []
+        for place in sorted(found, key=lambda each: -each.log_odds):
+            if all(pose_distance(place.pose, other.pose) > _APART for other in places):
+                places.append(place)
+        return places
+
+
+def _carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4): adjoint of its inverse."""
+    back = se3.inverse(motion)
+    r, (x, y, z) = back[:3, :3], back[:3, 3]
+    adjoint = np.kron(np.eye(2), r)
+    adjoint[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
+    return adjoint @ covariance @ adjoint.T
+
+
+def pose_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Pose distance [m] as the look-up's, of (4, 4) and (4, 4)."""
+    angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
+    return float(np.hypot(np.linalg.norm(a[:3, 3] - b[:3, 3]), 2 * ROTATION_SCALE * np.sin(angle / 2)))

@@ -1,0 +1,129 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from midastouch_filter.alignment import ReliefAlignment
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.hindsight import Hindsight, Prior, pose_distance
+from midastouch_filter.lookup import PoseLookup
+from midastouch_filter.refinement import RELIEF_SCALE
+from midastouch_filter.workers import Workers
+from midastouch_perception import se3
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+CONFIG = FilterConfig(threads=1)
+HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+
+
+class Slide:
+    """A slide over a bumpy object, with the codes' opinion that each of some places could be the right one.
+
+    Args: world, of `conftest.py`; twofold: give the object a second half like the first.
+    """
+
+    def __init__(self, world, twofold: bool, steps: int = 14):
+        mesh = world.bumpy_mesh(twofold)
+        coarse = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
+        self.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
+        self.lookup = PoseLookup(self.book, Workers(1))
+        self.alignment = ReliefAlignment(mesh, coarse, CONFIG.relief_noise, CONFIG.relief_correlation)
+        self.truth = world.make_slide(mesh, 6 * steps, np.random.default_rng(8))[::6]
+        self.reliefs = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
+
+    def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
+        """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
+        hindsight = Hindsight(self.lookup, self.book, self.alignment, CONFIG)
+        hindsight.restart(prior)
+        self.answered = 0
+        for k, relief in enumerate(self.reliefs):
+            if k:
+                step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
+                hindsight.moved(step, CONFIG.hindsight_spacing)
+            assert hindsight.due
+            nearest = np.full(len(self.book), np.inf)
+            for place in places:
+                pose = place @ self.truth[k]
+                gap = np.linalg.norm(self.book[:, :3, 3] - pose[:3, 3], axis=1)
+                angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
+                nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
+            hindsight.keep(np.log(np.exp(-0.5 * (nearest / 0.008) ** 2) + 0.03) + 1.0, relief)
+            assert not hindsight.due
+        for _ in range(1000):
+            self.answered += 1
+            answer = hindsight.compare(modes)
+            if answer is not None:
+                return answer
+        return None
+
+
+@pytest.fixture(scope="module")
+def symmetric(world):
+    return Slide(world, twofold=True)
+
+
+@pytest.fixture(scope="module")
+def uneven(world):
+    return Slide(world, twofold=False)
+
+
+def odds_at(places, pose):
+    return [place.log_odds for place in places if pose_distance(place.pose, pose) < 0.006]
+
+
+def test_a_wrong_mode_is_found_out(uneven):
+    truth = uneven.truth[-1]
+    places = uneven.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    assert odds_at(places, truth) == [0.0]
+    assert len(places) > 1
+    assert all(place.log_odds < -3 for place in places[1:])
+    distance = np.linalg.norm(places[0].pose[:3, 3] - truth[:3, 3])
+    assert distance < 1.5e-3
+
+
+def test_twins_are_told_as_twins(symmetric):
+    truth = symmetric.truth[-1]
+    places = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    assert odds_at(places, truth)[0] == pytest.approx(odds_at(places, HALF_TURN @ truth)[0], abs=0.5)
+
+
+def test_what_was_known_of_the_start_decides_between_twins(symmetric):
+    truth = symmetric.truth[-1]
+    prior = Prior(symmetric.truth[0], 0.05, np.radians(60))
+    places = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth], prior)
+    assert odds_at(places, truth) == [0.0]
+    # half a turn is three sigmas, and the way to the other side counts too
+    assert -8 < odds_at(places, HALF_TURN @ truth)[0] < -4
+
+
+def test_few_touches_say_nothing(symmetric):
+    short = Slide.__new__(Slide)
+    short.__dict__.update(symmetric.__dict__)
+    short.truth, short.reliefs = symmetric.truth[:3], symmetric.reliefs[:3]
+    assert short.run([np.eye(4)], [symmetric.truth[2]]) is None
+
+
+def test_a_replay_is_done_in_slices_and_not_at_once_again(symmetric):
+    truth = symmetric.truth[-1]
+    assert symmetric.run([np.eye(4)], [truth]) is not None
+    assert symmetric.answered > 5
+
+
+def test_covariances_are_finite_and_positive(uneven):
+    places = uneven.run([np.eye(4), HALF_TURN], [uneven.truth[-1]])
+    for place in places:
+        assert (np.linalg.eigvalsh(0.5 * (place.covariance + place.covariance.T)) > 0).all()
+
+
+def test_a_prior_is_never_more_than_a_hint():
+    far = se3.make(np.eye(3), np.array([10.0, 0, 0]))
+    density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]))
+    assert density[0] == 0
+    assert density[1] == -12
+
+
+def test_distances_are_continuous_at_half_turns():
+    poses = [se3.exp(np.array([0, 0, 0, 0, 0, angle])) for angle in (np.pi - 0.01, np.pi, np.pi + 0.01)]
+    for a, b in pairwise(poses):
+        assert pose_distance(a, b) < 2e-4
