@@ -64,7 +64,7 @@ class MinkLoc3D:
 
     def __call__(self, voxels: Voxels) -> np.ndarray:
         """Code (256,) float32, positive, not normalised, of one cloud's voxels."""
-        return self.pool(self.features(voxels)["pyramid"][1])
+        return self._pool(self.features(voxels)["pyramid"][1])
 
     def features(self, voxels: Voxels) -> dict[str, tuple[Voxels, np.ndarray]]:
         """Voxels and features (N, C) float32 after each part of the network: stem, down0, block0, ..., pyramid."""
@@ -92,11 +92,11 @@ class MinkLoc3D:
         out["pyramid"] = fine_voxels, pyramid
         return out
 
-    def pool(self, features: np.ndarray) -> np.ndarray:
-        """Generalised mean (C,) over the rows of features (N, C)."""
-        raised = np.maximum(features, _FLOOR)
-        np.power(raised, self._power, out=raised)
-        return raised.mean(axis=0) ** (1 / self._power)
+    def _pool(self, features: np.ndarray) -> np.ndarray:
+        """Generalised mean (C,) over the rows of features (N, C), which it overwrites (fresh memory is slow)."""
+        np.maximum(features, _FLOOR, out=features)
+        np.power(features, self._power, out=features)
+        return features.mean(axis=0) ** (1 / self._power)
 
     def _block(self, level: int, x: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
         """Residual block: two 3 x 3 x 3 convolutions and a shortcut."""
