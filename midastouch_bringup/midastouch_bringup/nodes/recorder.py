@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
+from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
@@ -48,7 +48,7 @@ _DEPTH = 1000
 _MIB = 2**20
 
 
-class Recorder(Node):
+class Recorder(PipelineNode):
     """Records `topics` into the bag named by the parameter `path`, which appears when the node is destroyed.
 
     Messages are stamped with the node's clock: with `use_sim_time` that is the time of a replay. What comes

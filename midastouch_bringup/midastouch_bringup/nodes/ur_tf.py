@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -17,6 +16,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
+from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
@@ -43,7 +43,7 @@ PARAMETERS = (
 _CLOCK_STEP_NS = 1_000_000_000
 
 
-class UrTf(Node):
+class UrTf(PipelineNode):
     """Publishes TF `base` -> `tool0`, static TF `base_link` -> `base`, and `joint_states`.
 
     `connect(robot_ip, rate)` opens a receiver or raises ConnectionError. A thread of its own reads it, so

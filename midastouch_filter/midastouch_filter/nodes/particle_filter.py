@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from std_srvs.srv import Empty
 
 from midastouch_msgs.msg import TactileCode
@@ -15,6 +14,7 @@ from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import diagnostics, qos, spin
 from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 
 from ..filter import Measurement
@@ -32,7 +32,7 @@ from .transform_source import TransformSource
 _JUMP_NS = 500_000_000
 
 
-class ParticleFilterNode(Node):
+class ParticleFilterNode(PipelineNode):
     """Every code is answered by one FilterStatus of its stamp, unless time runs back while it waits.
 
     A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh

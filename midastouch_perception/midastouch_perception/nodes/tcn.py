@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
@@ -16,6 +15,7 @@ from ..errors import InputError
 from ..pointcloud import penetration_from_cloud
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import float32_to_msg, points_from_msg
+from ..ros.node import PipelineNode
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
@@ -29,7 +29,7 @@ PARAMETERS = (
 )
 
 
-class TcnNode(Node):
+class TcnNode(PipelineNode):
     """Every valid cloud yields one TactileCode of the same stamp and frame; an empty cloud one without code.
 
     `tcn` replaces the network that the parameters name. When all stages run in one process, `on_depth` takes

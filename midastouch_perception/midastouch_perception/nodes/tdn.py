@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.task import Future
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
@@ -21,6 +20,7 @@ from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
+from ..ros.node import PipelineNode
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
@@ -62,7 +62,7 @@ PARAMETERS = (
 )
 
 
-class TdnNode(Node):
+class TdnNode(PipelineNode):
     """Every valid image yields one cloud (empty without contact) and one TactileContact of the same stamp.
 
     `depth` replaces the network that the parameters name. When the next stage runs in the same process,

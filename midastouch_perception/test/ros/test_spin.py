@@ -10,14 +10,16 @@ pytestmark = pytest.mark.dds
 
 PROGRAM = """
 import sys
-from rclpy.node import Node
+from std_msgs.msg import String
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros import spin
+from midastouch_perception.ros import qos, spin
+from midastouch_perception.ros.node import PipelineNode
 
 def nodes():
     if "fail" in sys.argv:
         raise InputError("mesh.ply: no such file; check the path")
-    node = Node("spinner")
+    node = PipelineNode("spinner")
+    node.create_publisher(String, "talk", qos.COMMAND)
     node.create_timer(0.01, lambda: print("spinning", flush=True))
     return [node]
 
@@ -44,3 +46,12 @@ def test_bad_input_is_one_line_and_exit_code_2():
     done = subprocess.run([sys.executable, "-c", PROGRAM, "fail"], capture_output=True, text=True, timeout=30)
     assert done.returncode == 2
     assert done.stderr.strip() == "mesh.ply: no such file; check the path"
+
+
+def test_an_override_of_a_topic_that_is_not_there_fails_at_start():
+    misspelt = "qos_overrides./talkk.publisher.depth:=3"
+    command = [sys.executable, "-c", PROGRAM, "--ros-args", "-p", misspelt]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 2
+    assert "no parameter 'qos_overrides./talkk.publisher.depth'" in done.stderr
+    assert "qos_overrides./talk.publisher.depth" in done.stderr

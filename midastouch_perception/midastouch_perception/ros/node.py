@@ -1,0 +1,48 @@
+"""The base of this project's nodes."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+
+from ..errors import InputError
+
+_OWN_OF_RCLPY = ("/parameter_events", "/clock")
+
+
+class PipelineNode(Node):
+    """A node whose QoS can be overridden by parameters, `qos_overrides.TOPIC.publisher.reliability` and the like.
+
+    TOPIC is the full name; policies are history, depth and reliability. Raises InputError on values that these do not
+    have.
+    """
+
+    def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile, **options) -> Publisher:
+        """As rclpy's."""
+        return self._overridable(super().create_publisher, msg_type, topic, (), qos_profile, options)
+
+    def create_subscription(
+        self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile, **options
+    ) -> Subscription:
+        """As rclpy's."""
+        return self._overridable(super().create_subscription, msg_type, topic, (callback,), qos_profile, options)
+
+    def _overridable(
+        self, create, msg_type: type, topic: str, arguments: tuple, qos_profile: QoSProfile, options: dict
+    ):
+        if topic not in _OWN_OF_RCLPY:
+            options.setdefault("qos_overriding_options", QoSOverridingOptions.with_default_policies())
+        try:
+            # a copy: rclpy writes the overrides into the profile, which other topics share
+            return create(msg_type, topic, *arguments, copy.copy(qos_profile), **options)
+        except (ParameterException, RuntimeError) as error:
+            if isinstance(error, ParameterException) or "QoS override" in str(error):
+                raise InputError(f"{self.get_name()}: qos_overrides of {topic}: {error}") from error
+            raise
