@@ -102,7 +102,7 @@ class TrainingRun:
             self.step = state["step"]
             with (folder / "log.csv").open(newline="") as stream:
                 self.rows = [
-                    {k: int(v) if k == "step" else float(v) for k, v in row.items()} for row in csv.DictReader(stream)
+                    {k: int(float(v)) if k == "step" else float(v) for k, v in row.items()} for row in csv.DictReader(stream)
                 ]
             self.minutes_before = self.rows[-1]["minutes"]
         except (OSError, KeyError, RuntimeError, ValueError, IndexError) as error:
