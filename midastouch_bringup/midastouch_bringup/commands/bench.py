@@ -85,19 +85,25 @@ def _table(result: dict) -> str:
     for key, label in (
         ("tdn_ms", "TDN"),
         ("tcn_ms", "TCN"),
+        ("fit_check_ms", "fit check, every fifth frame"),
         ("fcrn_ms", "the paper's TDN (FCRN)"),
         ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
         ("end_to_end_ms", "image to estimate, 50,000 particles"),
     ):
         if key in result:
             rows.append([label, *_cells(result[key])])
-    for key, label in (("filter_ms", "filter step"), ("lookup_ms", "look-up")):
+    for key, label in (
+        ("filter_ms", "filter step"),
+        ("lookup_ms", "look-up, spread"),
+        ("lookup_converged_ms", "look-up, converged"),
+    ):
         rows += [[f"{label}, {int(n):,} particles", *_cells(stage)] for n, stage in result[key].items()]
     if "converged_ms" in result:
         rows.append(["image to estimate, converged", *_cells(result["converged_ms"])])
     rates = [
         f"{number(result['end_to_end_hz'])} Hz with 50,000 particles",
         f"{number(result.get('converged_hz'))} Hz once converged",
+        *(f"{100 * share:.2f} % exact look-ups ({name})" for name, share in result["lookup_exact_share"].items()),
         f"{number(result['renders_per_s'], 0)} renders/s",
         f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
         f"{number(result['peak_rss_mb'], 0)} MiB at most",

@@ -8,24 +8,23 @@ import numpy as np
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.lookup import PoseLookup
-from midastouch_filter.particles import Particles
-from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook, build_codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tdn.fit_check import FitCheck
 
 from ..datasets import Sequence
+from .lookup_speed import lookup_speed
 from .paper_networks import paper_network_times
 from .setup import Networks, sequence_background
 from .timing import Stopwatch, summarise, time_calls
 from .trial import measure
 
 COUNTS = (50_000, 10_000, 1_000)
-_STEP = 1.5e-3  # m, one frame of a slide
-_REPEATS = 40
+_LOOKUP_FRAMES = 5  # a filter's first steps: particles have drifted off the entries but not gathered yet
+_GATHERED = (3e-3, np.radians(6))  # m, rad
 _BOOK_POSES = 500
 _PAPER_IMAGES = 20
 
@@ -40,16 +39,20 @@ class Benchmark:
         self._background = sequence_background(sequence)[0]
 
     def networks(self) -> dict:
-        """tdn_ms, tcn_ms: one image, one penetration map."""
-        tdn, tcn = Stopwatch(), Stopwatch()
+        """tdn_ms, tcn_ms: one image, one penetration map; fit_check_ms: one frame looked at, every fifth is."""
+        tdn, tcn, fit = Stopwatch(), Stopwatch(), Stopwatch()
+        check = FitCheck(every=1)
         for image in self._images:
             with tdn:
                 penetration = self._networks.tdn.predict(image, self._background)
             with tcn:
                 self._networks.tcn.encode(penetration)
-        tdn.drop(2)
-        tcn.drop(2)
-        return {"tdn_ms": tdn.summary(), "tcn_ms": tcn.summary()}
+            difference = self._networks.tdn.difference(image, self._background)
+            with fit:
+                check.observe(difference, penetration)
+        for stopwatch in (tdn, tcn, fit):
+            stopwatch.drop(2)
+        return {"tdn_ms": tdn.summary(), "tcn_ms": tcn.summary(), "fit_check_ms": fit.summary()}
 
     def paper_networks(self) -> dict:
         """fcrn_ms, minkloc3d_ms: as tdn_ms and tcn_ms, of the paper's networks, on a few of the images."""
@@ -59,12 +62,12 @@ class Benchmark:
 
     def filter(self) -> dict:
         """filter_ms: one step with so many particles, kept at that number, along the slide."""
-        touches = self._measurements()
+        touches = self._measurements(self._images)
         return {"filter_ms": {str(count): self._steps(count, touches).summary() for count in COUNTS}}
 
-    def _measurements(self) -> list[Measurement]:
+    def _measurements(self, images: list[np.ndarray]) -> list[Measurement]:
         pipeline = self._networks.pipeline()
-        return [measure(pipeline.process(image, self._background)) for image in self._images]
+        return [measure(pipeline.process(image, self._background)) for image in images]
 
     def _steps(self, count: int, touches: list[Measurement]) -> Stopwatch:
         particle_filter = self._filter(count)
@@ -76,19 +79,22 @@ class Benchmark:
         return stopwatch
 
     def lookup(self) -> dict:
-        """lookup_ms: nearest codebook entries of particles that moved by one frame since the last look-up,
-        spread over the object."""
-        poses = self._filter(COUNTS[0]).poses
-        lookup = PoseLookup(self._codebook.poses, Workers())
-        particles = Particles.from_poses(poses, lookup.exact(poses))
-        moved = Particles.from_poses(poses @ se3.exp(np.array([_STEP, 0, 0, 0, 0, 0.02])), particles.entries)
-        stopwatch = Stopwatch()
-        for _ in range(_REPEATS):
-            moved.entries = particles.entries.copy()
-            with stopwatch:
-                lookup.follow(moved)
-        stopwatch.drop(2)
-        return {"lookup_ms": {str(COUNTS[0]): stopwatch.summary()}}
+        """lookup_ms: nearest codebook entries of particles one frame after the last look-up, spread over the object;
+        lookup_converged_ms: gathered around the true pose; lookup_exact_share: of particles given the nearest entry."""
+        touches = self._measurements(self._images[:_LOOKUP_FRAMES])
+        gathered = self._filter(COUNTS[0])
+        gathered.initialise_gaussian(self._truth[0], *_GATHERED)
+        speeds = {}
+        for name, particle_filter in {"spread": self._filter(COUNTS[0]), "converged": gathered}.items():
+            for i, touch in enumerate(touches):
+                particle_filter.step(self._odometry(i), touch)
+            odometry = self._odometry(len(touches))
+            speeds[name] = lookup_speed(particle_filter, self._codebook.poses, odometry, np.random.default_rng(0))
+        return {
+            "lookup_ms": {str(COUNTS[0]): speeds["spread"].times.summary()},
+            "lookup_converged_ms": {str(COUNTS[0]): speeds["converged"].times.summary()},
+            "lookup_exact_share": {name: speed.exact_share for name, speed in speeds.items()},
+        }
 
     def end_to_end(self) -> dict:
         """end_to_end_ms and _hz: image in, estimate out, particle number kept at 50k; the `converged` ones
@@ -115,7 +121,7 @@ class Benchmark:
 
     def simulator(self) -> dict:
         """renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses;
-        codebook_poses_per_s."""
+        codebook_poses_per_s; mesh_faces of the object both are on."""
         rng = np.random.default_rng(0)
         poses = sample_contact_poses(self._mesh, 50, rng, self._networks.sensor)
         renderer = PenetrationRenderer(self._mesh, self._networks.sensor)
@@ -124,6 +130,7 @@ class Benchmark:
         with building:
             build_codebook(self._mesh, self._networks.tcn, self._networks.sensor, _BOOK_POSES)
         return {
+            "mesh_faces": len(self._mesh.faces),
             "renders_per_s": 1e3 * len(poses) / np.mean(renders.wall_ms),
             "codebook_poses_per_s": 1e3 * _BOOK_POSES / building.wall_ms[0],
         }
