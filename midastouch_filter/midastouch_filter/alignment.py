@@ -16,7 +16,9 @@ import numpy as np
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.renderer import PenetrationRenderer, draw_share
+
+from . import tangent
 
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
 # m, residual at which a pixel's weight has halved (Geman and McClure 1987), iteration by iteration: wide first, so that
@@ -50,42 +52,23 @@ class ReliefAlignment:
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: float, correlation: float):
         self.sensor = sensor
-        self._renderer = PenetrationRenderer(mesh, sensor, _MARGIN)
-        self._tangents = sensor.rays
+        self._scene = PenetrationRenderer(mesh, sensor, _MARGIN).scene
+        self._tangents = tuple(np.ascontiguousarray(t) for t in sensor.rays)
         self._gel_depth = sensor.gel_depth
         self._information = sensor.pixel_area / correlation**2 / noise**2
 
     def align(self, pose: np.ndarray, covariance: np.ndarray, relief: np.ndarray) -> Aligned:
         """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a relief (H, W) m."""
         prior = np.linalg.inv(covariance)
-        state = pose
-        settled = np.inf
-        for outlier in _OUTLIER:
-            if outlier == settled:
-                continue
-            offset = se3.log(se3.inverse(pose) @ state)
-            hessian, gradient, *_ = self._normal_equations(state, relief, outlier)
-            posterior = prior + hessian
-            step = np.linalg.solve(posterior, gradient - prior @ offset)
-            state = state @ se3.exp(step)
-            if np.abs(step[:3]).max() < _SMALL_STEP[0] and np.abs(step[3:]).max() < _SMALL_STEP[1]:
-                settled = outlier
-        offset = se3.log(se3.inverse(pose) @ state)
-        hessian, _, cost, fit = self._normal_equations(state, relief, _OUTLIER[-1])
+        state, offset, hessian, cost, fit = _descend(
+            np.ascontiguousarray(pose, float), prior, relief, self._information, _OUTLIER, self._scene,
+            self._tangents, self._gel_depth, self.sensor.gel_distance,
+        )  # fmt: skip
         posterior = prior + hessian
         log_evidence = -0.5 * (
             cost + offset @ prior @ offset + np.linalg.slogdet(posterior)[1] - np.linalg.slogdet(prior)[1]
         )
         return Aligned(state, np.linalg.inv(posterior), float(log_evidence), fit)
-
-    def _normal_equations(
-        self, pose: np.ndarray, relief: np.ndarray, outlier: float
-    ) -> tuple[np.ndarray, np.ndarray, float, float]:
-        rendered = self._renderer.render(pose[None])[0]
-        hessian, gradient, cost, fit = _accumulate(
-            rendered, relief, *self._tangents, self._gel_depth, self.sensor.gel_distance, _MARGIN, outlier
-        )
-        return self._information * hessian, self._information * gradient, self._information * cost, fit
 
 
 def without_jitter(
@@ -104,8 +87,42 @@ def without_jitter(
 
 
 @numba.njit(cache=True, nogil=True)
+def _descend(pose, prior, relief, information, widths, scene, tangents, gel_depth, distance):
+    """Gauss-Newton from `pose`; the last state, its offset (6,) from `pose`, and the normal equations there."""
+    state, offset = pose.copy(), np.zeros(6)
+    settled = np.inf
+    poses = np.empty((1, 4, 4))
+    rendered = np.empty((1, *relief.shape), np.float32)
+    faces = np.empty((1, 0, 0), np.int32)
+    for k in range(len(widths) + 1):
+        last = k == len(widths)
+        outlier = widths[-1] if last else widths[k]
+        if outlier == settled and not last:
+            continue
+        poses[0] = state
+        rendered[:] = 0
+        draw_share(0, 1, poses, *scene, False, rendered, faces)
+        hessian, gradient, cost, fit = _accumulate(
+            rendered[0], relief, tangents[0], tangents[1], gel_depth, distance, _MARGIN, outlier
+        )
+        hessian *= information
+        gradient *= information
+        if last:
+            break
+        step = np.linalg.solve(prior + hessian, gradient - prior @ offset)
+        state = state @ tangent.exp(step)
+        offset = tangent.log(tangent.inverse(pose) @ state)
+        if np.abs(step[:3]).max() < _SMALL_STEP[0] and np.abs(step[3:]).max() < _SMALL_STEP[1]:
+            settled = outlier
+    return state, offset, hessian, information * cost, fit
+
+
+@numba.njit(cache=True, nogil=True)
 def _accumulate(rendered, relief, tangent_x, tangent_y, gel_depth, distance, margin, outlier):
-    """Robust normal equations of relief - rendered in the pose's tangent space [rho, omega], cost and fit."""
+    """Robust normal equations of relief - rendered in the pose's tangent space [rho, omega], cost and fit.
+
+    `rendered` counts from `margin` below the gel.
+    """
     height, width = rendered.shape
     hessian, gradient, cost = np.zeros((6, 6)), np.zeros(6), 0.0
     explained, touched = 0.0, 0
@@ -113,7 +130,7 @@ def _accumulate(rendered, relief, tangent_x, tangent_y, gel_depth, distance, mar
     nothing = -0.999 * margin
     for v in range(1, height - 1):
         for u in range(1, width - 1):
-            here, felt = rendered[v, u], relief[v, u]
+            here, felt = rendered[v, u] - margin, relief[v, u]
             if felt <= 0.0 and here <= 0.0:
                 continue  # nothing felt, nothing expected
             residual = felt - here
@@ -121,8 +138,8 @@ def _accumulate(rendered, relief, tangent_x, tangent_y, gel_depth, distance, mar
             cost += weight * residual * residual
             explained += weight
             touched += 1
-            left, right = rendered[v, u - 1], rendered[v, u + 1]
-            above, below = rendered[v - 1, u], rendered[v + 1, u]
+            left, right = rendered[v, u - 1] - margin, rendered[v, u + 1] - margin
+            above, below = rendered[v - 1, u] - margin, rendered[v + 1, u] - margin
             if min(here, left, right, above, below) <= nothing:
                 continue  # no surface to take a slope from
             d = gel_depth[v, u] - here

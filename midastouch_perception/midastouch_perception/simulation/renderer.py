@@ -33,6 +33,15 @@ class PenetrationRenderer:
         self._grid = TriangleGrid(mesh.vertices[mesh.faces], cell)
         self._gel_depth = np.ascontiguousarray(sensor.gel_depth + margin, np.float32)
 
+    @property
+    def scene(self) -> tuple:
+        """Object and sensor as `draw_share` takes them."""
+        grid, sensor = self._grid, self.sensor
+        return (
+            grid.corners, grid.origin, grid.cell, grid.shape, grid.start, grid.items,
+            self._gel_depth, sensor.focal, sensor.gel_distance, self.margin,
+        )  # fmt: skip
+
     def render(self, poses: np.ndarray) -> np.ndarray:
         """Penetration maps (N, H, W) float32 [m] at gel poses `T_obj_gel` (N, 4, 4).
 
@@ -73,15 +82,11 @@ class PenetrationRenderer:
         poses = np.ascontiguousarray(poses, float)
         if poses.ndim != 3 or poses.shape[1:] != (4, 4):
             raise ValueError(f"poses must be (N, 4, 4), got {poses.shape}")
-        sensor, grid = self.sensor, self._grid
-        penetration = np.zeros((len(poses), sensor.height, sensor.width), np.float32)
+        penetration = np.zeros((len(poses), self.sensor.height, self.sensor.width), np.float32)
         faces = np.full(penetration.shape if with_faces else (len(poses), 0, 0), -1, np.int32)
-        arguments = (
-            poses, grid.corners, grid.origin, grid.cell, grid.shape, grid.start, grid.items,
-            self._gel_depth, sensor.focal, sensor.gel_distance, self.margin, with_faces, penetration, faces,
-        )  # fmt: skip
+        arguments = (poses, *self.scene, with_faces, penetration, faces)
         if len(poses) < _WORTH_THREADS:
-            _rasterise_share(0, 1, *arguments)
+            draw_share(0, 1, *arguments)
         else:
             _rasterise(numba.get_num_threads(), *arguments)
         return penetration, faces
@@ -93,18 +98,21 @@ def _rasterise(
     penetration, faces,
 ):  # fmt: skip
     for thread in numba.prange(n_threads):
-        _rasterise_share(
+        draw_share(
             thread, n_threads, poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, margin,
             with_faces, penetration, faces,
         )  # fmt: skip
 
 
 @numba.njit(cache=True, nogil=True)
-def _rasterise_share(
+def draw_share(
     first, step, poses, corners, origin, cell, shape, start, items, gel_depth, focal, distance, margin, with_faces,
     penetration, faces,
 ):  # fmt: skip
-    """Render every `step`-th pose from `first` on."""
+    """Render every `step`-th pose from `first` on into `penetration` (N, H, W) float32, which holds zeros, plus margin.
+
+    For kernels of others: `PenetrationRenderer.scene` holds the arguments between `poses` and `with_faces`.
+    """
     height, width = gel_depth.shape
     # the view frustum down to `margin` below the gel, as a box in the gel frame
     deepest = distance + margin
