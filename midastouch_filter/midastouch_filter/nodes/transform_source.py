@@ -68,6 +68,8 @@ class Tf2Buffer:
 
     def lookup(self, target: str, source: str, stamp: int | None) -> np.ndarray:
         """T_target_source (4, 4) at a stamp [ns], or the newest one for None; errors as `TransformBuffer`."""
+        if stamp is not None and stamp <= 0:
+            raise PastExtrapolationError(f"stamp {stamp / _SECOND:g} s: not after the epoch; 0 means the newest to tf2")
         time = Time(nanoseconds=stamp or 0)
         try:
             return transform_from_msg(self._buffer.lookup_transform_core(target, source, time).transform)
@@ -78,7 +80,8 @@ class Tf2Buffer:
         except self._tf2.ExtrapolationException as error:
             # tf2 has one exception for both directions
             newest = self._buffer.get_latest_common_time(target, source).nanoseconds
-            kind = FutureExtrapolationError if stamp > newest else PastExtrapolationError
+            future = stamp is not None and stamp > newest
+            kind = FutureExtrapolationError if future else PastExtrapolationError
             raise kind(str(error)) from error
 
     def clear(self) -> None:

@@ -107,6 +107,28 @@ def test_both_buffers_see_time_run_backwards(buffer):
     assert buffer.insert(stamped(2 * SECOND, 0.2)) is Insertion.ADDED
 
 
+def test_tf2_never_takes_a_stamp_for_the_newest_one(monkeypatch):
+    """To tf2, 0 means the newest transform, and a negative time is an error of its own."""
+    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    buffer = Tf2Buffer()
+    buffer.insert(stamped(SECOND, 0.1))
+    for stamp in (0, -SECOND):
+        with pytest.raises(PastExtrapolationError, match="epoch"):
+            buffer.lookup("base_link", "digit_gel_frame", stamp)
+
+
+def test_tf2_without_a_common_time_has_no_newest_transform(monkeypatch):
+    def fail(*_):
+        raise FakeTf2.ExtrapolationException("the histories do not overlap")
+
+    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    buffer = Tf2Buffer()
+    buffer.insert(stamped(SECOND, 0.1))
+    monkeypatch.setattr(FakeTf2.Buffer, "lookup_transform_core", fail)
+    with pytest.raises(PastExtrapolationError, match="overlap"):
+        buffer.lookup("base_link", "digit_gel_frame", None)
+
+
 def test_tf2_is_used_where_it_is_installed(monkeypatch):
     node = types.SimpleNamespace(create_subscription=lambda *_: None)
     monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)

@@ -20,6 +20,7 @@ from std_msgs.msg import Header
 from .. import se3
 from ..errors import InputError
 
+_LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's points are larger
 # encoding -> element type, channels
 _ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
 
@@ -30,8 +31,9 @@ def stamp_ns(stamp: Time) -> int:
 
 
 def stamp_from_ns(nanoseconds: int) -> Time:
-    """Nanoseconds as a message's time stamp."""
-    return Time(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+    """Nanoseconds as a message's time stamp; the nearest one that a message can hold (up to the year 2038)."""
+    sec = min(max(nanoseconds // 1_000_000_000, -(2**31)), 2**31 - 1)
+    return Time(sec=sec, nanosec=nanoseconds % 1_000_000_000)
 
 
 def image_from_msg(msg: Image) -> np.ndarray:
@@ -85,7 +87,7 @@ def image_to_msg(pixels: np.ndarray, encoding: str, header: Header) -> Image:
 
 def points_from_msg(msg: PointCloud2, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:
     """Points (K, 3), or what else `names` asks for (K, F), of a cloud's float32 fields; others are passed over."""
-    if msg.point_step == 0 or msg.row_step < msg.width * msg.point_step:
+    if not 0 < msg.point_step <= _LARGEST_POINT or msg.row_step < msg.width * msg.point_step:
         raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
     if len(msg.data) != msg.row_step * msg.height:
         raise InputError(f"cloud says {msg.height} rows of {msg.row_step} bytes but holds {len(msg.data)} bytes")

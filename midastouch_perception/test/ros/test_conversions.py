@@ -4,6 +4,7 @@ import array
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
@@ -106,6 +107,7 @@ def _cloud(**changes) -> PointCloud2:
         (_cloud(width=5), "row_step"),
         (_cloud(data=array.array("B", bytes(40))), "holds 40 bytes"),
         (_cloud(point_step=0), "point_step 0"),
+        (_cloud(width=0, row_step=0, point_step=2**32 - 1, data=array.array("B")), "point_step 4294967295"),
         (c.points_to_msg(np.full((1, 3), np.nan), HEADER), "non-finite"),
         (PointCloud2(), "point_step 0"),
     ],
@@ -142,6 +144,13 @@ def test_covariance_must_be_finite_without_negative_variance():
 def test_stamps_round_trip_to_the_nanosecond():
     for nanoseconds in (0, 1, 1_700_000_000_123_456_789):
         assert c.stamp_ns(c.stamp_from_ns(nanoseconds)) == nanoseconds
+
+
+def test_stamps_beyond_what_a_message_holds_are_the_nearest_it_does():
+    """A message may say more nanoseconds than a second has, and so lie beyond its own range."""
+    latest = c.stamp_ns(Time(sec=2**31 - 1, nanosec=2**32 - 1))
+    assert c.stamp_from_ns(latest).sec == 2**31 - 1
+    assert c.stamp_from_ns(-(10**30)).sec == -(2**31)
 
 
 def test_empty_image_message_is_refused():
