@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.slide_simulation import no_contact_image
 from midastouch_perception import se3
-from midastouch_perception.codebook import build_codebook
+from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns, transform_to_msg
