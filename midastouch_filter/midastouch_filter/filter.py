@@ -92,7 +92,7 @@ class ParticleFilter:
 
     def _make_refinement(self, mesh: ObjectMesh, codebook: Codebook) -> Refinement | None:
         sensor = codebook.meta.get("sensor")
-        return Refinement(mesh, SensorModel.load(sensor), self.config) if sensor else None
+        return Refinement(mesh, SensorModel.load(sensor), self.config, self._workers) if sensor else None
 
     def reset(self, seed: int) -> None:
         """Forget everything but object and settings: the filter is then as if made anew with this seed."""

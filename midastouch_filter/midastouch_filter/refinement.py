@@ -20,6 +20,7 @@ from .alignment import Aligned, ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
 from .particles import Particles
+from .workers import Workers
 
 RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
 _FLOOR = np.repeat([2e-4, np.radians(0.3)], 3) ** 2  # m^2, rad^2: no mode is surer than this before it is aligned
@@ -35,8 +36,8 @@ def reduced_relief(penetration: np.ndarray) -> np.ndarray:
 class Refinement:
     """Moves the particles of narrow modes to where the relief puts them."""
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig):
-        self._config = config
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig, workers: Workers):
+        self._config, self._workers = config, workers
         self.alignment = ReliefAlignment(
             mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
         )
@@ -57,13 +58,15 @@ class Refinement:
         """
         c = self._config
         narrow = [k for k, mode in enumerate(modes[: c.refined_modes]) if self.is_narrow(mode)]
-        aligned: dict[int, Aligned] = {}
-        for k in narrow:
-            prior = _in_own_frame(modes[k]) + np.diag(_FLOOR)
-            aligned[k] = posterior = self.alignment.align(modes[k].pose, prior + self.jitter, relief)
+        priors = {k: _in_own_frame(modes[k]) + np.diag(_FLOOR) for k in narrow}
+        posteriors = self._workers.map(
+            lambda k: self.alignment.align(modes[k].pose, priors[k] + self.jitter, relief), narrow
+        )
+        aligned = dict(zip(narrow, posteriors, strict=True))
+        for k, posterior in aligned.items():
             if posterior.fit > c.relief_fit:
-                mean, covariance = without_jitter(modes[k].pose, prior, self.jitter, posterior)
-                _move(particles, np.flatnonzero(members == k), modes[k].pose, prior, mean, covariance)
+                mean, covariance = without_jitter(modes[k].pose, priors[k], self.jitter, posterior)
+                _move(particles, np.flatnonzero(members == k), modes[k].pose, priors[k], mean, covariance)
         if len(aligned) > 1:
             self._weigh(particles, members, aligned, share)
         return aligned

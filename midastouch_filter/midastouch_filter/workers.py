@@ -10,6 +10,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+T, R = TypeVar("T"), TypeVar("R")
 
 CHUNKS = 8
 """Number of ranges a parallel loop is cut into. Fixed, so that sums do not depend on the number of threads."""
@@ -43,3 +46,10 @@ class Workers:
         share(0)
         for future in pending:
             future.result()
+
+    def map(self, function: Callable[[T], R], items: list[T]) -> list[R]:
+        """`function` of each item, in their order. Worth it from about 100 us an item that holds no lock."""
+        if not self._pool or len(items) < 2:
+            return [function(item) for item in items]
+        pending = [self._pool.submit(function, item) for item in items[1:]]
+        return [function(items[0]), *(future.result() for future in pending)]

@@ -5,6 +5,7 @@ from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Mode
 from midastouch_filter.particles import Particles
 from midastouch_filter.refinement import Refinement, reduced_relief, sharpened
+from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
@@ -35,7 +36,7 @@ def touch(tool, sensor):
 
 @pytest.fixture
 def refinement(tool, sensor):
-    return Refinement(tool, sensor, FilterConfig())
+    return Refinement(tool, sensor, FilterConfig(), Workers(2))
 
 
 def cloud(pose, n, rng, sigma=SIGMA):

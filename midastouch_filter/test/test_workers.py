@@ -1,0 +1,35 @@
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from midastouch_filter.workers import CHUNKS, Workers
+
+
+@given(st.integers(0, 40_000), st.integers(1, 4))
+def test_ranges_cover_everything_once_however_many_threads(n, threads):
+    seen: list[tuple[int, int]] = []
+    Workers(threads).run(n, lambda low, high, chunk: seen.append((low, high)))
+    seen.sort()
+    assert seen[0][0] == 0
+    assert seen[-1][1] == n
+    assert all(a[1] == b[0] for a, b in zip(seen, seen[1:], strict=False))
+    assert len(seen) in (1, CHUNKS)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_map_keeps_the_order(threads):
+    assert Workers(threads).map(lambda x: x * x, [3, 1, 2]) == [9, 1, 4]
+    assert Workers(threads).map(str, []) == []
+
+
+def test_map_works_side_by_side():
+    both = threading.Barrier(2, timeout=10)
+    assert sorted(Workers(2).map(lambda _: both.wait(), [0, 1])) == [0, 1]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_error_comes_out(threads):
+    with pytest.raises(ZeroDivisionError):
+        Workers(threads).map(lambda x: 1 / x, [1, 0])
