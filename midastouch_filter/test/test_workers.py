@@ -1,4 +1,5 @@
 import threading
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,7 @@ def test_ranges_cover_everything_once_however_many_threads(n, threads):
     seen.sort()
     assert seen[0][0] == 0
     assert seen[-1][1] == n
-    assert all(a[1] == b[0] for a, b in zip(seen, seen[1:], strict=False))
+    assert all(a[1] == b[0] for a, b in pairwise(seen))
     assert len(seen) in (1, CHUNKS)
 
 
