@@ -46,7 +46,7 @@ class Refinement:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the reliefs."""
-        return self._alignment.sensor.gel_depth.shape
+        return self.alignment.sensor.gel_depth.shape
 
     def apply(
         self, particles: Particles, members: np.ndarray, modes: list[Mode], relief: np.ndarray, share: float
