@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from contextlib import ExitStack
     from pathlib import Path
 
-    from ..evaluation.accuracy import accuracy_text, compare_variants, summarise_accuracy
+    from ..evaluation.accuracy import accuracy_text, compact_trials, compare_variants, summarise_accuracy
     from ..evaluation.calibration import LEVELS
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
     from ..evaluation.machine import machine_info
@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),
         "comparison": compare_variants(trials),
-        "trials": [{key: value for key, value in trial.items() if key != "coverage"} for trial in trials],
+        "trials": compact_trials(trials),
     }
     if args.json:
         write_compact_json(args.json, result)

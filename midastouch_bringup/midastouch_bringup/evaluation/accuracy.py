@@ -11,21 +11,46 @@ from .trial import STAGES
 from .variants import DEFAULT
 
 _NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
+_IN_FULL = (DEFAULT, "paper")
+_SUMMARISED = ("coverage", "filter_stages_ms", "initial", "protocol")
 _IDENTITY = ("object", "slide", "init", "seed")
 
 
 def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
-    """Summary by variant and init, each over all trials and per object."""
+    """Summary by variant and init, each over all trials; of the default and the paper's filter per object too."""
     groups: dict[str, dict[str, list[dict]]] = {}
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
     return {
-        variant: {
-            init: summarise_trials(some) | {"coverage": coverage(some), "recovery": recovery(some)}
-            for init, some in by_init.items()
-        }
+        variant: {init: _summary(some, variant in _IN_FULL) for init, some in by_init.items()}
         for variant, by_init in groups.items()
     }
+
+
+def _summary(trials: list[dict], in_full: bool) -> dict:
+    out = summarise_trials(trials) | {
+        "coverage": coverage(trials),
+        "recovery": recovery(trials),
+        "filter_stages_ms": stage_means(trials),
+    }
+    if not in_full:
+        del out["objects"]
+    return out
+
+
+def stage_means(trials: list[dict]) -> dict[str, float]:
+    """Mean milliseconds per frame of each stage of the filter."""
+    names = dict.fromkeys(name for t in trials for name in t["filter_stages_ms"])
+    return {name: float(np.mean([t["filter_stages_ms"].get(name, 0.0) for t in trials])) for name in names}
+
+
+def compact_trials(trials: list[dict]) -> list[dict]:
+    """Trials for a result file: without what the summaries hold as well."""
+    return [
+        {key: value for key, value in trial.items() if key not in _SUMMARISED}
+        | {"final": {k: v for k, v in trial["final"].items() if not k.startswith("closest_mode")}}
+        for trial in trials
+    ]
 
 
 def recovery(trials: list[dict]) -> dict | None:
@@ -116,14 +141,15 @@ def object_table(summary: dict, objects: list[dict]) -> tuple[list[str], list[li
     """Header and rows, one per object and one for all, of one variant and init."""
     symmetry = {one["object"]: one["symmetry"] for one in objects}
     header = ["object", "symmetry", "trials", "particles mm", "deg", "modulo symmetry mm", "deg", "closest mode mm"]
-    header += ["deg", "pose mm", "p90", "modulo symmetry", "right", "converged", "Hz"]
+    header += ["deg", "pose mm", "p90", "modulo symmetry", "right", "modulo symmetry", "converged", "Hz"]
     rows = []
     for name, one in [*summary["objects"].items(), ("all", summary)]:
         cells: list[object] = [name, symmetry.get(name, ""), one["trials"]]
         cells += _pair(one, "e", "mean") + _pair(one, "symmetric_e", "mean") + _pair(one, "min_cluster", "median")
         cells += [number(one["estimate_trans_mm"].get(statistic)) for statistic in ("median", "p90")]
         cells += _pair(one, "symmetric_estimate", "median")[:1]
-        cells += [share(one["right"], one["trials"]), share(one["converged"], one["trials"]), number(one["hz_mean"])]
+        cells += [share(one[key], one["trials"]) for key in ("right", "right_symmetric", "converged")]
+        cells.append(number(one["hz_mean"]))
         rows.append(cells)
     return header, rows
 

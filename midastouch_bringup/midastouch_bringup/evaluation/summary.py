@@ -28,10 +28,9 @@ def final_errors(trials: list[dict], key: str) -> np.ndarray:
     return np.array([t["final"].get(key, t["final"][plain]) for t in trials], float)
 
 
-def is_right(trial: dict) -> bool:
-    """Whether the trial ended with a pose within 10 mm and said so."""
-    error = trial["final"]["estimate_trans_mm"]
-    return trial["final"]["state"] == CONVERGED and error is not None and error <= 1e3 * RIGHT
+def is_right(trial: dict, key: str = "estimate_trans_mm") -> bool:
+    """Whether the trial ended with a pose within 10 mm, by the error named, and said so."""
+    return trial["final"]["state"] == CONVERGED and bool(final_errors([trial], key)[0] <= 1e3 * RIGHT)
 
 
 def _summarise(trials: list[dict]) -> dict:
@@ -53,6 +52,7 @@ def _summarise(trials: list[dict]) -> dict:
     out["states"] = dict(Counter(t["final"]["state"] for t in trials))
     out["converged"] = out["states"].get(CONVERGED, 0)
     out["right"] = sum(map(is_right, trials))
+    out["right_symmetric"] = sum(is_right(trial, "symmetric_estimate_trans_mm") for trial in trials)
     out["hz_mean"] = np.mean([t["hz_mean"] for t in trials])
     out["hz_p05"] = min(t["hz_p05"] for t in trials)
     out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}

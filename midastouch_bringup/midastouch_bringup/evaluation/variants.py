@@ -44,6 +44,7 @@ VARIANTS = {
     "paper": Variant("the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", paper=True),
     "paper_5k": Variant("the same, started with 5,000 particles", {"n_start": 5_000}, paper=True),
     "no_refinement": Variant("no alignment to the felt relief", {"refinement": False}),
+    "no_hindsight": Variant("last touches are not replayed at rival places", {"hindsight": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", {"recovery": False}),
     "no_kld": Variant("always 50,000 particles", {"kld_sampling": False}),
     "no_surface": Variant(

@@ -5,6 +5,7 @@ import pytest
 
 from midastouch_bringup.evaluation.accuracy import (
     accuracy_text,
+    compact_trials,
     compare_variants,
     coverage,
     pareto_front,
@@ -30,6 +31,7 @@ def trial(variant: str, seed: int, error: float, ms: float, state: str = "conver
         "frames_converged": 8,
         "touched_again_at": None,
         "right_from_frame": 3,
+        "filter_stages_ms": {"motion": 1.0},
         "frames_converged_right": 6,
         "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
         "final": dict.fromkeys(ERROR_KEYS, error) | {"state": state, "n_particles": 500} | final,
@@ -72,7 +74,9 @@ def test_a_summary_takes_plain_errors_where_there_is_no_symmetric_one():
     summary = summarise_accuracy(TRIALS)["default"]["paper"]
     assert summary["symmetric_e_trans_mm"]["mean"] == pytest.approx((1 + 4 + 100) / 3)
     assert summary["e_trans_mm"]["mean"] == pytest.approx((2 + 4 + 100) / 3)
-    assert (summary["right"], summary["converged"]) == (2, 2)
+    assert (summary["right"], summary["right_symmetric"], summary["converged"]) == (2, 2, 2)
+    assert summary["filter_stages_ms"] == {"motion": 1.0}
+    assert "objects" not in summarise_accuracy(TRIALS)["1k"]["paper"]
     assert summary["states"] == {"converged": 2, "ambiguous": 1}
     assert summary["objects"]["can"]["e_trans_mm"]["p90"] == pytest.approx(np.percentile([2, 4, 100], 90))
 
@@ -100,7 +104,7 @@ def test_it_is_printed_and_written_in_few_lines(tmp_path):
         "variants": {"default": {}, "paper": {}, "1k": {}},
         "summary": summarise_accuracy(TRIALS),
         "comparison": compare_variants(TRIALS),
-        "trials": TRIALS,
+        "trials": compact_trials(TRIALS),
     }
     text = accuracy_text(result)
     for word in ("can", "axis", "paper", "67 %", "90 % region"):
@@ -109,4 +113,5 @@ def test_it_is_printed_and_written_in_few_lines(tmp_path):
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["trials"][3]["final"]["e_trans_mm"] == 12
     assert written["third"] == 0.3333
+    assert "filter_stages_ms" not in written["trials"][3]
     assert len((tmp_path / "r.json").read_text().splitlines()) < 40

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.accuracy import compare_variants, summarise_accuracy
+from midastouch_bringup.evaluation.accuracy import compact_trials, compare_variants, summarise_accuracy
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.trial import ERROR_KEYS
@@ -24,6 +24,7 @@ def result() -> dict:
             "frames_converged": 30,
             "touched_again_at": None,
             "right_from_frame": 3,
+            "filter_stages_ms": {"motion": 1.0},
             "frames_converged_right": 20,
             "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
             "final": {key: rng.uniform(1, 9) for key in ERROR_KEYS} | {"state": "converged", "n_particles": 500},
@@ -54,7 +55,7 @@ def result() -> dict:
             "missing_trials": 0,
             "summary": summarise_accuracy(trials),
             "comparison": compare_variants(trials),
-            "trials": [{key: value for key, value in trial.items() if key != "coverage"} for trial in trials],
+            "trials": compact_trials(trials),
         }
     )  # fmt: skip
 
