@@ -110,8 +110,8 @@ class View(Node):
         if stamp < self._stamp - _JUMP_NS:
             self._scene.restart()
         self._stamp = stamp
-        numbers = {"particles": msg.n_particles, "effective": msg.ess, "dominant_mode_percent": 100 * msg.mode_mass}
-        numbers |= {f"{name}_ms": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
+        numbers = {"particles/all": msg.n_particles, "particles/effective": msg.ess, "mass/best": msg.mode_mass}
+        numbers |= {f"ms/{name}": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
         self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})
 
     def _particles(self, msg: PointCloud2) -> None:

@@ -10,6 +10,7 @@ from . import require_rerun
 from .appearance import Trail, ellipsoids, weight_colours
 
 _MOST_PARTICLES = 10_000
+_MOST_LABELS = 4
 _AXIS = 0.01  # m
 _ESTIMATE, _TRUTH, _CONTACT = (40, 200, 80), (60, 150, 255), (255, 80, 200)
 _MODE = (240, 160, 30)
@@ -66,6 +67,7 @@ class Scene:
                 quaternions=quaternions,
                 colors=colours,
                 labels=[f"{w:.0%}" for w in weights],
+                show_labels=len(weights) <= _MOST_LABELS,
                 fill_mode="solid",
             ),
         )
@@ -111,7 +113,11 @@ class Scene:
                 blueprint.Vertical(
                     blueprint.Spatial2DView(origin="image", name="tactile image"),
                     blueprint.TextDocumentView(origin="status", name="state"),
-                    blueprint.TimeSeriesView(origin="filter", name="filter"),
+                    blueprint.Tabs(
+                        blueprint.TimeSeriesView(origin="filter/particles", name="particles"),
+                        blueprint.TimeSeriesView(origin="filter/ms", name="milliseconds"),
+                        blueprint.TimeSeriesView(origin="filter/mass", name="mass of the best mode"),
+                    ),
                 ),
                 column_shares=[3, 1],
             ),

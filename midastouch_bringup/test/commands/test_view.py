@@ -69,11 +69,14 @@ def start(graph):
     yield start
     for process in processes:
         process.terminate()
-        process.communicate(timeout=60)
+        try:
+            process.communicate(timeout=60)
+        finally:
+            process.kill()
 
 
-def send_a_scene(graph) -> None:
-    """What a filter, a sensor and a recording would publish; returns once the view is connected to all of it."""
+def scene_sender(graph):
+    """A function that publishes once what a filter and a sensor would; the view is connected to all of it."""
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from sensor_msgs.msg import Image, PointCloud2
     from std_msgs.msg import Header
@@ -87,23 +90,30 @@ def send_a_scene(graph) -> None:
     mode = PoseMode(weight=1.0)
     mode.pose.pose.orientation.w = 1.0
     poses = se3.make(np.eye(3), np.random.default_rng(0).normal(0, 0.1, (100, 3)))
-    for kind, topic, message, latched in (
+    messages = (
         (PointCloud2, "particles/cloud", particle_cloud(poses, np.full(100, 0.01), header), False),
         (PoseModes, "pose_modes", PoseModes(header=header, modes=[mode]), False),
         (PoseWithCovarianceStamped, "pose", PoseWithCovarianceStamped(header=header, pose=mode.pose), True),
         (Image, "image_raw", image_to_msg(np.zeros((32, 24, 3), np.uint8), "rgb8", header), False),
         (FilterStatus, "filter_status", FilterStatus(header=header, state="converged"), True),
-    ):
-        graph.publisher(kind, topic, latched=latched).publish(message)
-    graph.spin_for(0.5)
+    )
+    connected = [(graph.publisher(kind, topic, latched=latched), message) for kind, topic, message, latched in messages]
+
+    def send() -> None:
+        for publisher, message in connected:
+            publisher.publish(message)
+        graph.spin_for(0.1)
+
+    return send
 
 
 @pytest.mark.dds
 def test_a_recording_holds_what_the_nodes_published(rerun, graph, start, tmp_path):
     out = tmp_path / "run.rrd"
     view = start("--save", out)
-    send_a_scene(graph)
-    time.sleep(0.5)
+    send = scene_sender(graph)
+    for _ in range(20):  # what is best effort may be lost while both sides find each other
+        send()
     assert not out.exists()  # nothing half-written under its name
     view.send_signal(signal.SIGINT)
     said, _ = view.communicate(timeout=60)
@@ -120,7 +130,7 @@ def test_a_client_gets_the_scene_from_the_server(rerun, graph, start, tmp_path):
     with socket.create_connection(("127.0.0.1", web_port)) as page:
         page.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
         assert page.recv(100).startswith(b"HTTP/1.1 200")
-    send_a_scene(graph)
+    send = scene_sender(graph)
     got = tmp_path / "got.rrd"
     source = f"rerun+http://127.0.0.1:{port}/proxy"
     command = [binary(), source, "--save", str(got), "--bind", "127.0.0.1", "--port", str(own_port)]
@@ -129,7 +139,7 @@ def test_a_client_gets_the_scene_from_the_server(rerun, graph, start, tmp_path):
         deadline = time.monotonic() + 40
         while not (got.exists() and drawn(got) >= SCENE):
             assert time.monotonic() < deadline, f"the client got {got.exists() and drawn(got)}"
-            time.sleep(0.2)
+            send()
     finally:
         client.terminate()
         client.wait(20)

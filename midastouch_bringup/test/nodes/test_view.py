@@ -98,8 +98,8 @@ def test_everything_arrives_in_the_scene(graph, scene, view):
     np.testing.assert_allclose(scene.of("estimate")[0][0], POSE, atol=1e-9)
     np.testing.assert_allclose(scene.of("truth")[0][0], POSE, atol=1e-9)
     state, reason, numbers = scene.of("status")[0]
-    assert (state, reason, numbers["particles"]) == ("ambiguous", "two places", 800)
-    assert "effective" not in numbers  # not finite
+    assert (state, reason, numbers["particles/all"]) == ("ambiguous", "two places", 800)
+    assert "particles/effective" not in numbers  # not finite
 
 
 def test_a_mesh_published_before_the_view_came_is_shown_and_a_missing_one_is_survived(graph, scene):
