@@ -11,6 +11,7 @@ import numpy as np
 from .contact import Contact, ContactDetector
 from .tcn.inference import TactileCodeNet
 from .tdn.background import shows_contact
+from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
 from .tdn.inference import TactileDepthNet
 
@@ -34,7 +35,8 @@ class Touch:
 
 
 class DepthStage:
-    """Image -> penetration and contact. Frames that do not differ from the background skip the network.
+    """Image -> penetration and contact. Frames that do not differ from the background skip the network, and teach the
+    stage how the light drifts.
 
     Args: tdn; contact, default for the network's sensor; quiet, largest block-mean difference [grey levels] to the
     background that still counts as none; fit, a check that is shown what the network makes of the images.
@@ -51,21 +53,30 @@ class DepthStage:
         self.tdn, self._fit = tdn, fit
         self._contact = contact or ContactDetector(tdn.sensor)
         self._quiet = quiet
+        self._background: np.ndarray | None = None
+        self._drift = LightDrift()
         self.skipped = 0
 
     def process(self, image: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, Contact]:
         """Penetration (160, 120) float32 m and the contact in one image; InputError for a bad image."""
-        difference = self.tdn.difference(image, background)
+        changed = self.tdn.difference(image, background)
+        if background is not self._background:
+            self._background, self._drift = background, LightDrift()
+        difference = self._drift.correct(changed)
         shape = difference.shape[:2]
         blocks = cv2.resize(difference, (shape[1] // _BLOCK, shape[0] // _BLOCK), interpolation=cv2.INTER_AREA)
         if np.abs(blocks).max() < self._quiet:
             self.skipped += 1
             self._contact.free()
+            self._drift.learn(changed)
             return np.zeros(shape, np.float32), Contact(False, 0.0, np.zeros(shape, bool))
         penetration = self.tdn.predict(image, background, difference)
         if self._fit is not None:
             self._fit.observe(difference, penetration)
-        return penetration, self._contact.update(penetration)
+        contact = self._contact.update(penetration)
+        if not contact.in_contact:
+            self._drift.learn(changed)
+        return penetration, contact
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
         """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""

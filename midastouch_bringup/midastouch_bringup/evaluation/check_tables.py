@@ -18,6 +18,7 @@ def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
     false = [
         [f"{100 * c['brighter']:g} % brighter", number(c["false_contacts"], 2)] for c in result["contact"]["false"]
     ]
+    false.append(["getting 10 % brighter, slowly", number(result["contact"]["false_while_warming"], 2)])
     header = ["fit check, simulated sensors", "alarms", "quietest tenth", "ROC area", "explained share", "ROC area"]
     return [
         (header, fit),

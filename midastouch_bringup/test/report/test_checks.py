@@ -13,7 +13,11 @@ def test_every_table_is_on_the_page(tmp_path):
         "fit_check": {"right": case},
         "no_contact_image": {"upside down": 1.0},
         "capture": {"a touch refused": 0.98},
-        "contact": {"missed": {"wire": touches}, "false": [{"brighter": 0.02, "false_contacts": 0.03}]},
+        "contact": {
+            "missed": {"wire": touches},
+            "false": [{"brighter": 0.02, "false_contacts": 0.03}],
+            "false_while_warming": 0.011,
+        },
     }
     content = write_results_page([("checks.json", result)], tmp_path).read_text()
     for text in (
@@ -25,5 +29,6 @@ def test_every_table_is_on_the_page(tmp_path):
         "0.14",
         "2 % brighter",
         "0.03",
+        "0.01",
     ):
         assert text in content
