@@ -17,8 +17,9 @@ def sub_commands() -> dict[str, argparse.ArgumentParser]:
 
 def test_the_commands_of_the_design_are_there():
     assert set(sub_commands()) == {
-        "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "single-touch", "bench", "to-bag",
-        "replay", "train-tdn", "train-tcn", "report", "doctor",
+        "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "evaluate-presses", "evaluate-checks",
+        "single-touch", "bench", "benchmark", "to-bag", "replay", "view", "download", "train-tdn", "train-tcn",
+        "import-weights", "report", "doctor",
     }  # fmt: skip
 
 
@@ -45,6 +46,8 @@ def test_every_option_is_explained(name):
     [
         (["evaluate", "no/such/seq"], "no/such/seq: no such sequence folder"),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
+        (["evaluate-presses", "no/such/folder"], "no/such/folder: no background.png"),
+        (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 readable no-contact images"),
         (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: no such mesh file, nor a bundled object"),
         (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
@@ -53,6 +56,7 @@ def test_every_option_is_explained(name):
         (["report", "no/such.json", "--out", "x"], "no/such.json: no such result file"),
         (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
         (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),
+        (["import-weights", "no/net.pth.tar"], "no/net.pth.tar: no such weight file"),
         (["train-tdn", "--resume", "no/checkpoint"], ""),
     ],
 )
