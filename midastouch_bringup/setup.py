@@ -29,6 +29,7 @@ setup(
         "pillow",
         "PyYAML",
         "rosbags",
+        "scikit-learn",
         "scipy",
         "tqdm",
     ],
@@ -37,7 +38,7 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Launch, configuration, datasets, evaluation and the midastouch command.",
     license="MIT",
-    extras_require={"test": ["pytest"], "ur": ["ur-rtde"]},
+    extras_require={"test": ["pytest"], "ur": ["ur-rtde"], "view": ["rerun-sdk>=0.39,<0.42"]},
     entry_points={
         "console_scripts": [
             "all_in_one = midastouch_bringup.nodes.all_in_one:main",

@@ -151,6 +151,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path):
             raise ConnectionError("no arm")
 
         return UrTf(connect, **options)
+    if name == "view":
+        from midastouch_bringup.nodes.view import View
+
+        return View(scene=FakeNet(), **options)
     from midastouch_bringup.nodes.replay import Replay
 
     image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))

@@ -107,14 +107,19 @@ def header_stamp_ns(data: bytes) -> int:
     return seconds * _SECOND + nanoseconds
 
 
-def sequence_messages(sequence: Sequence) -> Iterator[Message]:
-    """All messages of a sequence in order of time; of equal stamps the transform first and the image last."""
+def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Message]:
+    """All messages of a sequence in order of time; of equal stamps the transform first and the image last.
+
+    Frames of the first `offset_ns` are left out, and their images not even read.
+    """
     store = typestore()
     stamps = sequence.stamps_ns.tolist()
     measured = BASE_FROM_OBJECT @ sequence.poses_measured
     camera_info = _camera_info(store)
     yield _static_transforms(store, stamps[0])
     for i, stamp in enumerate(stamps):
+        if stamp < stamps[0] + offset_ns:
+            continue
         header = _header(store, stamp, OPTICAL_FRAME)
         transforms = [
             _transform(store, stamp, BASE_FRAME, GEL_FRAME, measured[i]),

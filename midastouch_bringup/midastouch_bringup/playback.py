@@ -19,14 +19,13 @@ class Playback:
         now: monotonic clock in seconds.
     """
 
-    def __init__(
-        self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
         self._rate = rate
         self._now = now
         self._paused = paused
         self._steps = 0
         self._stopped = False
+        self._sought: float | None = None
         self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
         self._acknowledged: set[int] = set()
         self._changed = threading.Condition()
@@ -53,6 +52,38 @@ class Playback:
             self._changed.notify_all()
             return True
 
+    def wait_while_paused(self) -> None:
+        """Return when it is not, or no longer, in pause, or is interrupted."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._paused or self._is_interrupted())
+
+    def set_rate(self, rate: float) -> None:
+        """Go on at another pace, as the argument of the constructor."""
+        with self._changed:
+            self._rate, self._anchor = rate, None
+            self._changed.notify_all()
+
+    def seek(self, offset_s: float) -> None:
+        """Break off, so that who plays can go on `offset_s` after the beginning; a pause stays."""
+        with self._changed:
+            self._sought = offset_s
+            self._changed.notify_all()
+
+    def take_seek(self) -> float | None:
+        """Where to go on after a seek, s after the beginning, told once; None: there was none."""
+        with self._changed:
+            sought, self._sought = self._sought, None
+            return sought
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether what is being played is to be broken off: by a stop or a seek."""
+        with self._changed:
+            return self._is_interrupted()
+
+    def _is_interrupted(self) -> bool:
+        return self._stopped or self._sought is not None
+
     def stop(self) -> None:
         """End every wait, now and later."""
         with self._changed:
@@ -69,16 +100,14 @@ class Playback:
         with self._changed:
             self._anchor = None
 
-    def wait_until_due(
-        self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02
-    ) -> bool:
-        """Wait until a message of this stamp may go out; False if playback was stopped.
+    def wait_until_due(self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02) -> bool:
+        """Wait until a message of this stamp may go out; False if playback was interrupted.
 
         While time passes `on_tick` is called every `tick_s` with the recorded time reached, in nanoseconds.
         """
         while True:
             with self._changed:
-                if self._stopped:
+                if self._is_interrupted():
                     return False
                 if self._paused and self._steps == 0:
                     self._anchor = None
@@ -110,10 +139,10 @@ class Playback:
             self._changed.notify_all()
 
     def wait_for_acknowledgement(self, stamp_ns: int, timeout_s: float) -> bool:
-        """Wait until the frame of this stamp is acknowledged; False after `timeout_s` or when stopped."""
+        """Wait until the frame of this stamp is acknowledged; False after `timeout_s` or when interrupted."""
         with self._changed:
-            done = self._changed.wait_for(lambda: self._stopped or stamp_ns in self._acknowledged, timeout_s)
-            done = done and not self._stopped
+            done = self._changed.wait_for(lambda: self._is_interrupted() or stamp_ns in self._acknowledged, timeout_s)
+            done = done and not self._is_interrupted()
             if done:
                 self._acknowledged.clear()
             return done

@@ -55,16 +55,25 @@ class ReplaySource:
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
             raise InputError(f"{self._path}: has no {', '.join(sorted(wanted))}; it has {names}")
 
-    def messages(self, lead_ns: int = 0) -> Iterator[Message]:
-        """The messages in the order in which a replay sends them.
+    def messages(self, lead_ns: int = 0, offset_ns: int = 0) -> Iterator[Message]:
+        """The messages in the order in which a replay sends them, without those of the first `offset_ns`.
+
+        Of what is left out, latched messages are sent all the same: they hold for the rest, too.
 
         `lead_ns` sends what is no image this much earlier, relative to the images of a bag. A replay that
         waits for every image's result needs it: the transform after an image must go out before its result
         can come.
         """
         if self._sequence is not None:
-            yield from sequence_messages(self._sequence)
+            yield from sequence_messages(self._sequence, offset_ns)
             return
+        start = None
+        for message in self._bag_messages(lead_ns):
+            start = message.stamp_ns + offset_ns if start is None else start
+            if message.latched or message.stamp_ns >= start:
+                yield message
+
+    def _bag_messages(self, lead_ns: int) -> Iterator[Message]:
         names = {topic.name for topic in self.topics}
         if lead_ns == 0:
             yield from _without_estimates(bag_messages(self._path, names))

@@ -75,6 +75,16 @@ def test_rewind_starts_the_pace_again(monkeypatch):
     assert clock.now == pytest.approx(100.1)
 
 
+def test_a_new_rate_counts_from_where_it_is_set(monkeypatch):
+    player, clock = playback(monkeypatch, rate=1.0)
+    player.wait_until_due(0)
+    player.wait_until_due(1000 * MS)
+    player.set_rate(4.0)
+    for stamp in (1000, 1500, 2000):
+        player.wait_until_due(stamp * MS)
+    assert clock.now == pytest.approx(100.0 + 1.0 + 0.25)
+
+
 def in_thread(function, *arguments):
     """Start it, and return what waits for its result."""
     result = []
@@ -141,6 +151,46 @@ def test_an_acknowledgement_counts_once():
     player.acknowledge(7)
     assert player.wait_for_acknowledgement(7, timeout_s=0.01)
     assert not player.wait_for_acknowledgement(7, timeout_s=0.01)
+
+
+def test_a_seek_ends_every_wait_until_it_is_taken():
+    player = Playback(rate=1.0)
+    assert player.wait_until_due(0)
+    joins = [
+        in_thread(player.wait_until_due, 10**15),
+        in_thread(player.wait_for_acknowledgement, 1, 1000.0),
+    ]
+    player.seek(2.5)
+    assert [join() for join in joins] == [False, False]
+    assert player.interrupted
+    assert not player.stopped
+    assert (player.take_seek(), player.take_seek()) == (2.5, None)
+    player.rewind()
+    assert player.wait_until_due(10**15)
+
+
+def test_a_seek_keeps_the_pause():
+    player = Playback(rate=0.0, paused=True)
+    join = in_thread(player.wait_until_due, 0)
+    player.seek(1.0)
+    assert join() is False
+    player.take_seek()
+    join = in_thread(player.wait_until_due, 0)
+    assert join(0.05) == "still waiting"
+    player.resume()
+    assert join() is True
+
+
+def test_waiting_for_the_end_of_a_pause():
+    player = Playback(rate=0.0)
+    player.wait_while_paused()
+    for release in (player.resume, lambda: player.seek(1.0), player.stop):
+        player.pause()
+        join = in_thread(player.wait_while_paused)
+        assert join(0.05) == "still waiting"
+        release()
+        assert join() is None
+        player.take_seek()
 
 
 def test_stop_ends_every_wait():

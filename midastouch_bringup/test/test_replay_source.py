@@ -34,6 +34,26 @@ def test_bag_and_sequence_send_the_same_bytes(tmp_path, simulated_sequence):
     assert direct == list(sequence_messages(sequence))
 
 
+@pytest.mark.parametrize("lead_ns", [0, SECOND])
+def test_a_later_start_leaves_out_all_but_what_is_latched(tmp_path, simulated_sequence, lead_ns):
+    sequence = simulated_sequence(n=6)
+    write_bag(sequence, tmp_path / "x.mcap")
+    offset = int(sequence.stamps_ns[4] - sequence.stamps_ns[0])
+    late = sequence.stamps_ns[4:].tolist()
+    for source in (sequence.path, tmp_path / "x.mcap"):
+        messages = list(ReplaySource(source).messages(lead_ns, offset))
+        assert [m.stamp_ns for m in messages if m.topic == "/image_raw"] == late
+        assert [m.stamp_ns for m in messages if m.topic == "/tf"] == late
+        assert [m.topic for m in messages if m.latched] == ["/tf_static"]
+
+
+def test_frames_left_out_are_not_read(simulated_sequence):
+    sequence = simulated_sequence(n=4)
+    sequence.image_paths[0].write_bytes(b"")
+    messages = list(ReplaySource(sequence.path).messages(offset_ns=1))
+    assert len([m for m in messages if m.topic == "/image_raw"]) == 3
+
+
 def test_results_in_a_bag_are_not_played(tmp_path, simulated_sequence):
     static, transforms, info, image = list(sequence_messages(simulated_sequence(n=1)))
     status = dataclasses.replace(image, topic="/tactile/penetration")

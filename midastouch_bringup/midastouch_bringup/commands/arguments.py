@@ -41,6 +41,11 @@ def positive_int(text: str) -> int:
     return int(_checked(text, int, lambda value: value >= 1, "a whole number of at least 1"))
 
 
+def port(text: str) -> int:
+    """argparse type: a TCP port that needs no privileges."""
+    return int(_checked(text, int, lambda value: 1024 <= value <= 65535, "a port in 1024...65535"))
+
+
 def seed(text: str) -> int:
     """argparse type: a whole number of at least 0."""
     return int(_checked(text, int, lambda value: value >= 0, "a whole number of at least 0"))

@@ -14,41 +14,23 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMsg
-from std_srvs.srv import Trigger
 
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
-from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
 
 from ..messages import TF_STATIC_TOPIC, TF_TOPIC, Message, Topic, header_stamp_ns
 from ..playback import Playback
 from ..replay_source import INPUT_TOPICS, ReplaySource, is_image
 from .message_types import message_class
+from .replay_control import ReplayControl
+from .replay_parameters import PARAMETERS
 
 RCLError = rclpy_implementation.RCLError
-
-PARAMETERS = (
-    Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
-    Parameter("rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0),
-    Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
-    Parameter("loop", False, "Start again at the end; time jumps back"),
-    Parameter("start_paused", False, "Wait for the service resume or step"),
-    Parameter("start_offset", 0.0, "Leave out this much of the beginning", "s", minimum=0.0, maximum=1e6),
-    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
-    Parameter(
-        "ack_topic",
-        "",
-        "FilterStatus topic that acknowledges frames by their stamp: the next frame waits for it, so that "
-        "none is lost however slow the filter is; empty: do not wait",
-    ),
-    Parameter("ack_timeout", 5.0, "Send a frame again after this long", "s", minimum=0.05, maximum=3600.0),
-    Parameter("ack_attempts", 6, "Give a frame up after so many times", minimum=1, maximum=1000),
-    Parameter("topics", "", "Topics of a bag to play, separated by spaces; empty: the pipeline's inputs"),
-)
 
 _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
 # The first frame may be lost between two other nodes that have not found each other yet. That the filter sees it
@@ -80,9 +62,7 @@ class Replay(Node):
         self._clock_output = self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
         if self._settings["ack_topic"]:
             self.create_subscription(FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50))
-        self.create_service(Trigger, "~/pause", self._pause)
-        self.create_service(Trigger, "~/resume", self._resume)
-        self.create_service(Trigger, "~/step", self._step)
+        ReplayControl(self, self._playback)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
 
@@ -100,12 +80,16 @@ class Replay(Node):
     def _play(self) -> None:
         try:
             self._wait_for_listeners()
+            offset = self._settings["start_offset"]
             while not self._playback.stopped:
                 self._playback.rewind()
                 self._told = 0
-                self._play_once()
-                if not self._settings["loop"]:
+                self._play_once(offset)
+                self._playback.wait_while_paused()  # at its end it can still be sent back
+                offset = self._playback.take_seek()
+                if offset is None and not self._settings["loop"]:
                     break
+                offset = self._settings["start_offset"] if offset is None else offset
             for publisher in self._outputs.values():
                 publisher.wait_for_all_acked(Duration(seconds=2))
             self.get_logger().info(
@@ -120,9 +104,14 @@ class Replay(Node):
             self.finished.set()
             self._on_end()
 
-    def _play_once(self) -> None:
+    def _play_once(self, offset: float) -> None:
         frame: list[Message] = []
-        for message in self._messages():
+        lead = _LEAD_NS if self._settings["ack_topic"] else 0
+        for message in self._source.messages(lead, round(offset * 1e9)):
+            # What is latched may be of a time that is left out: neither pace nor clock begin there.
+            if message.latched:
+                self._outputs[message.topic].publish(message.data)
+                continue
             if not self._playback.wait_until_due(message.stamp_ns, self._tick):
                 return
             frame.append(message)
@@ -132,14 +121,8 @@ class Replay(Node):
                 self._playback.frame_sent()
                 self.frames_sent += 1
                 frame = []
-
-    def _messages(self):
-        lead = _LEAD_NS if self._settings["ack_topic"] else 0
-        start = None
-        for message in self._source.messages(lead):
-            start = message.stamp_ns + self._settings["start_offset"] * 1e9 if start is None else start
-            if message.latched or message.stamp_ns >= start:
-                yield message
+        if self._told == 0 and offset == self._settings["start_offset"]:
+            raise InputError(f"{self._settings['source']}: nothing to play from {offset:g} s on; it is shorter")
 
     def _send(self, message: Message) -> None:
         self._tick(message.stamp_ns)
@@ -155,7 +138,7 @@ class Replay(Node):
             attempts = math.ceil(attempts * timeout / _FIRST_TIMEOUT_S)
             timeout = _FIRST_TIMEOUT_S
         for attempt in range(1, attempts + 1):
-            if self._playback.wait_for_acknowledgement(stamp, timeout) or self._playback.stopped:
+            if self._playback.wait_for_acknowledgement(stamp, timeout) or self._playback.interrupted:
                 return
             self.get_logger().warning(
                 f"no {self._settings['ack_topic']} for the frame at {stamp / 1e9:.3f} s after {timeout} s "
@@ -200,30 +183,23 @@ class Replay(Node):
 
     def _tick(self, recorded_ns: int) -> None:
         """Tell the recorded time; a frame sent again, or transforms sent early, do not turn it back."""
-        if self._clock_output is not None and recorded_ns > self._told:
-            self._told = recorded_ns
+        if recorded_ns <= self._told:
+            return
+        self._told = recorded_ns
+        if self._clock_output is not None:
             self._clock_output.publish(ClockMsg(clock=stamp_from_ns(recorded_ns)))
 
     def _on_status(self, status: FilterStatus) -> None:
         self._playback.acknowledge(stamp_ns(status.header.stamp))
 
-    def _pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._playback.pause()
-        response.success, response.message = True, "paused"
-        return response
-
-    def _resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._playback.resume()
-        response.success, response.message = True, "playing"
-        return response
-
-    def _step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._playback.step()
-        response.message = "one frame" if response.success else "not paused; call pause first"
-        return response
-
     def _describe(self) -> tuple[bytes, str, dict]:
-        values = {"sent": self.frames_sent, "repeated": self.frames_repeated, "lost": self.frames_lost}
+        values = {
+            "time_s": f"{self._told / 1e9:.3f}",
+            "rate": self._settings["rate"],
+            "sent": self.frames_sent,
+            "repeated": self.frames_repeated,
+            "lost": self.frames_lost,
+        }
         if self.error is not None:
             return WARN, str(self.error), values
         if self.frames_lost:

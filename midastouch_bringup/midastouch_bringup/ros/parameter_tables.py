@@ -10,8 +10,9 @@ from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FIL
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
-from ..nodes.replay import PARAMETERS as REPLAY
+from ..nodes.replay_parameters import PARAMETERS as REPLAY
 from ..nodes.ur_tf import PARAMETERS as UR_TF
+from ..nodes.view import PARAMETERS as VIEW
 
 TABLES = {
     "digit_driver": DIGIT_DRIVER,
@@ -20,6 +21,7 @@ TABLES = {
     "particle_filter": PARTICLE_FILTER,
     "replay": REPLAY,
     "ur_tf": UR_TF,
+    "view": VIEW,
 }
 
 _HEADER = """# Parameters

@@ -1,23 +1,34 @@
 """The replay over real DDS: every frame, in order, with its transforms; control; and its ends."""
 
+import math
 import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+# The filter node's stand-ins are beside its own tests.
+sys.path.append(str(Path(__file__).resolve().parents[3] / "midastouch_filter/test/nodes"))
+
+from filter_fakes import code_msg, loader_of
+
 from midastouch_bringup.bags import write_bag
 from midastouch_bringup.messages import BASE_FROM_OBJECT
 from midastouch_bringup.nodes.replay import Replay
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.transforms import TransformBuffer
-from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import image_from_msg, stamp_from_ns, stamp_ns, transform_from_msg
@@ -174,6 +185,95 @@ def test_pause_step_and_resume(graph, simulated_sequence):
     refused = graph.call(Trigger, "replay/step", Trigger.Request())
     assert (refused.success, refused.message) == (False, "not paused; call pause first")
     assert graph.call(Trigger, "replay/pause", Trigger.Request()).success
+
+
+def set_parameter(graph, name: str, value: float) -> SetParametersResult:
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return graph.call(SetParameters, "replay/set_parameters", request).results[0]
+
+
+def test_seek_goes_anywhere_and_keeps_the_pause(graph, simulated_sequence):
+    sequence = simulated_sequence(n=10)
+    node = replay(graph, sequence.path, start_paused=True, clock=True)
+    images, clock = graph.listen(Image, "image_raw"), graph.listen(Clock, "/clock")
+    node.start()
+    wanted = []
+    for frame in (7, 2, 9, 0):
+        offset = (sequence.stamps_ns[frame] - sequence.stamps_ns[0]) / 1e9
+        assert set_parameter(graph, "seek_to", float(offset)).successful
+        assert graph.call(Trigger, "replay/step", Trigger.Request()).success
+        wanted.append(int(sequence.stamps_ns[frame]))
+        graph.spin_until(lambda: len(images) == len(wanted), "the frame at that place")
+        graph.spin_for(0.1)
+        assert stamps(images) == wanted
+    graph.spin_until(lambda: len(clock) == len(wanted), "the clock")
+    assert [stamp_ns(message.clock) for message in clock] == wanted
+    assert graph.call(Trigger, "replay/resume", Trigger.Request()).success
+    graph.spin_until(node.finished.is_set, "the end")
+    graph.spin_until(lambda: len(images) == 4 + 9, "the rest")
+
+
+def test_a_seek_while_an_answer_is_awaited_loses_no_frame(graph, simulated_sequence):
+    sequence = simulated_sequence(n=6)
+    consumer = Consumer(graph, answers=lambda n: n > 1)  # the first image is never answered
+    node = replay(graph, sequence.path, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
+    graph.listen(TFMessage, "/tf")
+    node.start()
+    graph.spin_until(lambda: consumer.received, "the first image")
+    offset = (sequence.stamps_ns[4] - sequence.stamps_ns[0]) / 1e9
+    assert set_parameter(graph, "seek_to", float(offset)).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    assert consumer.received == sequence.stamps_ns[[0, 4, 5]].tolist()
+    assert node.frames_lost == 0
+
+
+def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
+    sequence = simulated_sequence(n=4)
+    node = replay(graph, sequence.path, rate=0.001, loop=True)
+    images = graph.listen(Image, "image_raw")
+    node.start()
+    graph.spin_until(lambda: images, "the first image")
+    graph.spin_for(0.3)
+    assert len(images) == 1
+    for name, value in (("rate", -1.0), ("rate", math.inf), ("seek_to", -1.0), ("start_paused", True)):
+        refused = set_parameter(graph, name, value)
+        assert not refused.successful
+        assert refused.reason
+    assert set_parameter(graph, "rate", 1000.0).successful
+    graph.spin_until(lambda: len(images) > 6, "the second round")
+    assert set_parameter(graph, "loop", False).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    graph.spin_until(lambda: len(images) % 4 == 0, "all of the last round")
+
+
+def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
+    """The whole way: replay, codes made of its images, the filter's own node with a filter that counts."""
+    sequence, filters = simulated_sequence(n=20), []
+    parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
+    graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
+    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(100))
+    images = []
+
+    def feel(image):
+        images.append(image)
+        codes.publish(code_msg(stamp_ns(image.header.stamp)))
+
+    graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
+    node = replay(graph, sequence.path, loop=True, ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
+    node.start()
+    graph.spin_until(lambda: len(images) >= 41, "the third round")
+    assert set_parameter(graph, "loop", False).successful
+    graph.spin_until(node.finished.is_set, "the end")
+    rounds = len(images) // 20
+    assert len(images) == 20 * rounds
+    assert filters[0].starts == ["uniform"] * rounds
+    assert len(filters[0].measurements) == 20 * rounds
+
+
+def test_an_offset_beyond_the_end_is_said(graph, simulated_sequence):
+    node = replay(graph, simulated_sequence(n=3).path, start_offset=100.0, loop=True)
+    play(graph, node)
+    assert "nothing to play from 100 s on" in str(node.error)
 
 
 def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simulated_sequence):
