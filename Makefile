@@ -1,4 +1,4 @@
-# make demo | make test | make bench | make lint | make soak [MINUTES=10]
+# make demo | make test | make bench | make lint | make soak [MINUTES=10] | make audit
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
 
 PYTHON ?= python3
@@ -11,7 +11,7 @@ ifdef ROS_DISTRO
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test bench lint soak setup
+.PHONY: demo test bench lint soak audit setup
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -26,6 +26,12 @@ bench: setup
 # MINUTES of images at 60 Hz, and as much of everything else; takes some times as long.
 soak: setup
 	SOAK_MINUTES=$(MINUTES) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_bringup/test/soak
+
+# What is known against the pinned packages; asks the internet, from an environment of its own.
+audit:
+	$(PYTHON) -m venv out/audit
+	out/audit/bin/pip install --quiet pip-audit==2.10.1
+	out/audit/bin/pip-audit --require-hashes --disable-pip --requirement tools/requirements/lock.txt
 
 lint: setup
 	$(BIN)/ruff check .

@@ -6,7 +6,8 @@ Slide and codebook are made by the first run, under out/ of the present folder, 
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import ExecuteProcess, OpaqueFunction
+from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
+from launch.substitutions import EnvironmentVariable
 from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_bringup.ros.launch_parts import declare, declare_recording, in_turn, include
@@ -14,8 +15,11 @@ from midastouch_bringup.ros.launch_parts import declare, declare_recording, in_t
 
 def generate_launch_description() -> LaunchDescription:
     """Make what is missing, then `replay`."""
+    reach = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     return LaunchDescription(
         [
+            # Nobody else on the network sees the demo's nodes, unless the user has said so.
+            SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST")),
             *declare(object="handle_tool"),
             *declare_recording(loop="true"),
             OpaqueFunction(function=_make_and_play),

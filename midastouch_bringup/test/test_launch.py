@@ -68,13 +68,13 @@ MODULES = {
     "launch": ["LaunchContext", "LaunchDescription", "LaunchDescriptionEntity"],
     "launch.actions": [
         "DeclareLaunchArgument", "ExecuteProcess", "IncludeLaunchDescription", "OpaqueFunction",
-        "RegisterEventHandler", "Shutdown",
+        "RegisterEventHandler", "SetEnvironmentVariable", "Shutdown",
     ],
     "launch.event_handlers": ["OnProcessExit"],
     "launch.conditions": [IfCondition, UnlessCondition],
     "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
     "launch.substitutions": [
-        Command, EqualsSubstitution, LaunchConfiguration, "PathJoinSubstitution"
+        Command, "EnvironmentVariable", EqualsSubstitution, LaunchConfiguration, "PathJoinSubstitution"
     ],
     "launch_ros": [],
     "launch_ros.actions": ["Node"],
@@ -148,6 +148,9 @@ def _carry_out(name, given, started, ran):
             # as if the process it waits for had ended well
             event = types.SimpleNamespace(returncode=0, process_name="")
             actions.append(action.args[0].kwargs["on_exit"](event, None))
+        elif kind == "SetEnvironmentVariable":
+            name, value = action.args
+            assert value.args == (name,)  # what the user has set stays
         else:
             raise AssertionError(f"{kind} is not known to this test")
 
@@ -247,6 +250,7 @@ def test_arguments_become_parameters_only_when_given():
     assert plain["/digit_driver"]["serial"] == ""
     given = carry_out("live_ur", serial="20025", seed="7", init_mode="wait", mesh="a.ply", codebook="a.npz")
     assert parameters(given["digit_driver", "digit_driver"])["/digit_driver"]["serial"] == "20025"
+    assert parameters(given["midastouch_perception", "tdn"])["/tdn"]["serial"] == "20025"
     filter_ = parameters(given["midastouch_filter", "particle_filter"])["/particle_filter"]
     assert (filter_["seed"], filter_["init_mode"]) == (7, "wait")
     assert (filter_["mesh"], filter_["codebook"]) == ("a.ply", "a.npz")
@@ -375,3 +379,10 @@ def test_loads_with_the_real_launch(name):
     arguments = description.get_launch_arguments()
     assert arguments
     assert all(argument.description for argument in arguments)
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_the_demo_stays_on_this_machine():
+    (first, *_) = load("demo").args[0]
+    name, value = first.args
+    assert (name, value.kwargs["default_value"]) == ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
