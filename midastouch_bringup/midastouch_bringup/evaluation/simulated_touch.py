@@ -20,6 +20,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.randomisation import RandomSensor
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tdn.fcrn import FcrnDepthNet
 from midastouch_perception.tdn.inputs import SCALE
 from midastouch_perception.training.backgrounds import load_backgrounds
 
@@ -87,24 +88,34 @@ class TouchSimulator:
         """The touches at gel poses `T_obj_gel` (N, 4, 4) in their order, one sensor's at a time."""
         for start in range(0, len(poses), _TOUCHES_PER_SENSOR):
             penetration, normals = self._renderer.render_with_normals(poses[start : start + _TOUCHES_PER_SENSOR])
-            difference = self._difference(penetration, normals, rng)
-            seen = self._tdn.penetration(difference)
+            images, background = self._images(penetration, normals, rng)
+            difference = images - background
+            seen = self._see(difference, images)
             # each touch is a sensor's first: nothing of an earlier one may help to feel it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
             masks = np.stack([contact.mask for contact in contacts])
             yield Percepts(difference, np.where(masks, seen, 0), np.array([c.in_contact for c in contacts]))
 
-    def _difference(self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Difference images (N, 160, 120, 3) of touches with one imaginary sensor."""
+    def _images(
+        self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Images (N, 160, 120, 3) of one imaginary sensor, and without a touch (160, 120, 3); float32 grey levels."""
         background = self._lighting.draw_background(self._sensor, rng)
         if self._lighting.kind == "random":
-            images, reference = RandomSensor(self._sensor, background[None], rng).images(penetration, normals, rng)
-            return images - reference
+            return RandomSensor(self._sensor, background[None], rng).images(penetration, normals, rng)
         images = [
             self._tacto.image(depth, background, rng, surface, _PIXEL_NOISE)
             for depth, surface in zip(penetration, normals, strict=True)
         ]
-        return np.stack(images).astype(np.float32) - background
+        return np.stack(images).astype(np.float32), background.astype(np.float32)
+
+    def _see(self, difference: np.ndarray, images: np.ndarray) -> np.ndarray:
+        """Penetration (N, 160, 120) float32 m as the depth network sees it."""
+        if not isinstance(self._tdn, FcrnDepthNet):
+            return self._tdn.penetration(difference)
+        # FCRN takes whole camera images, and no background
+        whole = np.clip(np.rint(images), 0, 255).astype(np.uint8).repeat(2, axis=1).repeat(2, axis=2)
+        return np.stack([self._tdn.predict(image, image) for image in whole])
 
     def encode(
         self,

@@ -26,6 +26,7 @@ BASELINES = ("image_embedding", "minkloc3d")
 _SAMPLING = ContactSampling(free_share=0.0)
 _BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
+_QUANTILES = 501
 CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "error", "touches")
 
 
@@ -60,7 +61,7 @@ def measure_object(
     rng: np.random.Generator,
     progress: Callable[[int], object] = lambda touches: None,
 ) -> dict:
-    """One object's entry of the `single-touch` JSON (errors in m, `cells` in mm)."""
+    """One object's entry of the `single-touch` JSON; `errors` are quantiles, `cells` rows of `CELL_COLUMNS`."""
     simulator = TouchSimulator(mesh, networks, protocol.lighting)
     poses = sample_contact_poses(mesh, protocol.queries, rng, networks.sensor, _SAMPLING)
     ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
@@ -81,7 +82,7 @@ def measure_object(
         "missed": int(protocol.queries - felt.sum() - felt_rest.sum()),
         "summary": errors.summary(),
         "baselines": baselines,
-        "errors": np.round(errors.six_vector.normalised, 4),
+        "errors": _quantiles(errors),
         "cells": _cells(poses, errors.six_vector.normalised),
     }
 
@@ -125,7 +126,12 @@ def _compare(simulator, codebook, poses, queries, others, protocol, rng, progres
 
 
 def _detail(errors: SingleTouchErrors) -> dict:
-    return errors.summary() | {"errors": np.round(errors.six_vector.normalised, 4)}
+    return errors.summary() | {"errors": _quantiles(errors)}
+
+
+def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
+    """Quantiles (501,) of the normalised errors, evenly spaced: all that a picture of their distribution needs."""
+    return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
 
 
 def _cells(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:

@@ -1,4 +1,4 @@
-"""Figures: a run as in the paper's figure 7, errors over time, box plots, single-touch distributions.
+"""Figures: a run as in the paper's figure 7, errors over time, box plots, times per stage.
 
 Everything is drawn on `matplotlib.figure.Figure` directly, which needs neither a display nor global state.
 """
@@ -229,23 +229,6 @@ def stage_figure(bench: dict) -> Figure:
     axes.set_yticks(y, names, fontsize=9)
     axes.set_xlabel("ms per call", fontsize=9)
     axes.legend(frameon=False, fontsize=9)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    return figure
-
-
-def single_touch_figure(results: list[dict]) -> Figure:
-    """Distribution of the normalised top-25 error per object, best first: the paper's figure 4."""
-    results = sorted(results, key=lambda r: r["summary"]["normalised_top25_error"])
-    figure = Figure(figsize=(max(5.0, 1.3 * len(results) + 2), 3.8), layout="constrained")
-    axes = figure.subplots()
-    drawn = axes.violinplot([r["errors"] for r in results], showmedians=True, widths=0.8)
-    for body in drawn["bodies"]:
-        body.set_facecolor(MODE_COLOUR)
-    axes.axhline(1.0, color=PARTICLE_COLOUR, lw=1, ls="--")
-    axes.set_xticks(np.arange(len(results)) + 1, [r["object"] for r in results], fontsize=9)
-    axes.set_ylabel("top-25 pose error / random touch", fontsize=9)
-    axes.set_ylim(0, None)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     return figure

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from matplotlib import colormaps
-from scipy.spatial import cKDTree
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
@@ -14,6 +14,7 @@ from midastouch_perception.mesh import ObjectMesh
 from ..evaluation.metrics import pose_errors
 from .camera import Camera, best_direction
 from .canvas import Canvas
+from .place_blend import PlaceBlend
 from .snapshot import Snapshot
 
 ANGLE_COLOURS = colormaps["turbo"]
@@ -21,7 +22,8 @@ HEAT_COLOURS = colormaps["YlOrRd"]
 TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
 ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
 _CELL = 0.003  # m; entries nearer together are at one place
-_BLENDED = 12
+Colouring = Callable[[np.ndarray], np.ndarray]
+"""Blended values (P, ...) to RGB (P, 3) in [0, 1]."""
 
 
 class ObjectView:
@@ -75,6 +77,17 @@ class ObjectView:
         canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
         return canvas.image()
 
+    def painted(self, places: np.ndarray, outward: np.ndarray, values: np.ndarray, colouring: Colouring) -> np.ndarray:
+        """The surface in the colours that `colouring` gives values (C, ...) known at places (C, 3) m; (H, W, 3) uint8.
+
+        Of the places, with normals `outward` (C, 3), only those on the viewer's side count: the far side of a thin
+        part is as near as its own surroundings.
+        """
+        canvas = self._bare.copy()
+        facing = outward @ self.camera.rotation[2] > 0
+        canvas.paint(colouring(PlaceBlend(places[facing], canvas.surface_points())(values[facing])))
+        return canvas.image()
+
     def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
         """The true path (N, 4, 4) in green and estimated ones in red; (H, W, 3) uint8."""
         canvas = self._bare.copy()
@@ -110,12 +123,7 @@ class _LikelihoodField:
         self.codebook = codebook
         positions = codebook.poses[:, :3, 3]
         cells, self._place = np.unique(np.round(positions / _CELL), axis=0, return_inverse=True)
-        tree = cKDTree(cells * _CELL)
-        distance, index = tree.query(points, min(_BLENDED, len(cells)), workers=-1)
-        self._index = index.reshape(len(points), -1)
-        distance = distance.reshape(len(points), -1)
-        weight = np.exp(-4 * (distance / np.maximum(distance[:, -1:], 1e-9)) ** 2)
-        self._weight = weight / weight.sum(axis=1, keepdims=True)
+        self._blend = PlaceBlend(cells * _CELL, points)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
         """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.
@@ -125,4 +133,4 @@ class _LikelihoodField:
         best = np.full(self._place.max() + 1, -np.inf)
         np.maximum.at(best, self._place.ravel(), self.codebook.codes @ code)
         heat = np.exp((best - best.max()) / (2 * self.codebook.meta["temperature"]))
-        return HEAT_COLOURS((heat[self._index] * self._weight).sum(axis=1))[:, :3]
+        return HEAT_COLOURS(self._blend(heat))[:, :3]

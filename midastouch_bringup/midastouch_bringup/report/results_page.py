@@ -16,9 +16,10 @@ from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
 
 from ..evaluation.table import number
-from .figures import final_error_figure, save, single_touch_figure, stage_figure, trial_error_figure
+from .figures import final_error_figure, save, stage_figure, trial_error_figure
 from .object_view import ObjectView
 from .page import Page
+from .single_touch import single_touch_section
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:
@@ -32,7 +33,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
     page = Page("MidasTouch results")
-    for section in (_evaluate, _depth, _single_touch, _bench):
+    for section in (_evaluate, _depth, single_touch_section, _bench):
         if section in by_kind:
             try:
                 section(page, by_kind[section], folder)
@@ -55,7 +56,7 @@ def _section(name: str, content: dict) -> Callable:
         ("trials", _evaluate),
         ("tdn_ms", _bench),
         ("sequences", _depth),
-        ("queries", _single_touch),
+        ("queries", single_touch_section),
     ):
         if key in content:
             return section
@@ -135,21 +136,6 @@ def _depth(page: Page, contents: list[dict], folder: Path) -> None:
         rows = [[s["sequence"], s["frames"], *(number(s[k], 3) for k in keys)] for s in content["sequences"]]
         rows.append(["all", "", *(number(content["summary"][k], 3) for k in keys)])
         page.table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms per frame"], rows)
-
-
-def _single_touch(page: Page, contents: list[dict], folder: Path) -> None:
-    page.heading("Single touch")
-    rows = []
-    for content in contents:
-        summary = content["summary"]
-        cells = [
-            summary["normalised_top25_error"],
-            summary["median"],
-            summary["geodesic_normalised_top25_error"],
-        ]
-        rows.append([content["object"], content["queries"], *(number(cell, 3) for cell in cells)])
-    page.table(["object", "touches", "normalised top-25 error", "median", "same, geodesic"], rows)
-    page.picture(save(single_touch_figure(contents), folder / "single_touch.png"), "Error over a random touch's")
 
 
 def _bench(page: Page, contents: list[dict], folder: Path) -> None:

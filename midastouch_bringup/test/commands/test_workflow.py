@@ -69,14 +69,19 @@ def test_evaluate_tdn(run):
 
 
 def test_single_touch(run):
-    _, result = run(
-        "single-touch", "--codebook", "out/codebooks/eyebolt.npz", "--queries", "25", "--json", "touch.json"
-    )
-    assert set(result["summary"]) == {
+    output, result = run(
+        "single-touch", "eyebolt", "--codebook", "out/codebooks", "--queries", "25", "--baseline-size", "40",
+        "--json", "touch.json",
+    )  # fmt: skip
+    assert set(result["summary"]) >= {
         "normalised_top25_error", "median", "random_error", "geodesic_normalised_top25_error",
     }  # fmt: skip
-    assert 0 < result["summary"]["normalised_top25_error"] < 0.9
+    summary = result["summary"]
+    assert 0 < summary["nearest_entry"] <= summary["normalised_top25_error"] < 1.5
     assert (result["object"], result["queries"]) == ("eyebolt", 25)
+    assert set(result["baselines"]) >= {"image_embedding", "minkloc3d"}
+    assert result["objects"][0]["baselines"]["book_size"] == 40
+    assert "eyebolt" in output
 
 
 def test_bench_has_the_keys_of_the_design(run):

@@ -87,20 +87,9 @@ def test_the_other_kinds_of_result(tmp_path):
     }
     figures = {"rmse_mm": 0.123, "contact_rmse_mm": 0.2, "contact_iou": 0.9, "ms_per_frame": 3.0}
     depth = {"sequences": [{"sequence": "ball/00", "frames": 3, **figures}], "summary": figures}
-    touch = {
-        "object": "ball",
-        "queries": 3,
-        "summary": {
-            "normalised_top25_error": 0.456,
-            "median": 0.4,
-            "random_error": 0.05,
-            "geodesic_normalised_top25_error": 0.44,
-        },
-        "errors": [0.1, 0.4, 0.9],
-    }
-    results = [("b.json", bench), ("d.json", depth), ("s.json", touch)]
+    results = [("b.json", bench), ("d.json", depth)]
     content = write_results_page(results, tmp_path).read_text()
-    for text in ("41.5 Hz", "0.123", "0.456", "stages_0.png", "single_touch.png"):
+    for text in ("41.5 Hz", "0.123", "stages_0.png"):
         assert text in content
 
 
