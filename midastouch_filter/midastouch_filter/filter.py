@@ -198,7 +198,7 @@ class ParticleFilter:
                 self._resample(touched) if alive else self._restart(touched)
         with self._watch.stage("modes"):
             self._find_modes(moved or touched is not None)
-        if touched is not None and self._refinement is not None and measurement.relief is not None:
+        if touched is not None and self._usable(measurement.relief):
             with self._watch.stage("refinement"):
                 self._refine(measurement.relief, share)
             if self._hindsight:
@@ -351,11 +351,17 @@ class ParticleFilter:
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
         self._fitted = []
 
+    def _usable(self, relief: np.ndarray | None) -> bool:
+        """Whether the relief is there and can be compared with rendered ones."""
+        if relief is None or self._refinement is None:
+            return False
+        if relief.shape == self._refinement.shape and np.isfinite(relief).all():
+            return True
+        self._refuse("bad_relief", f"relief is not finite or not of shape {self._refinement.shape}")
+        return False
+
     def _refine(self, relief: np.ndarray, share: float) -> None:
         """Let the relief place the particles of narrow modes."""
-        if relief.shape != self._refinement.shape or not np.isfinite(relief).all():
-            self._refuse("bad_relief", f"relief is not finite or not of shape {self._refinement.shape}")
-            return
         finder = self._mode_finder
         aligned = self._refinement.apply(self._particles, finder.members(self._particles), self._modes, relief, share)
         if self._gates["wide_modes"].skips(not aligned):
