@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from pathlib import Path
 
-from midastouch_perception.codebook import Codebook, build_codebook
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -16,6 +18,7 @@ from .progress import progress_bar
 
 CODEBOOK_FOLDER = Path("out/codebooks")
 _CACHE = Path("out/cache/codebooks")
+_SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
 
 
 def codebook_path(object_name: str) -> Path:
@@ -31,13 +34,46 @@ def build_and_save(
     size: int,
     seed: int,
     path: str | os.PathLike,
+    jobs: int | None = None,
 ) -> tuple[Codebook, float]:
-    """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took."""
+    """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took.
+
+    `jobs` chunks are encoded at a time, by default one per core. An interrupted build leaves what it has done beside
+    `path`, where the next call for the same codebook goes on.
+    """
     start = time.perf_counter()
-    with progress_bar(total=size, unit="pose", desc=f"codebook of {mesh.name}") as bar:
-        codebook = build_codebook(mesh, tcn, sensor, size, seed, lambda done, total: bar.update(done - bar.n))
+    build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed), unfinished_path(path)
+    if unfinished.is_file():
+        try:
+            build.restore(unfinished)
+            print(f"{unfinished}: going on after {build.done} of {size} poses", file=sys.stderr)
+        except InputError as error:
+            print(f"{error}; starting from the beginning", file=sys.stderr)
+    saved = start
+
+    def progress(done: int, total: int) -> None:
+        nonlocal saved
+        bar.update(done - bar.n)
+        if time.perf_counter() - saved > _SAVE_INTERVAL_S:
+            build.save(unfinished)
+            saved = time.perf_counter()
+
+    try:
+        with progress_bar(total=size, initial=build.done, unit="pose", desc=f"codebook of {mesh.name}") as bar:
+            codebook = build.run(jobs or len(os.sched_getaffinity(0)), progress)
+    except BaseException:
+        if build.done:
+            build.save(unfinished)
+            print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to go on", file=sys.stderr)
+        raise
     codebook.save(path)
+    unfinished.unlink(missing_ok=True)
     return codebook, time.perf_counter() - start
+
+
+def unfinished_path(path: str | os.PathLike) -> Path:
+    """Where an interrupted build of the codebook `path` keeps what it has done."""
+    return Path(path).with_suffix(".unfinished.npz")
 
 
 def cached_codebook(

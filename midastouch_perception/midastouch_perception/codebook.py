@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from . import se3
-from .codebook_poses import codebook_poses
 from .errors import InputError
 from .files import atomic_path, require_file
 from .mesh import ObjectMesh
-from .sensor_model import SensorModel
-from .simulation.renderer import PenetrationRenderer
-from .tcn.inference import TactileCodeNet
-from .tdn.inputs import SCALE
 
 FORMAT = 1
-_CHUNK = 512  # poses a step: bounds memory, paces the progress bar
 
 
 class Codebook:
@@ -72,38 +65,3 @@ class Codebook:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
         return cls(se3.from_xyzquat(poses), codes, meta)
-
-
-def build_codebook(
-    mesh: ObjectMesh,
-    tcn: TactileCodeNet,
-    sensor: SensorModel,
-    size: int = 50_000,
-    seed: int = 0,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> Codebook:
-    """Render `size` poses of the mesh and encode them; `progress(done, total)` is called as it goes.
-
-    sensor: at image resolution. The maps are encoded as rendered: the code network was trained to match the depth
-    network's maps with them.
-    """
-    poses = codebook_poses(mesh, size, sensor, np.random.default_rng(seed))
-    renderer = PenetrationRenderer(mesh, sensor.scaled(SCALE))
-    codes = np.empty((size, tcn.dim), np.float32)
-    for start in range(0, size, _CHUNK):
-        part = slice(start, min(start + _CHUNK, size))
-        codes[part] = tcn.encode(renderer.render(poses[part]))
-        progress(part.stop, size)
-    meta = {
-        "format": FORMAT,
-        "mesh_name": mesh.name,
-        "mesh_sha256": mesh.sha256,
-        "mesh_path": str(mesh.path) if mesh.path else "",
-        "sensor": sensor.name,
-        "sensor_id": sensor.content_id,
-        "tcn": tcn.network_id,
-        **tcn.calibration,
-        "size": size,
-        "seed": seed,
-    }
-    return Codebook(poses, codes, meta)

@@ -9,7 +9,8 @@ import numpy as np
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
 from midastouch_perception import se3
-from midastouch_perception.codebook import Codebook, build_codebook
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -31,7 +31,8 @@ from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 from midastouch_bringup.nodes.all_in_one import main, make_nodes
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception import se3
-from midastouch_perception.codebook import Codebook, build_codebook
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode

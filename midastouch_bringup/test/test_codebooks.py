@@ -1,0 +1,102 @@
+import signal
+
+import numpy as np
+import pytest
+
+from midastouch_bringup import cli, codebooks
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import CHUNK
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+
+SIZE = 4 * CHUNK
+
+
+class FlatTcn:
+    """Encodes a map by its mean depth in eight strips; presses Ctrl-C in the `stop`th batch."""
+
+    network_id, dim, calibration = "flat", 8, {"temperature": 0.1, "outlier": 0.05}
+
+    def __init__(self, stop: int = 0):
+        self.batches, self._stop = 0, stop
+
+    def encode(self, maps: np.ndarray) -> np.ndarray:
+        self.batches += 1
+        if self.batches == self._stop:
+            signal.raise_signal(signal.SIGINT)
+        strips = maps.reshape(len(maps), 8, -1).mean(axis=2) + 1e-6
+        return (strips / np.linalg.norm(strips, axis=1, keepdims=True)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return ObjectMesh.load(bundled_objects()["ball"])
+
+
+@pytest.fixture
+def build(ball, tmp_path):
+    """Function (tcn, seed=0) -> codebook of the ball, in `tmp_path`."""
+
+    def build(tcn: FlatTcn, seed: int = 0) -> Codebook:
+        sensor = SensorModel.load("digit_tacto")
+        return codebooks.build_and_save(ball, tcn, sensor, SIZE, seed, tmp_path / "ball.npz", jobs=1)[0]
+
+    return build
+
+
+def test_an_interrupted_build_goes_on_where_it_stopped(build, tmp_path, capsys):
+    with pytest.raises(KeyboardInterrupt):
+        build(FlatTcn(stop=3))
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.unfinished.npz"]
+    assert f"of {SIZE} poses; run it again to go on" in capsys.readouterr().err
+
+    rest = FlatTcn()
+    resumed = build(rest)
+    assert 0 < rest.batches < 4
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.npz"]
+    assert f"going on after {SIZE - rest.batches * CHUNK} of {SIZE} poses" in capsys.readouterr().err
+    whole = build(FlatTcn())
+    np.testing.assert_array_equal(resumed.codes, whole.codes)
+    np.testing.assert_array_equal(resumed.poses, whole.poses)
+
+
+def test_what_another_build_left_is_passed_over(build, tmp_path, capsys):
+    with pytest.raises(KeyboardInterrupt):
+        build(FlatTcn(stop=3), seed=1)
+    tcn = FlatTcn()
+    build(tcn, seed=0)
+    assert tcn.batches == 4
+    assert "another seed; remove it; starting from the beginning" in capsys.readouterr().err
+
+
+def test_a_running_build_is_kept_now_and_then(build, tmp_path, monkeypatch):
+    """A kill leaves no time to save."""
+    monkeypatch.setattr(codebooks, "_SAVE_INTERVAL_S", 0.0)
+    kept = []
+    saving = codebooks.CodebookBuild.save
+    monkeypatch.setattr(
+        codebooks.CodebookBuild, "save", lambda self, path: (saving(self, path), kept.append(self.done))
+    )
+    build(FlatTcn())
+    assert kept == [CHUNK, 2 * CHUNK, 3 * CHUNK, 4 * CHUNK]
+    assert [path.name for path in tmp_path.iterdir()] == ["ball.npz"]
+
+
+def test_a_book_of_one_pose_is_built_and_refused_where_two_are_needed(ball, tmp_path):
+    out = tmp_path / "one.npz"
+    assert cli.main(["build-codebook", "ball", "--size", "1", "--jobs", "2", "--out", str(out)]) == 0
+    book = Codebook.load(out, mesh=ball)
+    assert len(book.poses) == 1
+    with pytest.raises(InputError, match="codebook: 1 poses; build one of at least some thousands"):
+        ParticleFilter(ball, book)
+
+
+def test_a_book_of_no_pose_is_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        cli.main(["build-codebook", "ball", "--size", "0", "--out", str(tmp_path / "none.npz")])
+    assert stopped.value.code == 2
+    assert "--size: '0' is not a whole number of at least 1" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

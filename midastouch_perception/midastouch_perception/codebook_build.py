@@ -1,0 +1,142 @@
+"""A codebook in the making: rendered and encoded chunk by chunk, it can be interrupted, kept and gone on with."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from .codebook import FORMAT, Codebook
+from .codebook_poses import codebook_poses
+from .errors import InputError
+from .files import atomic_path, require_file
+from .mesh import ObjectMesh
+from .sensor_model import SensorModel
+from .simulation.renderer import PenetrationRenderer
+from .tcn.inference import TactileCodeNet
+from .tdn.inputs import SCALE
+
+CHUNK = 256
+"""Poses that are rendered, encoded and kept together; the result must not depend on how they are shared out."""
+
+_ARRAYS = ("poses", "codes", "finished")
+
+
+class CodebookBuild:
+    """`size` poses of a mesh, rendered and encoded as far as it got.
+
+    Args: mesh; tcn; sensor, at image resolution; size; seed, of the poses. The result depends on these alone, not on
+    interruptions or the number of jobs. The maps are encoded as rendered: the code network was trained to match the
+    depth network's maps with them.
+    """
+
+    def __init__(self, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int = 50_000, seed: int = 0):
+        self._mesh, self._tcn, self._sensor = mesh, tcn, sensor
+        self._meta = {
+            "format": FORMAT,
+            "mesh_name": mesh.name,
+            "mesh_sha256": mesh.sha256,
+            "mesh_path": str(mesh.path) if mesh.path else "",
+            "sensor": sensor.name,
+            "sensor_id": sensor.content_id,
+            "tcn": tcn.network_id,
+            **tcn.calibration,
+            "size": size,
+            "seed": seed,
+        }
+        self._poses: np.ndarray | None = None  # (M, 4, 4), laid out when the work begins
+        self._codes = np.empty((0, tcn.dim), np.float32)
+        self._finished = np.zeros(0, bool)  # by chunk
+
+    @property
+    def done(self) -> int:
+        """Number of poses encoded so far."""
+        chunks = np.flatnonzero(self._finished)
+        return int(np.minimum((chunks + 1) * CHUNK, self._meta["size"]).sum() - (chunks * CHUNK).sum())
+
+    def run(self, jobs: int = 1, progress: Callable[[int, int], None] = lambda done, total: None) -> Codebook:
+        """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
+
+        Whatever ends it early, what was done until then can be saved. Raises InputError: no pose to encode.
+        """
+        if self._poses is None:
+            size, seed = self._meta["size"], self._meta["seed"]
+            self._poses = codebook_poses(self._mesh, size, self._sensor, np.random.default_rng(seed))
+            self._codes = np.empty((size, self._tcn.dim), np.float32)
+            self._finished = np.zeros(-(-size // CHUNK), bool)
+        renderer = PenetrationRenderer(self._mesh, self._sensor.scaled(SCALE))
+        waiting: deque = deque()
+
+        def collect() -> None:
+            chunk, codes = waiting.popleft()
+            self._codes[_part(chunk)] = codes.result()
+            self._finished[chunk] = True
+            progress(self.done, len(self._poses))
+
+        # threads, not processes: network and renderer release the interpreter lock, and nothing has to be sent
+        with ThreadPoolExecutor(jobs) as pool:
+            for chunk in np.flatnonzero(~self._finished):
+                maps = renderer.render(self._poses[_part(chunk)])
+                waiting.append((chunk, pool.submit(self._tcn.encode, maps)))
+                if len(waiting) > jobs:
+                    collect()
+            while waiting:
+                collect()
+        return Codebook(self._poses, self._codes, self._meta)
+
+    def save(self, path: str | Path) -> None:
+        """Keep what is done in one `.npz`, for `restore`; nothing is left behind if it fails."""
+        if self._poses is None:
+            raise ValueError("nothing is done yet")
+        codes = np.where(np.repeat(self._finished, CHUNK)[: len(self._codes), None], self._codes, 0)
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            np.savez(stream, poses=self._poses, codes=codes, finished=self._finished, meta=np.array(self._identity()))
+
+    def restore(self, path: str | Path) -> None:
+        """Go on from what an interrupted build of the same codebook saved.
+
+        Raises InputError and changes nothing: no such file, not a build's, broken, of another mesh, network, sensor,
+        size or seed.
+        """
+        path = require_file(path, "unfinished codebook")
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                poses, codes, finished = (data[name] for name in _ARRAYS)
+                identity = json.loads(str(data["meta"]))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: not an unfinished codebook ({error}); remove it") from error
+        wanted = json.loads(self._identity())
+        if identity != wanted:
+            other = identity if isinstance(identity, dict) else {}
+            differing = ", ".join(key for key in wanted if other.get(key) != wanted[key]) or "format"
+            raise InputError(f"{path}: unfinished codebook of another {differing}; remove it")
+        size, dim = wanted["size"], self._tcn.dim
+        fits = poses.shape == (size, 4, 4) and codes.shape == (size, dim) and finished.shape == (-(-size // CHUNK),)
+        if not (fits and finished.dtype == bool and np.isfinite(poses).all() and np.isfinite(codes).all()):
+            raise InputError(f"{path}: unfinished codebook with missing or non-finite content; remove it")
+        self._poses, self._codes, self._finished = poses.astype(float), codes.astype(np.float32), finished
+
+    def _identity(self) -> str:
+        """What the result depends on, as JSON; the mesh may have moved."""
+        return json.dumps({key: value for key, value in self._meta.items() if key != "mesh_path"})
+
+
+def build_codebook(
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int = 50_000,
+    seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Codebook:
+    """Build a codebook in one go; see `CodebookBuild`."""
+    return CodebookBuild(mesh, tcn, sensor, size, seed).run(progress=progress)
+
+
+def _part(chunk: int) -> slice:
+    return slice(chunk * CHUNK, (chunk + 1) * CHUNK)

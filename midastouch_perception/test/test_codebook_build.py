@@ -1,0 +1,129 @@
+import hashlib
+import json
+
+import numpy as np
+import pytest
+
+from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
+from midastouch_perception.errors import InputError
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tcn import load_tcn
+
+SIZE = 2 * CHUNK + 40  # three chunks, the last one short
+
+
+def digest(book):
+    return hashlib.sha256(book.poses.tobytes() + book.codes.tobytes() + json.dumps(book.meta).encode()).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def tcn():
+    return load_tcn("fast")
+
+
+@pytest.fixture(scope="module")
+def book(tool, tcn, sensor):
+    return build_codebook(tool, tcn, sensor, SIZE, seed=1)
+
+
+@pytest.fixture(scope="module")
+def first_chunk(tool, tcn, sensor, tmp_path_factory):
+    """Content of the file with what a build had done when Ctrl-C came after its first chunk."""
+    build = CodebookBuild(tool, tcn, sensor, SIZE, seed=1)
+
+    def interrupt(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build.run(progress=interrupt)
+    assert build.done == CHUNK
+    path = tmp_path_factory.mktemp("first") / "part.npz"
+    build.save(path)
+    return path.read_bytes()
+
+
+@pytest.fixture
+def interrupted(first_chunk, tmp_path):
+    path = tmp_path / "part.npz"
+    path.write_bytes(first_chunk)
+    return path
+
+
+def test_codes_are_those_of_the_poses(book, tool, tcn, sensor):
+    rendered = PenetrationRenderer(tool, sensor.scaled(0.5)).render(book.poses[250:262])
+    np.testing.assert_allclose(book.codes[250:262], tcn.encode(rendered), atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(book.codes, axis=1), 1, atol=1e-5)
+    assert book.meta["size"] == len(book.poses) == SIZE
+
+
+def test_jobs_do_not_change_the_result(tool, tcn, sensor, book):
+    seen = []
+    build = CodebookBuild(tool, tcn, sensor, SIZE, seed=1)
+    again = build.run(jobs=3, progress=lambda done, total: seen.append((done, total)))
+    assert seen == [(CHUNK, SIZE), (2 * CHUNK, SIZE), (SIZE, SIZE)]
+    assert digest(again) == digest(book)
+
+
+def test_interruptions_do_not_change_the_result(tool, tcn, sensor, book, interrupted):
+    encoded = []
+
+    class Counting:
+        network_id, dim, calibration = tcn.network_id, tcn.dim, tcn.calibration
+
+        def encode(self, maps):
+            encoded.append(len(maps))
+            return tcn.encode(maps)
+
+    build = CodebookBuild(tool, Counting(), sensor, SIZE, seed=1)
+    build.restore(interrupted)
+    assert digest(build.run(jobs=2)) == digest(book)
+    assert sorted(encoded) == [SIZE - 2 * CHUNK, CHUNK]
+
+
+def test_a_seed_makes_a_difference(tool, tcn, sensor, book):
+    assert not np.array_equal(build_codebook(tool, tcn, sensor, 20, seed=2).poses, book.poses[:20])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [({"seed": 2}, "another seed"), ({"size": SIZE + 1}, "another size"), ({"mesh": "block"}, "another mesh_name")],
+)
+def test_parts_of_another_build_are_refused(tool, block, tcn, sensor, interrupted, change, said):
+    mesh = block if change.pop("mesh", None) else tool
+    build = CodebookBuild(mesh, tcn, sensor, **({"size": SIZE, "seed": 1} | change))
+    with pytest.raises(InputError, match=f"part.npz: .*{said}"):
+        build.restore(interrupted)
+    assert build.done == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"finished": None}, "not an unfinished codebook"),
+        ({"finished": np.ones(7, bool)}, "missing or non-finite"),
+        ({"codes": np.full((SIZE, 64), np.nan, np.float32)}, "missing or non-finite"),
+        ({"meta": np.array("[]")}, "another format"),
+    ],
+)
+def test_broken_parts_are_refused(tool, tcn, sensor, interrupted, change, said):
+    with np.load(interrupted) as data:
+        content = dict(data) | change
+    np.savez(interrupted, **{k: v for k, v in content.items() if v is not None})
+    with pytest.raises(InputError, match=f"part.npz: .*{said}"):
+        CodebookBuild(tool, tcn, sensor, SIZE, seed=1).restore(interrupted)
+
+
+def test_half_a_file_is_refused(tool, tcn, sensor, interrupted):
+    interrupted.write_bytes(interrupted.read_bytes()[:5000])
+    with pytest.raises(InputError, match="not an unfinished codebook"):
+        CodebookBuild(tool, tcn, sensor, SIZE, seed=1).restore(interrupted)
+
+
+@pytest.mark.parametrize("size", [0, -3])
+def test_empty_books_are_refused(tool, tcn, sensor, size):
+    with pytest.raises(InputError, match="codebook size"):
+        build_codebook(tool, tcn, sensor, size=size)
+
+
+def test_one_entry_is_a_book(tool, tcn, sensor):
+    assert build_codebook(tool, tcn, sensor, size=1).codes.shape == (1, tcn.dim)
