@@ -16,6 +16,7 @@ from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
 
 from ..evaluation.table import number
+from .accuracy import accuracy_section
 from .figures import final_error_figure, save, stage_figure, trial_error_figure
 from .object_view import ObjectView
 from .page import Page
@@ -33,7 +34,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
     page = Page("MidasTouch results")
-    for section in (_evaluate, _depth, single_touch_section, _bench):
+    for section in (_evaluate, accuracy_section, _depth, single_touch_section, _bench):
         if section in by_kind:
             try:
                 section(page, by_kind[section], folder)
@@ -53,6 +54,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
 
 def _section(name: str, content: dict) -> Callable:
     for key, section in (
+        ("comparison", accuracy_section),
         ("trials", _evaluate),
         ("tdn_ms", _bench),
         ("sequences", _depth),
@@ -60,7 +62,7 @@ def _section(name: str, content: dict) -> Callable:
     ):
         if key in content:
             return section
-    raise InputError(f"{name}: not a result of evaluate, evaluate-tdn, single-touch or bench")
+    raise InputError(f"{name}: not a result of evaluate, benchmark, evaluate-tdn, single-touch or bench")
 
 
 def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:

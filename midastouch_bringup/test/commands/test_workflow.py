@@ -95,6 +95,25 @@ def test_bench_has_the_keys_of_the_design(run):
         assert result[key] > 0
 
 
+def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, workspace):
+    options = (
+        "benchmark", "--objects", "eyebolt", "--out", "bm", "--slides", "1", "--length", "0.015", "--seeds", "1",
+        "--init", "paper", "--codebook-size", "300", "--config", "small.yaml", "--json", "benchmark.json",
+    )  # fmt: skip
+    output, result = run(*options, "--variant", "1k")
+    assert [(t["variant"], t["frames"]) for t in result["trials"]] == [("default", 10), ("1k", 10)]
+    assert result["trials"][0]["ms"]["tdn"] > 0
+    assert result["objects"][0]["symmetry"] == "2 poses alike"
+    assert sum(result["objects"][0]["likelihood_levels"]) == 2
+    assert "variants, init paper" in output
+    finished = (workspace / "bm" / "trials.jsonl").read_text()
+    _, again = run(*options, "--variant", "1k")
+    assert again["trials"] == result["trials"]
+    assert (workspace / "bm" / "trials.jsonl").read_text() == finished
+    page, _ = run("report", "benchmark.json", "--out", "benchmark_report")
+    assert page.strip() == "benchmark_report/index.html"
+
+
 def test_report_takes_all_of_them(run, workspace):
     run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
     run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
@@ -119,6 +138,9 @@ def test_to_bag_writes_what_replay_can_play(run, workspace):
         (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
+        (["benchmark", "--objects", "teapot"], "bundled objects: no object 'teapot': there are ball, eyebolt"),
+        (["benchmark", "--meshes", "none"], "none: no such folder"),
+        (["benchmark", "--variant", "best"], "--variant best: not known"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(workspace, monkeypatch, capsys, arguments, message):
