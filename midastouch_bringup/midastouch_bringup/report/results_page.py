@@ -17,9 +17,11 @@ from midastouch_perception.mesh import ObjectMesh
 
 from ..evaluation.table import number
 from .accuracy import accuracy_section
+from .checks import check_section
 from .figures import final_error_figure, save, stage_figure, trial_error_figure
 from .object_view import ObjectView
 from .page import Page
+from .presses import press_section
 from .single_touch import single_touch_section
 
 
@@ -34,7 +36,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
     page = Page("MidasTouch results")
-    for section in (_evaluate, accuracy_section, _depth, single_touch_section, _bench):
+    for section in (_evaluate, accuracy_section, _depth, press_section, check_section, single_touch_section, _bench):
         if section in by_kind:
             try:
                 section(page, by_kind[section], folder)
@@ -58,11 +60,16 @@ def _section(name: str, content: dict) -> Callable:
         ("trials", _evaluate),
         ("tdn_ms", _bench),
         ("sequences", _depth),
+        ("presses", press_section),
+        ("fit_check", check_section),
         ("queries", single_touch_section),
     ):
         if key in content:
             return section
-    raise InputError(f"{name}: not a result of evaluate, benchmark, evaluate-tdn, single-touch or bench")
+    raise InputError(
+        f"{name}: not a result of evaluate, benchmark, evaluate-tdn, evaluate-presses, evaluate-checks, single-touch "
+        "or bench"
+    )
 
 
 def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
