@@ -7,6 +7,7 @@ from midastouch_bringup.evaluation.simulated_touch import Lighting, TouchSimulat
 from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.tdn.fcrn import FcrnDepthNet
 
 
 class BrightnessTdn:
@@ -17,6 +18,17 @@ class BrightnessTdn:
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
         return 1e-3 * (np.abs(difference).max(axis=-1) > self._threshold).astype(np.float32)
+
+
+class WholeImages(FcrnDepthNet):
+    """In FCRN's place: keeps what it is shown, and feels everything."""
+
+    def __init__(self):
+        self.shown = []
+
+    def predict(self, image, background, difference=None):
+        self.shown.append(image)
+        return np.full((160, 120), 1e-3, np.float32)
 
 
 def networks(threshold: float = 6.0) -> SimpleNamespace:
@@ -68,6 +80,14 @@ def test_a_touch_that_is_not_felt_has_a_random_code(mesh, poses):
     assert np.linalg.norm(codes["one"], axis=1) == pytest.approx(1)
     assert len(np.unique(codes["one"][~felt], axis=0)) == (~felt).sum()
     assert len(np.unique(codes["one"][felt], axis=0)) == 1
+
+
+def test_fcrn_is_shown_whole_camera_images(mesh, poses):
+    tdn = WholeImages()
+    simulator = TouchSimulator(mesh, SimpleNamespace(tdn=tdn, sensor=networks().sensor), Lighting("random"))
+    (percepts,) = simulator.percepts(poses[:3], np.random.default_rng(0))
+    assert [(image.shape, image.dtype) for image in tdn.shown] == 3 * [((320, 240, 3), np.uint8)]
+    assert percepts.felt.all()
 
 
 def test_networks_that_feel_nothing_are_refused(mesh, poses):
