@@ -12,7 +12,7 @@ def generate_launch_description() -> LaunchDescription:
     composed = LaunchConfiguration("composed")
     return LaunchDescription(
         [
-            *declare(*COMMON, "composed", "background"),
+            *declare(*COMMON, "serial", "composed", "background"),
             *declare("object", "mesh", "codebook", "init_mode", "seed"),
             *declare("tf_prefix", "sensor_prefix"),
             start("midastouch_bringup", "all_in_one", condition=IfCondition(composed)),

@@ -9,7 +9,7 @@ def generate_launch_description() -> LaunchDescription:
     """Nodes `tdn` and `tcn`."""
     return LaunchDescription(
         [
-            *declare(*COMMON, "background", "sensor_prefix"),
+            *declare(*COMMON, "serial", "background", "sensor_prefix"),
             start("midastouch_perception", "tdn"),
             start("midastouch_perception", "tcn"),
         ]

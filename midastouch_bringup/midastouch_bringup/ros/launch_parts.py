@@ -54,7 +54,10 @@ ARGUMENTS = {
     "use_respawn": Argument("Start a node again 2 s after it died", "false", _YES_NO),
     "log_level": Argument("What the nodes log", "info", ("debug", "info", "warn", "error", "fatal")),
     # sensor
-    "serial": Argument("Serial number of the DIGIT; empty: the only one", sets=(("digit_driver", "serial"),)),
+    "serial": Argument(
+        "Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
+        sets=(("digit_driver", "serial"), ("tdn", "serial")),
+    ),
     "autostart": Argument(
         "Activate the driver without a lifecycle manager",
         "true",
@@ -134,7 +137,7 @@ def declare_recording(**defaults: str) -> list[DeclareLaunchArgument]:
     """Declarations of what a launch of a recording takes: its own time, and no frame lost."""
     overlay = str(SHARE / "config" / "replay.yaml")
     names = [name for name in COMMON if name not in ("use_sim_time", "params_overlay")]
-    names += ["rate", "loop", "composed", "background", "mesh", "codebook", "init_mode", "seed"]
+    names += ["rate", "loop", "composed", "serial", "background", "mesh", "codebook", "init_mode", "seed"]
     names += ["tf_prefix", "sensor_prefix", "use_rviz", "rviz_config"]
     return declare(*names, use_sim_time="true", params_overlay=overlay, **defaults)
 

@@ -19,6 +19,11 @@ def default_folder() -> Path:
     return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "midastouch" / "backgrounds"
 
 
+def store_of(folder: str, serial: str) -> BackgroundStore | None:
+    """The store that a node's parameters name ("": the default folder); None without a serial number."""
+    return BackgroundStore(Path(folder).expanduser() if folder else default_folder(), serial) if serial else None
+
+
 class BackgroundStore:
     """The image of the sensor with this serial number in a folder, as `SERIAL.png`.
 
@@ -33,6 +38,14 @@ class BackgroundStore:
     def load(self, height: int, width: int) -> np.ndarray | None:
         """RGB image (height, width, 3) uint8; None if none was kept. InputError as `read_background`."""
         return read_background(self.path, height, width) if self.path.exists() else None
+
+    def keep(self, image: np.ndarray) -> str:
+        """As `save`; says in words where it is kept, or why it is not: it can be used all the same."""
+        try:
+            self.save(image)
+        except InputError as error:
+            return f"in use, but {error}"
+        return f"kept in {self.path}"
 
     def save(self, image: np.ndarray) -> None:
         """Keep an image (H, W, 3) uint8 RGB in place of the last one; InputError if it cannot be written."""

@@ -28,6 +28,7 @@ from ..tdn.colour_layout import image_problem, shipped_layout
 from ..tdn.fit_check import FitCheck
 from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
+from .background_store import store_of
 from .stages import Depth, ImageStage
 
 PARAMETERS = (
@@ -38,6 +39,10 @@ PARAMETERS = (
         "",
         "No-contact image of this sensor, or a folder of its images; empty: estimated from the first ones",
     ),
+    Parameter(
+        "serial", "", "Serial number of the sensor: what capture_background takes is kept under it; empty: not kept"
+    ),
+    Parameter("background_folder", "", "Where it is kept for the next start; empty: $ROS_HOME/midastouch/backgrounds"),
     Parameter("background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000),
     Parameter(
         "still_threshold",
@@ -107,9 +112,12 @@ class TdnNode(PipelineNode):
     def _load_background(self) -> None:
         path = self.parameters["background"]
         self._background, self._background_source, self._background_problem = None, "none yet", ""
+        self._store = store_of(self.parameters["background_folder"], self.parameters["serial"])
+        size = self._sensor.height, self._sensor.width
         if path:
-            image = read_background(path, self._sensor.height, self._sensor.width)
-            self._set_background(image, f"file {path}")
+            self._set_background(read_background(path, *size), f"file {path}")
+        elif self._store is not None and (kept := self._store.load(*size)) is not None:
+            self._set_background(kept, f"kept in {self._store.path}")
         else:
             self._running = RunningBackground(self.parameters["background_frames"])
 
@@ -186,7 +194,8 @@ class TdnNode(PipelineNode):
             return
         self._running = None
         self._set_background(image, "capture_background")
-        self._captured.set_result((True, ""))
+        kept = self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"
+        self._captured.set_result((True, kept))
 
     def _describe(self) -> tuple[bytes, str, dict]:
         values = {**self._rate.values(), "background": self._background_source, **self._stage.skipped}
