@@ -9,6 +9,7 @@ from . import arguments
 
 _SET_UP = "make setup"
 _TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
+_VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 
 # module, distribution, what it is for, required, the command that mends it
 _MODULES = (
@@ -35,6 +36,7 @@ _MODULES = (
         "source a ROS 2",
     ),
     ("torch", "torch", "training, CUDA", False, _TRAIN),
+    ("rerun", "rerun-sdk", "midastouch view", False, _VIEW),
 )
 _PROGRAMS = (
     ("digit_driver", _SET_UP),
