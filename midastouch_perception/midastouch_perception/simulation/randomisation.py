@@ -80,8 +80,9 @@ class RandomSensor:
         """
         out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
-            out[i] = self._expose(self.background + self._difference(depth_map, surface, rng), rng)
-        reference = self._expose(self.background * self._drift(rng) + rng.normal(0, 1.0, 3).astype(np.float32), rng)
+            today = self.background * self._drift(rng)
+            out[i] = self._expose(today + self._difference(depth_map, surface, rng), rng)
+        reference = self._expose(self.background + rng.normal(0, 1.0, 3).astype(np.float32), rng)
         return out, reference
 
     def _difference(self, penetration: np.ndarray, surface: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -189,8 +190,14 @@ class RandomSensor:
         return np.clip(real * rng.uniform(0.85, 1.15, 3).astype(np.float32), 0, 255)
 
     def _drift(self, rng: np.random.Generator) -> np.ndarray:
-        """Factor (H, W, 3) by which the stored no-contact image differs from today's sensor."""
-        return 1 + rng.normal(0, 0.01) * (self._smooth_field(rng, 0.3) if self.wide else np.ones((1, 1, 1)))
+        """Factor (H, W, 3) by which one frame's light differs from that of the stored no-contact image.
+
+        On a real DIGIT presses differ by 3-8 grey levels from it, smoothly over the image and each press by its own.
+        """
+        if not self.wide:
+            return np.full((1, 1, 1), 1 + rng.normal(0, 0.01), np.float32)
+        even, uneven = rng.normal(0, 0.04, 3).astype(np.float32), 0.1 * (self._smooth_field(rng, 0.8) - 1)
+        return 1 + np.float32(rng.random()) * (even + uneven)
 
     def _expose(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         noisy = np.clip(image + self._noise * rng.standard_normal(image.shape, np.float32), 0, 255)

@@ -101,9 +101,9 @@ class TrainingRun:
             self.average = load_file(folder / "checkpoint.safetensors")
             self.step = state["step"]
             with (folder / "log.csv").open(newline="") as stream:
-                self.rows = [
-                    {k: int(float(v)) if k == "step" else float(v) for k, v in row.items()} for row in csv.DictReader(stream)
-                ]
+                self.rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(stream)]
+            for row in self.rows:
+                row["step"] = int(row["step"])
             self.minutes_before = self.rows[-1]["minutes"]
         except (OSError, KeyError, RuntimeError, ValueError, IndexError) as error:
             raise InputError(f"{folder}: cannot resume from here ({error}); name the folder of a run") from error
