@@ -43,6 +43,12 @@ class Playback:
             self._paused = False
             self._changed.notify_all()
 
+    def toggle(self) -> None:
+        """Pause, or resume if paused."""
+        with self._changed:
+            paused = self._paused
+        self.resume() if paused else self.pause()
+
     def step(self) -> bool:
         """Let one frame through; False, and nothing happens, if playback is not paused."""
         with self._changed:

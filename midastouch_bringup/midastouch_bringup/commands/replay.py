@@ -16,7 +16,8 @@ def add_parser(subparsers) -> None:
         "play a sequence or a bag on the topics of a live sensor and arm",
         "midastouch replay out/demo/run.mcap --rate 2",
         "Publishes image_raw, camera_info, /tf, the ground truth on frames of its own, and /clock.\n"
-        "While it plays: services replay/pause, resume and step; parameters rate, loop and seek_to of /replay.",
+        "Keys: space pauses, right: next frame, left: 5 s back, up and down: faster and slower.\n"
+        "From elsewhere: services replay/pause, resume and step; parameters rate, loop and seek_to of /replay.",
     )
     parser.add_argument("source", metavar="BAG|SEQ", help="bag (.mcap file or folder) or YCB-Slide sequence folder")
     parser.add_argument("--rate", type=float, default=1.0, help="recorded seconds per second; 0: at once (default 1)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 import threading
@@ -23,11 +24,12 @@ from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
 
+from ..keyboard import Keyboard
 from ..messages import TF_STATIC_TOPIC, TF_TOPIC, Message, Topic, header_stamp_ns
 from ..playback import Playback
 from ..replay_source import INPUT_TOPICS, ReplaySource, is_image
 from .message_types import message_class
-from .replay_control import ReplayControl
+from .replay_control import KEYS_HELP, ReplayControl
 from .replay_parameters import PARAMETERS
 
 RCLError = rclpy_implementation.RCLError
@@ -56,19 +58,26 @@ class Replay(Node):
         self.error: InputError | None = None
         self.frames_sent = self.frames_repeated = self.frames_lost = 0
         self._told = 0  # newest time on /clock, ns
+        self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
 
         self._source = ReplaySource(self._settings["source"], self._settings["topics"].split() or INPUT_TOPICS)
         self._outputs = {topic.name: self._output(topic) for topic in self._source.topics}
         self._clock_output = self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
         if self._settings["ack_topic"]:
             self.create_subscription(FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50))
-        ReplayControl(self, self._playback)
+        self.control = ReplayControl(self, self._playback, lambda: self.position)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
 
     def start(self) -> None:
         """Begin to play, in a thread of its own; the node must be spun meanwhile."""
         self._thread.start()
+
+    @property
+    def position(self) -> float:
+        """Seconds after the beginning of the recording that were told last."""
+        offset, stamp = self._begin
+        return offset + max(0, self._told - stamp) / 1e9
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
@@ -83,7 +92,7 @@ class Replay(Node):
             offset = self._settings["start_offset"]
             while not self._playback.stopped:
                 self._playback.rewind()
-                self._told = 0
+                self._told, self._begin = 0, (offset, 0)
                 self._play_once(offset)
                 self._playback.wait_while_paused()  # at its end it can still be sent back
                 offset = self._playback.take_seek()
@@ -114,6 +123,8 @@ class Replay(Node):
                 continue
             if not self._playback.wait_until_due(message.stamp_ns, self._tick):
                 return
+            if self._told == 0:
+                self._begin = (offset, message.stamp_ns)
             frame.append(message)
             self._send(message)
             if is_image(message.topic):
@@ -194,7 +205,7 @@ class Replay(Node):
 
     def _describe(self) -> tuple[bytes, str, dict]:
         values = {
-            "time_s": f"{self._told / 1e9:.3f}",
+            "position_s": f"{self.position:.3f}",
             "rate": self._settings["rate"],
             "sent": self.frames_sent,
             "repeated": self.frames_repeated,
@@ -210,13 +221,16 @@ class Replay(Node):
 def main(args: Sequence[str] | None = None) -> int:
     """Entry point of the executable; ends when all was sent."""
     nodes: list[Replay] = []
+    with contextlib.ExitStack() as stack:
 
-    def make() -> list[Replay]:
-        nodes.append(Replay(on_end=rclpy.try_shutdown))
-        nodes[0].start()
-        return nodes
+        def make() -> list[Replay]:
+            nodes.append(Replay(on_end=rclpy.try_shutdown))
+            if stack.enter_context(Keyboard(nodes[0].control.keys())).active:
+                print(KEYS_HELP, file=sys.stderr)
+            nodes[0].start()
+            return nodes
 
-    code = run(make, args)
+        code = run(make, args)
     if nodes and nodes[0].error is not None:
         print(nodes[0].error, file=sys.stderr)
         return 2

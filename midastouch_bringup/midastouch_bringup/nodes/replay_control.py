@@ -1,6 +1,8 @@
-"""How a replay is controlled from outside: services for pause and steps, run-time parameters for pace and place."""
+"""How a replay is controlled: services for pause and steps, run-time parameters for pace and place, and keys."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -8,16 +10,41 @@ from std_srvs.srv import Trigger
 
 from ..playback import Playback
 
+KEYS_HELP = "space: pause; right: next frame; left: 5 s back; up, down: faster, slower"
+_BACK_S, _FACTOR, _FASTEST = 5.0, 1.25, 1000.0
+
 
 class ReplayControl:
-    """Adds `~/pause`, `~/resume` and `~/step` to a node and carries changes of `rate` and `seek_to` to the playback."""
+    """Adds `~/pause`, `~/resume` and `~/step` to a node and carries changes of `rate` and `seek_to` to the playback.
 
-    def __init__(self, node: Node, playback: Playback):
-        self._playback = playback
+    position: seconds after the beginning at which the playback is.
+    """
+
+    def __init__(self, node: Node, playback: Playback, position: Callable[[], float]):
+        self._node, self._playback, self._position = node, playback, position
         node.create_service(Trigger, "~/pause", self._pause)
         node.create_service(Trigger, "~/resume", self._resume)
         node.create_service(Trigger, "~/step", self._step)
         node.add_post_set_parameters_callback(self._on_parameters)
+
+    def keys(self) -> dict[str, Callable[[], object]]:
+        """What the keys of `Keyboard` do."""
+        return {
+            " ": self._playback.toggle,
+            "right": self._playback.step,
+            "left": lambda: self._set("seek_to", max(0.0, self._position() - _BACK_S)),
+            "up": lambda: self._change_rate(_FACTOR),
+            "down": lambda: self._change_rate(1 / _FACTOR),
+        }
+
+    def _change_rate(self, factor: float) -> None:
+        rate = min(self._node.get_parameter("rate").value * factor, _FASTEST)
+        self._set("rate", rate)
+        self._node.get_logger().info(f"rate {rate:.2f}")
+
+    def _set(self, name: str, value: float) -> None:
+        """As `ros2 param set`, so that the parameter tells the truth."""
+        self._node.set_parameters([Parameter(name, value=value)])
 
     def _on_parameters(self, changes: list[Parameter]) -> None:
         for change in changes:

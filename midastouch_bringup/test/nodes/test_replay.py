@@ -270,6 +270,32 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     assert len(filters[0].measurements) == 20 * rounds
 
 
+def test_what_the_keys_do(graph, simulated_sequence):
+    sequence = simulated_sequence(n=80)  # 7.9 s
+    node = replay(graph, sequence.path, start_paused=True, rate=1.0, start_offset=7.0)
+    images = graph.listen(Image, "image_raw")
+    keys = node.control.keys()
+    node.start()
+    keys["right"]()
+    graph.spin_until(lambda: len(images) == 1, "one frame")
+    assert node.position == pytest.approx(7.0)
+    keys["left"]()
+    keys["right"]()
+    graph.spin_until(lambda: len(images) == 2, "a frame 5 s earlier")
+    assert node.position == pytest.approx(2.0)
+    for _ in range(3):
+        keys["up"]()
+    keys["down"]()
+    assert node.get_parameter("rate").value == pytest.approx(1.25**2)
+    for _ in range(40):
+        keys["up"]()
+    assert node.get_parameter("rate").value == 1000.0
+    keys[" "]()
+    graph.spin_until(node.finished.is_set, "the end")
+    graph.spin_until(lambda: len(images) == 61, "the rest")
+    assert stamps(images)[:2] == sequence.stamps_ns[[70, 20]].tolist()
+
+
 def test_an_offset_beyond_the_end_is_said(graph, simulated_sequence):
     node = replay(graph, simulated_sequence(n=3).path, start_offset=100.0, loop=True)
     play(graph, node)
