@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _SURFACE_SPACING = 5e-4  # m, between the points that stand for the surface
 _MOST_SURFACE_POINTS = 400_000
-_CELLS_PER_EPS = 4
+_CELLS_PER_EPS = 3
 
 
 @dataclass(frozen=True)
@@ -163,13 +163,14 @@ class PaperFilter:
     def _hypotheses(self, weights: np.ndarray) -> list[Mode]:
         """DBSCAN over the positions, then mean position and Markley's mean rotation of each cluster.
 
-        Particles in one cell of a quarter of eps stand for each other: all pairs of particles of a narrow
+        Particles in one cell of a third of eps stand for each other: all pairs of particles of a narrow
         distribution would not fit into memory.
         """
         p = self._particles
         cells = np.floor(p.positions * (_CELLS_PER_EPS / self.config.eps)).astype(np.int64)
-        _, cell, count = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-        cell = cell.reshape(-1)
+        cells -= cells.min(axis=0)
+        index = np.ravel_multi_index(cells.T, cells.max(axis=0) + 1)
+        _, cell, count = np.unique(index, return_inverse=True, return_counts=True)
         centres = np.stack([np.bincount(cell, p.positions[:, k]) for k in range(3)], axis=1) / count[:, None]
         clustering = DBSCAN(eps=self.config.eps, min_samples=self.config.min_samples)
         label = clustering.fit(centres, sample_weight=count).labels_[cell]
