@@ -1,5 +1,7 @@
 """The requirement files and the lock that set-up installs agree."""
 
+import re
+
 import pytest
 
 SUPPORTED = ["3.10", "3.11", "3.12", "3.13"]
@@ -14,7 +16,7 @@ def pins(path, python: str) -> dict[str, str]:
     for line in path.read_text().splitlines():
         if not line or line.startswith(("#", "--")):
             continue
-        requirement = requirements.Requirement(line)
+        requirement = requirements.Requirement(line.partition(" --hash=")[0])
         if requirement.marker and not requirement.marker.evaluate({"python_version": python}):
             continue
         (specifier,) = requirement.specifier
@@ -38,3 +40,11 @@ def test_lock_holds_every_pin(root, source, python):
 def test_base_install_has_no_torch(root, python):
     locked = pins(root / "tools" / "requirements" / "lock.txt", python)
     assert not {"torch", "open3d"} & locked.keys()
+
+
+def test_every_package_is_locked_by_its_content(root):
+    """One line without a sum, and pip takes whatever the index serves under that name."""
+    lines = (root / "tools" / "requirements" / "lock.txt").read_text().splitlines()
+    packages = [line for line in lines if "==" in line]
+    assert len(packages) > 100
+    assert [line for line in packages if not re.search(r"( --hash=sha256:[0-9a-f]{64})+$", line)] == []

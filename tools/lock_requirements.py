@@ -1,4 +1,4 @@
-"""Write tools/requirements/lock.txt: every package of the set-up, dependencies included, pinned.
+"""Write tools/requirements/lock.txt: every package of the set-up, dependencies included, pinned by version and content.
 
 Run it after changing a requirement file, with one interpreter of each supported Python version:
 
@@ -29,8 +29,8 @@ HEADER = f"""\
 """
 
 
-def resolve(interpreter: str, constraints: list[str]) -> tuple[str, dict[str, str]]:
-    """Let pip resolve the requirement files: returns the Python version "3.x" and {package: version}."""
+def resolve(interpreter: str, constraints: list[str]) -> tuple[str, dict[str, tuple[str, str]]]:
+    """Let pip resolve the requirement files: returns the Python version "3.x" and {package: (version, SHA-256)}."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         pins = Path(folder) / "constraints.txt"
@@ -41,7 +41,13 @@ def resolve(interpreter: str, constraints: list[str]) -> tuple[str, dict[str, st
         command += [option for source in SOURCES for option in ("--requirement", str(source))]
         subprocess.run(command, check=True)
         result = json.loads(report.read_text())
-    packages = {item["metadata"]["name"]: item["metadata"]["version"] for item in result["install"]}
+    packages = {
+        item["metadata"]["name"]: (
+            item["metadata"]["version"],
+            item["download_info"]["archive_info"]["hashes"]["sha256"],
+        )
+        for item in result["install"]
+    }
     return result["environment"]["python_version"], packages
 
 
@@ -49,14 +55,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("interpreters", nargs="+", help="one Python of each supported version, oldest first")
     versions: dict[str, dict[str, list[str]]] = {}
+    sums: dict[tuple[str, str], set[str]] = {}
     newest: dict[str, str] = {}
     for interpreter in parser.parse_args().interpreters:
         # What Python 3.11 takes is wanted of every later version too: fewer combinations to test.
         # 3.10 is left out of this, as several packages have dropped it.
         python, packages = resolve(interpreter, [f"{name}=={version}" for name, version in newest.items()])
         if python != "3.10":
-            newest.update(packages)
-        for name, version in packages.items():
+            newest.update({name: version for name, (version, _) in packages.items()})
+        for name, (version, digest) in packages.items():
+            sums.setdefault((name, version), set()).add(digest)
             versions.setdefault(name, {}).setdefault(version, []).append(python)
         print(f"Python {python}: {len(packages)} packages")
     pythons = {python for chosen in versions.values() for users in chosen.values() for python in users}
@@ -64,7 +72,8 @@ def main() -> None:
     for name in sorted(versions, key=str.lower):
         for version, users in versions[name].items():
             marker = " or ".join(f'python_version == "{python}"' for python in users)
-            lines.append(f"{name}=={version}" + (f" ; {marker}" if set(users) != pythons else ""))
+            hashes = "".join(f" --hash=sha256:{digest}" for digest in sorted(sums[name, version]))
+            lines.append(f"{name}=={version}" + (f" ; {marker}" if set(users) != pythons else "") + hashes)
     LOCK.write_text(HEADER + "\n".join(lines) + "\n")
 
 
