@@ -67,10 +67,11 @@ class Rig:
     def warm_up(self, sender: Sender) -> None:
         """Until frames that were sent now are answered."""
         since = len(sender.sent)
-        self.until(lambda: len(sender.sent) > since and self.newest_is_answered(sender.sent[since:]), "an answer")
+        self.until(lambda: self.answered(sender.sent[since:]), "an answer")
 
-    def newest_is_answered(self, sent: list[int]) -> bool:
-        return any(stamp in self.answers for stamp in sent[-5:])
+    def answered(self, sent: list[int]) -> int:
+        """How many of these stamps are answered."""
+        return sum(stamp in self.answers for stamp in sent)
 
     def memory(self) -> dict[str, float]:
         """Resident MiB by node."""
@@ -83,13 +84,19 @@ def _resident_mb(pid: int) -> float:
 
 
 @pytest.fixture(scope="module")
-def rig(slide, tmp_path_factory) -> Iterator[Rig]:
+def rig(slide, minutes, tmp_path_factory) -> Iterator[Rig]:
     folder = tmp_path_factory.mktemp("rig")
     parameters = folder / "nodes.yaml"
     own = {
         "tdn": {"background": str(slide.background)},
         "tcn": {},
-        "particle_filter": {"mesh": str(slide.mesh), "codebook": str(slide.codebook), "input_timeout": INPUT_TIMEOUT},
+        "particle_filter": {
+            "mesh": str(slide.mesh),
+            "codebook": str(slide.codebook),
+            "max_particles": 50_000 if minutes else 3000,
+            "input_timeout": INPUT_TIMEOUT,
+            "transform_timeout": 10.0,  # a busy machine sends them later than it is told to
+        },
     }
     parameters.write_text(written(own, ""))
     with open_graph() as graph, NodeProcesses(folder / "log", int(os.environ["ROS_DOMAIN_ID"])) as processes:
@@ -104,7 +111,7 @@ def latencies_ms(rig: Rig, sent: list[int]) -> dict[str, float]:
 
 
 def test_images_at_the_sensors_rate(rig, minutes, figures):
-    """Frames may be left out on a slow machine, never queued up: the newest one is always answered."""
+    """Frames may be left out on a slow machine, but they do not queue up, and nothing grows."""
     fps, seconds = (60.0, 60 * minutes) if minutes else (20.0, 2.0)
     with rig.sender(fps) as sender:
         rig.warm_up(sender)
@@ -115,7 +122,7 @@ def test_images_at_the_sensors_rate(rig, minutes, figures):
         rig.warm_up(sender)
         after = rig.memory()
     sent = sender.sent[first:last]
-    answered = sum(stamp in rig.answers for stamp in sent)
+    answered = rig.answered(sent)
     latency = latencies_ms(rig, sent)
     figures["load"] = {
         "fps": fps,
@@ -145,7 +152,7 @@ def test_transforms_200_ms_late(rig, minutes, figures):
         rig.warm_up(sender)
         given_up = [s.reason for _, s in rig.states[since:] if "no transform" in s.reason]
     latency = latencies_ms(rig, sent)
-    answered = sum(stamp in rig.answers for stamp in sent)
+    answered = rig.answered(sent)
     figures["transforms_200_ms_late"] = {
         "sent": len(sent),
         "answered": answered,
@@ -169,7 +176,7 @@ def test_a_node_that_is_killed_comes_back(rig, minutes, figures, name):
         os.kill(rig.processes.pids[name], signal.SIGKILL)
         rig.until(lambda: rig.revived, "the runner to notice", revive=True)
         begun = len(sender.sent)
-        rig.until(lambda: rig.newest_is_answered(sender.sent[begun:]), "an answer", revive=True)
+        rig.until(lambda: rig.answered(sender.sent[begun:]), "an answer", revive=True)
         back = time.monotonic() - start
     stale = [t - start for t, s in rig.states[since:] if s.state == "stale" and "no tactile/code" in s.reason]
     figures.setdefault("killed", {})[name] = {"stale_after_s": stale[0] if stale else None, "back_after_s": back}
