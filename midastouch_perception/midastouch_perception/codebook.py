@@ -14,6 +14,7 @@ from .files import atomic_path, require_file
 from .mesh import ObjectMesh
 
 FORMAT = 1
+_DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 
 
 class Codebook:
@@ -52,12 +53,18 @@ class Codebook:
                 meta = json.loads(str(data["meta"]))
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
             raise InputError(f"{path}: not a codebook ({error}); build it with midastouch build-codebook") from error
+        if not isinstance(meta, dict):
+            raise InputError(f"{path}: not a codebook (no description); build it with midastouch build-codebook")
         if meta.get("format") != FORMAT:
             raise InputError(f"{path}: codebook format {meta.get('format')}, need {FORMAT}; build it again")
         if codes.ndim != 2 or poses.shape != (len(codes), 7) or not len(codes):
             raise InputError(f"{path}: {poses.shape} poses do not fit {codes.shape} codes; build it again")
+        if missing := ", ".join(key for key in _DESCRIPTION if key not in meta):
+            raise InputError(f"{path}: codebook that does not say its {missing}; build it again")
         if not (np.isfinite(codes).all() and np.isfinite(poses).all()):
             raise InputError(f"{path}: non-finite poses or codes; build it again")
+        if np.abs(np.linalg.norm(poses[:, 3:], axis=1) - 1).max() > 1e-3:
+            raise InputError(f"{path}: poses whose quaternions are not of unit length; build it again")
         if mesh is not None and mesh.sha256 != meta["mesh_sha256"]:
             built_for = meta["mesh_name"]
             raise InputError(f"{path}: built for the mesh '{built_for}', not for this '{mesh.name}'; build it again")

@@ -31,11 +31,11 @@ def test_survives_the_file(book, tool, tcn, tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_the_longest_codes_of_the_largest_book_fit_into_30_mb(tmp_path):
+def test_the_longest_codes_of_the_largest_book_fit_into_30_mb(book, tmp_path):
     rng = np.random.default_rng(0)
     poses = se3.make(se3.random_rotations(50_000, rng), rng.uniform(-0.1, 0.1, (50_000, 3)))
     path = tmp_path / "large.npz"
-    Codebook(poses, rng.standard_normal((50_000, 256), np.float32), {"format": FORMAT}).save(path)
+    Codebook(poses, rng.standard_normal((50_000, 256), np.float32), book.meta).save(path)
     assert path.stat().st_size < 30e6
     assert Codebook.load(path).codes.shape == (50_000, 256)
 
@@ -65,7 +65,12 @@ def broken(book, path, **change):
         ({"codes": None}, "not a codebook"),
         ({"codes": np.full((800, 8), np.nan, np.float16)}, "non-finite"),
         ({"codes": np.ones((3, 8), np.float16)}, "do not fit"),
+        ({"codes": np.empty((0, 8), np.float16), "poses": np.empty((0, 7), np.float32)}, "do not fit"),
+        ({"poses": np.full((800, 7), np.nan, np.float32)}, "non-finite"),
+        ({"poses": np.zeros((800, 7), np.float32)}, "unit length"),
         ({"meta": np.array(json.dumps({"format": 99}))}, "format 99"),
+        ({"meta": np.array(json.dumps({"format": FORMAT}))}, "does not say its mesh_name, .*tcn"),
+        ({"meta": np.array("[]")}, "not a codebook"),
         ({"meta": np.array(["{}"], object)}, "not a codebook"),
     ],
 )
@@ -82,6 +87,22 @@ def test_foreign_files_are_refused(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a codebook"):
         Codebook.load(path)
+
+
+def test_half_a_file_is_refused(book, tmp_path):
+    path = tmp_path / "half.npz"
+    book.save(path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"half\.npz: not a codebook"):
+        Codebook.load(path)
+
+
+@pytest.mark.parametrize("length", [1, 16, 256])
+def test_codes_may_have_any_length(book, tmp_path, length):
+    codes = np.random.default_rng(0).standard_normal((len(book.poses), length))
+    Codebook(book.poses, codes, book.meta).save(tmp_path / "book.npz")
+    loaded = Codebook.load(tmp_path / "book.npz").codes
+    np.testing.assert_allclose(loaded, codes / np.linalg.norm(codes, axis=1, keepdims=True), atol=1e-3)
 
 
 def test_missing_file(tmp_path):

@@ -20,6 +20,7 @@ def touch(ball, book, tmp_path) -> dict:
     """A result for two balls, of one of which mesh and codebook are still there; they differ in error."""
     trimesh.Trimesh(ball.vertices, ball.faces, process=False).export(tmp_path / "ball.ply")
     meta = book.meta | {"format": FORMAT, "mesh_name": "ball", "mesh_sha256": "", "tcn": "c-1"}
+    meta |= {"sensor": "digit_tacto", "sensor_id": "id-1"}
     Codebook(book.poses, book.codes, meta).save(tmp_path / "ball.npz")
     rng = np.random.default_rng(0)
 
