@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
+import yaml
 from rclpy.parameter import Parameter
 
 from midastouch_bringup.cli import build_parser
@@ -80,6 +81,20 @@ def test_links_and_paths_lead_somewhere():
     assert len(paths) > 5
     for path in paths:
         assert (ROOT / path).exists(), path
+
+
+def test_frames_are_those_of_the_mount_and_of_the_nodes():
+    from midastouch_bringup.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+    from midastouch_bringup.ros.parameter_tables import TABLES
+
+    mount = yaml.safe_load((ROOT / "midastouch_bringup/config/frames.yaml").read_text())
+    of_mount = {entry[end] for entry in mount.values() for end in ("parent", "child")}
+    of_nodes = {p.default for table_ in TABLES.values() for p in table_ if p.name.endswith("frame_id")}
+    described = {row[0].strip("`") for row in table("## Frames")}
+    assert described == (of_mount | of_nodes) - {"tool0"}
+    tree = README.split("\n## Frames\n", 1)[1].split("```")[1]
+    for frame in described | {"tool0", BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME}:
+        assert frame in tree, frame
 
 
 def test_every_package_is_in_the_table():

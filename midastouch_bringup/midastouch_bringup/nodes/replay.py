@@ -12,7 +12,6 @@ import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock as ClockMsg
 
@@ -21,6 +20,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
+from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
 
@@ -41,7 +41,7 @@ _FIRST_TIMEOUT_S = 2.0
 _LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
 
 
-class Replay(Node):
+class Replay(PipelineNode):
     """Publishes images, camera info, TF and ground truth; `start()` begins, `finished` is set at the end.
 
     `on_end` is called from the playing thread when all was sent or the source failed, `error` then says why.

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2
@@ -29,6 +28,7 @@ from midastouch_perception.ros.conversions import (
     stamp_ns,
     transform_from_msg,
 )
+from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 
 from ..messages import TRUTH_FRAME, TRUTH_GEL_FRAME
@@ -51,7 +51,7 @@ class _Topic:
     draw: Callable[[Any], None]
 
 
-class View(Node):
+class View(PipelineNode):
     """Draws the newest message of every topic `rate` times per second; the others are not even deserialised."""
 
     def __init__(self, scene, **kwargs) -> None:
