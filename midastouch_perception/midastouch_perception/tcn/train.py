@@ -274,7 +274,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
         "data": {"meshes": len(data.meshes), "steps": run.step, "touches_a_step": _GROUP},
         "minutes": round(run.minutes, 1),
         "seed": options.seed,
-        "command": f"midastouch train-tcn {options.command}",
+        "commands": options.commands("tcn"),
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }

@@ -124,7 +124,7 @@ def train(options: TrainingOptions) -> Path:
         },
         "minutes": round(run.minutes, 1),
         "seed": options.seed,
-        "command": f"midastouch train-tdn {options.command}",
+        "commands": options.commands("tdn"),
         "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
         "licence": "MIT",
     }

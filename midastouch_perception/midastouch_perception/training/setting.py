@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,13 @@ class TrainingOptions:
     device: str = "cpu"
     resume: Path | None = None
 
-    @property
-    def command(self) -> str:
-        """The options that shape the weights, as on the command line."""
+    def commands(self, network: str) -> list[str]:
+        """Every command that shaped the weights of `network` (tdn or tcn): those of the run resumed, and this one."""
         bound = f"--steps {self.steps}" if self.steps else f"--minutes {self.minutes:g}"
         table = " --colour-table FILE" if self.colour_table else ""
-        return f"{bound} --seed {self.seed}{table}{' --resume DIR' if self.resume else ''}"
+        this = f"midastouch train-{network} {bound} --seed {self.seed}{table}{' --resume DIR' if self.resume else ''}"
+        card = self.resume and self.resume / f"{network}_fast.json"
+        return [*(json.loads(card.read_text())["commands"] if card and card.is_file() else []), this]
 
 
 @dataclasses.dataclass(frozen=True)

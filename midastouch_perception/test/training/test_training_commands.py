@@ -66,8 +66,8 @@ def test_a_run_of_so_many_steps_is_repeatable_and_can_be_resumed(network, option
     assert load(first).network_id.startswith(f"{network}_fast")
     resumed = train(replace(options, out=tmp_path / "resumed", resume=first.parent))
     card = json.loads(resumed.with_suffix(".json").read_text())
-    assert "--steps 2" in card["command"]
-    assert "--resume" in card["command"]
+    command = f"midastouch train-{network} --steps 2 --seed 0"
+    assert card["commands"] == [command, f"{command} --resume DIR"]
     log = (resumed.parent / "log.csv").read_text().splitlines()
     assert [line.split(",")[1] for line in log] == ["step", "2", "4"]
     with pytest.raises(InputError, match="cannot resume"):
