@@ -108,4 +108,6 @@ def front_figure(rows: list[dict]) -> Figure:
     style_error_axes(axes, "mean final error of the particles [mm]", "ms per frame, networks and filter")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}")
+    axes.tick_params(which="both", labelsize=8)
+    axes.margins(x=0.15)
     return figure
