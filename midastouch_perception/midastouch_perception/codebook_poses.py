@@ -12,6 +12,8 @@ from .simulation.contact_poses import Reachability, pose_from_contact, touch_poi
 
 PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
 YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart
+_MOST_SURPLUS = 12.0  # times as many sites are tried as are wanted; where that is too few, the mesh is at fault
+_PIECE = 4096  # poses
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
 
 
@@ -26,20 +28,31 @@ def codebook_poses(mesh: ObjectMesh, size: int, sensor: SensorModel, rng: np.ran
     yaws = min(YAWS, size)
     wanted = -(-size // yaws)
     reachability = Reachability(mesh, sensor)
-    for surplus in (2, 4, 8):
-        points, normals = _candidates(mesh, max(6 * surplus * wanted, 512), rng)
-        sites = _farthest_point_sequence(np.hstack([points, _NORMAL_SCALE * normals]), surplus * wanted)
+    surplus, share = 2.0, 1.0
+    while surplus <= _MOST_SURPLUS:
+        points, normals = _candidates(mesh, max(round(6 * surplus * wanted), 512), rng)
+        features = np.hstack([points, _NORMAL_SCALE * normals])
+        sites = _farthest_point_sequence(features, round(surplus * wanted))
         n = len(sites)
         yaw = (rng.random((n, 1)) + np.arange(yaws)) * (2 * np.pi / yaws)
-        zero, press = np.zeros(n * yaws), np.full(n * yaws, PRESS)
         poses = pose_from_contact(
             np.repeat(points[sites], yaws, axis=0), np.repeat(normals[sites], yaws, axis=0),
-            yaw.reshape(-1), zero, zero, press,
+            yaw.reshape(-1), np.zeros(n * yaws), np.zeros(n * yaws), np.full(n * yaws, PRESS),
         )  # fmt: skip
-        poses, reachable = reachability.settle(poses, press)
+        poses, reachable = _settle(reachability, poses)
         if reachable.sum() >= size:
             return poses[reachable][:size]
-    raise InputError(f"{mesh.name}: only {reachable.mean():.0%} of its surface can be reached; is it inside out?")
+        share = reachable.mean()
+        # as many as this share asks for, and some more
+        surplus = 1.2 * max(surplus, 1 / max(share, 1e-3))
+    raise InputError(f"{mesh.name}: only {share:.0%} of its surface can be reached; is it inside out?")
+
+
+def _settle(reachability: Reachability, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`Reachability.settle` in pieces: it renders a map for each pose."""
+    pieces = [poses[i : i + _PIECE] for i in range(0, len(poses), _PIECE)]
+    settled = [reachability.settle(piece, np.full(len(piece), PRESS)) for piece in pieces]
+    return np.concatenate([p for p, _ in settled]), np.concatenate([reachable for _, reachable in settled])
 
 
 def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

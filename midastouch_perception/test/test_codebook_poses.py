@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from midastouch_perception.codebook_poses import PRESS, YAWS, codebook_poses
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.contact_poses import Reachability
@@ -93,3 +94,12 @@ def test_entries_touch(poses, tool, sensor):
 def test_sizes_are_exact(tool, sensor):
     for size in (1, 5, 17, 333):
         assert len(codebook_poses(tool, size, sensor, np.random.default_rng(0))) == size
+
+
+def test_an_object_out_of_reach_is_said(sensor):
+    """A one-sided plate, approached from behind: nothing to touch."""
+    corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
+    plate = ObjectMesh.from_arrays(corners, np.array([[0, 1, 2], [0, 2, 3]]), "plate")
+    plate.face_normals = -plate.face_normals
+    with pytest.raises(InputError, match="plate: only 0% of its surface can be reached"):
+        codebook_poses(plate, 100, sensor, np.random.default_rng(0))
