@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -24,11 +20,8 @@ from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros.conversions import stamp_ns
-from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
 T_BASE_OBJ = translation(0.4, 0.1, 0.2)
@@ -180,78 +173,3 @@ def test_a_prior_for_the_old_object_is_forgotten(graph):
     graph.spin_until(lambda: bench.node._localiser._pending_prior is not None, "the prior")
     assert bench.set_object("cup").success
     assert bench.frame(SECOND).state == "uninitialised"
-
-
-# --- the real node, as a process
-
-
-def write_object(folder: Path, name: str, vertices: np.ndarray, faces: np.ndarray, network: str) -> ObjectMesh:
-    """A mesh file and a small codebook with random codes, as `build-codebook` would name them."""
-    trimesh.Trimesh(vertices, faces, process=False).export(folder / f"{name}.ply")
-    mesh = ObjectMesh.load(folder / f"{name}.ply")
-    rng = np.random.default_rng(0)
-    poses = np.tile(np.eye(4), (500, 1, 1))
-    poses[:, :3, 3] = mesh.sample_surface(500, rng)[0]
-    sensor = SensorModel.load("digit_tacto")
-    meta = {
-        "format": FORMAT, "mesh_name": name, "mesh_sha256": mesh.sha256, "mesh_path": "", "sensor": sensor.name,
-        "sensor_id": sensor.content_id, "tcn": network, "size": 500, "seed": 0, "temperature": 0.1, "outlier": 0.05,
-    }  # fmt: skip
-    Codebook(poses, rng.standard_normal((500, 2)).astype(np.float32), meta).save(folder / f"{name}.npz")
-    return mesh
-
-
-def test_a_running_process_switches_between_real_objects(graph, tmp_path):
-    box = trimesh.creation.box((0.06, 0.04, 0.03)).subdivide().subdivide()
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
-    write_object(tmp_path, "box", box.vertices, box.faces, "fake")
-    write_object(tmp_path, "ball", ball.vertices, ball.faces, "fake")
-    write_object(tmp_path, "foreign", ball.vertices * 0.9, ball.faces, "other")
-    (tmp_path / "broken.ply").write_bytes(b"ply\nnonsense")
-    parameters = {
-        "mesh": tmp_path / "box.ply", "codebook": tmp_path / "box.npz", "max_particles": 1000, "min_particles": 500,
-        "reliable": "true", "queue_depth": 100, "threads": 1, "refinement": "false",
-    }  # fmt: skip
-    arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    node = subprocess.Popen(
-        [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *arguments],
-        env=os.environ.copy(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
-        statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-        codes, tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
-
-        def frame(stamp: int) -> FilterStatus:
-            tf.publish(tf_msg(stamp, T_BASE_OBJ))
-            codes.publish(code_msg(stamp))
-            graph.spin_until(lambda: any(stamp_ns(s.header.stamp) == stamp for s in statuses), "an answer")
-            return next(s for s in statuses if stamp_ns(s.header.stamp) == stamp)
-
-        assert frame(SECOND).n_particles > 0
-        refusals = {
-            "broken": "broken.ply: cannot be read as a mesh",
-            "missing": "missing.ply: no such mesh file",
-            "foreign": "network other",
-        }
-        for name, complaint in refusals.items():
-            answer = graph.call(SetObject, "set_object", request(name, str(tmp_path)))
-            assert not answer.success
-            assert complaint in answer.message
-        mixed = SetObject.Request(mesh_path=f"{tmp_path}/ball.ply", codebook_path=f"{tmp_path}/box.npz")
-        assert "built for the mesh 'box'" in graph.call(SetObject, "set_object", mixed).message
-        assert frame(2 * SECOND).state in ("ambiguous", "converged")
-
-        assert graph.call(SetObject, "set_object", request("ball", str(tmp_path))).success
-        assert frame(3 * SECOND).state in ("ambiguous", "converged")
-        graph.spin_until(lambda: meshes and meshes[-1].markers[-1].mesh_resource.endswith("/ball.ply"), "the mesh")
-    finally:
-        node.send_signal(signal.SIGINT)
-        try:
-            said, _ = node.communicate(timeout=60)
-        finally:
-            node.kill()
-    assert node.returncode == 0, said
