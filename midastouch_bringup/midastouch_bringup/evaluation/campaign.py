@@ -7,6 +7,7 @@ import multiprocessing
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -73,7 +74,7 @@ class Plan:
             "protocol": self.protocol,
         }
 
-    def key(self, mesh: ObjectMesh, labels: dict) -> str:
+    def key(self, mesh: ObjectMesh, codebook_digest: str, labels: dict) -> str:
         """Name of everything that the trial with these labels depends on."""
         settings = dataclasses.asdict(VARIANTS[labels["variant"]].config(self.config, 0))
         depends_on = {
@@ -82,7 +83,7 @@ class Plan:
             "beta": self.beta,
             "stride": self.stride,
             "length": self.stock.length,
-            "codebook_size": self.stock.codebook_size,
+            "codebook": codebook_digest,
             "networks": self.stock.networks.describe(),
             "filter_code": _filter_code(),
         }
@@ -116,9 +117,10 @@ def run_campaign(
     workers = dataclasses.replace(plan, stock=dataclasses.replace(plan.stock), threads=1) if jobs > 1 else plan
     for _ in _map(_prepare, [(workers, mesh.path, deadline) for mesh in meshes], jobs):
         pass
+    digests = {mesh.path: plan.stock.codebook_digest(mesh) for mesh in meshes}
     wanted = {
         (mesh.path, variant, seed): [
-            (plan.key(mesh, labels), labels)
+            (plan.key(mesh, digests[mesh.path], labels), labels)
             for slide, init in product(plan.slides, plan.inits)
             for labels in [plan.labels(mesh, variant, slide, init, seed)]
         ]
@@ -140,7 +142,8 @@ def run_campaign(
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
     networks = plan.stock.networks.describe()
-    content = [mesh.sha256, networks, plan.stock.codebook_size, plan.stock.length, plan.slides, _filter_code()]
+    digest = plan.stock.codebook_digest(mesh)
+    content = [mesh.sha256, networks, digest, plan.stock.length, plan.slides, _filter_code()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
     if (entry := log.get(key)) is None:
         codes, poses = [], []
@@ -217,5 +220,6 @@ def _frames(plan: Plan, mesh: ObjectMesh, slide: int) -> list[TrialFrame]:
     return DISTURBANCES[plan.protocol](frames, np.random.default_rng(slide))
 
 
+@cache
 def _filter_code() -> str:
     return source_digest(Path(midastouch_filter.__file__).parent)

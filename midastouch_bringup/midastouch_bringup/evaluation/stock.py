@@ -8,9 +8,10 @@ from pathlib import Path
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
+from midastouch_perception.files import sha256
 from midastouch_perception.mesh import ObjectMesh
 
-from ..codebooks import cached_codebook
+from ..codebooks import cached_codebook, cached_codebook_path
 from ..datasets import Sequence, load_sequence
 from ..slide_simulation import simulate_sequence
 from .setup import Networks
@@ -43,9 +44,15 @@ class Stock:
     def codebook(self, mesh: ObjectMesh) -> Codebook:
         """The object's codebook."""
         networks = self.networks
-        return cached_codebook(
-            mesh, networks.tcn, networks.sensor, self.codebook_size, folder=self.folder / "codebooks"
-        )
+        return cached_codebook(mesh, networks.tcn, networks.sensor, self.codebook_size, self._codebooks)
+
+    def codebook_digest(self, mesh: ObjectMesh) -> str:
+        """Hash of the object's codebook, which must have been made."""
+        return sha256(cached_codebook_path(mesh, self.codebook_size, self._codebooks))[:12]
+
+    @property
+    def _codebooks(self) -> Path:
+        return self.folder / "codebooks"
 
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
