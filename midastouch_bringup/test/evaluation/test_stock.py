@@ -1,0 +1,54 @@
+import pytest
+
+from midastouch_bringup.evaluation import stock as module
+from midastouch_bringup.evaluation.stock import Stock
+from midastouch_bringup.evaluation.touches import Touches
+from midastouch_perception.errors import InputError
+
+
+@pytest.fixture
+def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
+    """A stock whose slides are all the stub sequence and whose networks know the answer."""
+    stock = Stock(tmp_path, length=0.1)
+    networks.sensor = None
+    vars(stock)["networks"] = networks  # in place of those that would be loaded
+    monkeypatch.setattr(module, "load_sequence", lambda path: type(sequence)(**vars(sequence) | {"path": path}))
+    return stock
+
+
+def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypatch):
+    seeds = []
+
+    def simulate(mesh, sensor, length, seed, out, progress):
+        seeds.append((length, seed))
+        if seed < 2000:
+            raise InputError("stuck")
+        out.mkdir(parents=True)
+
+    monkeypatch.setattr(module, "simulate_sequence", simulate)
+    path = stock.slide(mesh, 3).path
+    assert seeds == [(0.1, 3), (0.1, 1003), (0.1, 2003)]
+    assert path.parts[-2:] == ("block", "03")
+    stock.slide(mesh, 3)
+    assert len(seeds) == 3
+
+
+def test_an_object_without_slides_is_refused(stock, mesh, monkeypatch):
+    def stuck(*_, **__):
+        raise InputError("stuck after 3 frames")
+
+    monkeypatch.setattr(module, "simulate_sequence", stuck)
+    with pytest.raises(InputError, match=r"block: no slide of 0\.1 m in 10 tries \(stuck after 3 frames\)"):
+        stock.slide(mesh, 0)
+
+
+def test_touches_are_perceived_once_per_networks(stock, mesh, networks, monkeypatch):
+    monkeypatch.setattr(module, "simulate_sequence", lambda *a, **_: a[4].mkdir(parents=True))
+    first = stock.touches(mesh, 0)[1]
+    monkeypatch.setattr(Touches, "perceive", lambda *_: pytest.fail("perceived again"))
+    again = stock.touches(mesh, 0)[1]
+    assert (again.ms == first.ms).all()
+    assert [m.in_contact for m in again.felt] == [m.in_contact for m in first.felt]
+    monkeypatch.setattr(networks, "describe", lambda: {"tdn": "newer", "tcn": "pose-code", "sensor": "none"})
+    with pytest.raises(pytest.fail.Exception, match="perceived again"):
+        stock.touches(mesh, 0)
