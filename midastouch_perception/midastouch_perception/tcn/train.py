@@ -119,17 +119,19 @@ class _Touches:
 class _Batches(torch.utils.data.IterableDataset):
     """Endless (touch inputs, entry inputs) of one object each; old touches return with new entries, mirrored."""
 
-    def __init__(self, data: TrainingData, tdn: str, seed: int):
-        self.data, self.tdn, self.seed = data, tdn, seed
+    def __init__(
+        self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, tdn: str, seed: int
+    ):
+        self.meshes, self.backgrounds, self.ranges, self.tdn, self.seed = meshes, backgrounds, ranges, tdn, seed
 
     def __iter__(self):
-        data, seed = self.data, self.seed + rendering_process()
-        source = _Touches(data.meshes, data.backgrounds, data.ranges, TactileDepthNet(self.tdn), seed)
+        seed = self.seed + rendering_process()
+        source = _Touches(self.meshes, self.backgrounds, self.ranges, TactileDepthNet(self.tdn), seed)
         rng = source.rng
         waiting: list[tuple[int, _TouchGroup, int]] = []
         while True:
             if len(waiting) < 24 or rng.random() < 1 / _REUSE:
-                index = int(rng.integers(len(data.meshes)))
+                index = int(rng.integers(len(self.meshes)))
                 entry = (index, source.group(index, _GROUP), 0)
             else:
                 entry = waiting.pop(int(rng.integers(len(waiting))))
@@ -245,7 +247,8 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     objects = validation_objects(data, depth, options.seed + 1000)
     model = CodeNet().to(options.device, memory_format=torch.channels_last)
     run = TrainingRun(model, options, 2e-3)
-    batches = rendered_batches(_Batches(data, tdn, options.seed + 7919 * run.step), options, ahead=4)
+    stream = _Batches(data.meshes, data.backgrounds, data.ranges, tdn, options.seed + 7919 * run.step)
+    batches = rendered_batches(stream, options, ahead=4)
     recent: list[float] = []
     model.train()
     for touched, entries in batches:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
 _SAME = 4.0  # grey levels between block means that still are the same surface
-_CLEARLY = 0.15  # by which one direction must be explained better than the other
+_CHANGED = 8.0  # grey levels
+_SMOOTHED = 2.0  # px of half the image's resolution
+_CLEARLY = 1.02  # times as rough
 _MAJORITY = 1 / 3  # of the frames that show a place untouched, or its median is not trusted
 
 
@@ -50,9 +52,8 @@ def doubtful_share(images: list[np.ndarray], background: np.ndarray) -> float:
 def shows_contact(tdn: TactileDepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
     """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
 
-    Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: light on a bump
-    and in a dent differ, and only one of the two directions is explained by what the network feels. Nor if the images
-    differ everywhere, as those of two sensors do.
+    Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: untouched gel is
+    the smoother of the two. Nor if the images differ everywhere, as those of two sensors do.
     """
     difference = tdn.difference(candidate, present)
     if quietest_tenth(difference) > QUIET_LIMIT:
@@ -61,8 +62,15 @@ def shows_contact(tdn: TactileDepthNet, candidate: np.ndarray, present: np.ndarr
     forward = explained_share(difference, felt)
     if forward is None or forward < EXPLAINED_LIMIT or not ContactDetector(tdn.sensor).update(felt).in_contact:
         return False
-    backward = explained_share(-difference, tdn.predict(present, candidate, -difference))
-    return forward > backward + _CLEARLY
+    touched = np.abs(difference).max(axis=2) > _CHANGED
+    return _roughness(candidate, touched) > _CLEARLY * _roughness(present, touched)
+
+
+def _roughness(image: np.ndarray, where: np.ndarray) -> float:
+    """Mean curvature of an image's brightness over the pixels (160, 120) bool, noise smoothed away."""
+    small = cv2.resize(image, where.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
+    curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHED), cv2.CV_32F)).sum(axis=2)
+    return float(curvature[where].mean())
 
 
 def _block_means(image: np.ndarray) -> np.ndarray:

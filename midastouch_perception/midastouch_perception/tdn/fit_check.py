@@ -21,7 +21,7 @@ import numpy as np
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
 _FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
 QUIET_LIMIT = 4.0  # grey levels
-EXPLAINED_LIMIT = 0.55
+EXPLAINED_LIMIT = 0.5
 
 
 def explained_share(difference: np.ndarray, penetration: np.ndarray) -> float | None:
