@@ -13,10 +13,10 @@ from pathlib import Path
 import numba
 import numpy as np
 import trimesh
-from pykdtree.kdtree import KDTree
 
 from .errors import InputError
 from .files import require_file, sha256
+from .nearest_points import WORTH_THREADS, NearestPoints
 from .triangle_grid import TriangleGrid
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
@@ -61,9 +61,7 @@ class ObjectMesh:
         return mesh
 
     @classmethod
-    def from_arrays(
-        cls, vertices: np.ndarray, faces: np.ndarray, name: str, source: str | None = None
-    ) -> ObjectMesh:
+    def from_arrays(cls, vertices: np.ndarray, faces: np.ndarray, name: str, source: str | None = None) -> ObjectMesh:
         """A mesh from vertices (V, 3) m and faces (F, 3); raises InputError as `load` does, naming `source`."""
         source = source or name
         vertices, faces = np.asarray(vertices, float), np.asarray(faces)
@@ -82,9 +80,7 @@ class ObjectMesh:
             raise InputError(f"{source}: every face has zero area; export the mesh again")
         extent = np.ptp(vertices[mesh.faces].reshape(-1, 3), axis=0).max()
         if extent > _LARGEST_EXTENT:
-            raise InputError(
-                f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres"
-            )
+            raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
         return mesh
 
     @cached_property
@@ -149,9 +145,9 @@ class ObjectMesh:
         return ends[first[sharp][usable]], normals[usable] / length[usable]
 
     @cached_property
-    def _normal_samples(self) -> tuple[KDTree, np.ndarray]:
+    def _normal_samples(self) -> tuple[NearestPoints, np.ndarray]:
         points, normals, _ = self.sample_surface(40_000, np.random.default_rng(0))
-        return KDTree(points), normals
+        return NearestPoints(points), normals
 
     def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
         """Outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
@@ -160,7 +156,7 @@ class ObjectMesh:
         """
         tree, normals = self._normal_samples
         count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))
-        distance, index = tree.query(np.ascontiguousarray(points, float), k=count)
+        distance, index = tree.query(points, k=count)
         weight = np.exp(-0.5 * (distance / radius) ** 2)
         # opposite sides of a thin plate must not average out: keep the side that faces the nearest sample
         facing = np.einsum("nkj,nj->nk", normals[index], normals[index[:, 0]]) > -0.2
@@ -188,14 +184,17 @@ class _ClosestPointSearch:
         volume = np.prod(np.maximum(np.ptp(corners.reshape(-1, 3), axis=0), 1e-3))
         self.grid = TriangleGrid(corners, max(float((volume / 250_000) ** (1 / 3)), 1e-3))
         self.samples, self.sample_faces = _cover(self.grid.corners, self.grid.cell)
-        self.tree = KDTree(self.samples)
+        self.tree = NearestPoints(self.samples)
 
     def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if not len(points):
             return np.empty((0, 3)), np.empty(0), np.empty(0, np.int64)
         _, nearest = self.tree.query(points, k=1)
         g = self.grid
-        return _closest(points, self.sample_faces[nearest], g.corners, g.origin, g.cell, g.shape, g.start, g.items)
+        out = np.empty((len(points), 3)), np.empty(len(points)), np.empty(len(points), np.int64)
+        search = _closest_in_turn if len(points) < WORTH_THREADS else _closest
+        search(points, self.sample_faces[nearest], g.corners, g.origin, g.cell, g.shape, g.start, g.items, *out)
+        return out
 
 
 def _cover(corners: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -252,36 +251,44 @@ def _project(p, a, b, c, out):
 
 
 @numba.njit(cache=True, parallel=True)
-def _closest(points, guess, corners, origin, cell, shape, start, items):
-    n = points.shape[0]
-    closest, distance, face = np.empty((n, 3)), np.empty(n), np.empty(n, np.int64)
-    for i in numba.prange(n):
-        p = points[i]
-        candidate = np.empty(3)
-        best = guess[i]
-        best_squared = _project(p, corners[best, 0], corners[best, 1], corners[best, 2], closest[i])
-        reach = np.sqrt(best_squared)
-        low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-        for k in range(3):
-            low[k] = max(int(np.floor((p[k] - reach - origin[k]) / cell)), 0)
-            high[k] = min(int(np.floor((p[k] + reach - origin[k]) / cell)), shape[k] - 1)
-        for x in range(low[0], high[0] + 1):
-            for y in range(low[1], high[1] + 1):
-                for z in range(low[2], high[2] + 1):
-                    # a cell whose nearest point is beyond the best triangle so far cannot hold a nearer one
-                    gap = 0.0
-                    for k, cell_index in enumerate((x, y, z)):
-                        edge = origin[k] + cell_index * cell
-                        outside = max(edge - p[k], p[k] - edge - cell, 0.0)
-                        gap += outside * outside
-                    if gap > best_squared:
-                        continue
-                    c = (x * shape[1] + y) * shape[2] + z
-                    for j in range(start[c], start[c + 1]):
-                        f = items[j]
-                        squared = _project(p, corners[f, 0], corners[f, 1], corners[f, 2], candidate)
-                        if squared < best_squared:
-                            best_squared, best = squared, f
-                            closest[i, 0], closest[i, 1], closest[i, 2] = candidate[0], candidate[1], candidate[2]
-        distance[i], face[i] = np.sqrt(best_squared), best
-    return closest, distance, face
+def _closest(points, guess, corners, origin, cell, shape, start, items, closest, distance, face):
+    for i in numba.prange(points.shape[0]):
+        distance[i], face[i] = _closest_to(points[i], guess[i], corners, origin, cell, shape, start, items, closest[i])
+
+
+@numba.njit(cache=True)
+def _closest_in_turn(points, guess, corners, origin, cell, shape, start, items, closest, distance, face):
+    for i in range(points.shape[0]):
+        distance[i], face[i] = _closest_to(points[i], guess[i], corners, origin, cell, shape, start, items, closest[i])
+
+
+@numba.njit(cache=True)
+def _closest_to(p, guess, corners, origin, cell, shape, start, items, closest):
+    """Closest surface point to p into `closest`, beginning with triangle `guess`; returns distance and triangle."""
+    candidate = np.empty(3)
+    best = guess
+    best_squared = _project(p, corners[best, 0], corners[best, 1], corners[best, 2], closest)
+    reach = np.sqrt(best_squared)
+    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
+    for k in range(3):
+        low[k] = max(int(np.floor((p[k] - reach - origin[k]) / cell)), 0)
+        high[k] = min(int(np.floor((p[k] + reach - origin[k]) / cell)), shape[k] - 1)
+    for x in range(low[0], high[0] + 1):
+        for y in range(low[1], high[1] + 1):
+            for z in range(low[2], high[2] + 1):
+                # a cell whose nearest point is beyond the best triangle so far cannot hold a nearer one
+                gap = 0.0
+                for k, cell_index in enumerate((x, y, z)):
+                    edge = origin[k] + cell_index * cell
+                    outside = max(edge - p[k], p[k] - edge - cell, 0.0)
+                    gap += outside * outside
+                if gap > best_squared:
+                    continue
+                c = (x * shape[1] + y) * shape[2] + z
+                for j in range(start[c], start[c + 1]):
+                    f = items[j]
+                    squared = _project(p, corners[f, 0], corners[f, 1], corners[f, 2], candidate)
+                    if squared < best_squared:
+                        best_squared, best = squared, f
+                        closest[0], closest[1], closest[2] = candidate[0], candidate[1], candidate[2]
+    return np.sqrt(best_squared), best

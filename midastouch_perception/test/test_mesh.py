@@ -32,6 +32,15 @@ def test_closest_points_are_exact(block):
     np.testing.assert_allclose(offset, 0, atol=1e-9)
 
 
+def test_closest_points_one_by_one_are_the_same(block):
+    """Few points take another way, without threads."""
+    points = np.random.default_rng(4).uniform(-0.03, 0.03, (40, 3))
+    together = block.closest_points(points)
+    for i in range(40):
+        for alone, all_at_once in zip(block.closest_points(points[i : i + 1]), together, strict=True):
+            np.testing.assert_array_equal(alone[0], all_at_once[i])
+
+
 def test_closest_points_of_nothing(block):
     closest, distance, face = block.closest_points(np.empty((0, 3)))
     assert closest.shape == (0, 3)
