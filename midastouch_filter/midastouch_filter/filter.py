@@ -24,6 +24,7 @@ from .estimate import Estimate, Mode, modes_from_moments
 from .hindsight import Hindsight, Place, Prior, pose_distance
 from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
+from .mode_masses import gained_together, with_odds
 from .modes import ModeFinder
 from .motion_model import Exploration, MotionModel, Odometry
 from .particles import Particles
@@ -37,8 +38,6 @@ from .workers import Workers
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
-
-_FEWEST_OF_A_RIVAL = 100  # particles
 
 
 @dataclass(frozen=True)
@@ -295,19 +294,10 @@ class ParticleFilter:
         Between them the reliefs decide, which tell more: a code's small errors are the same all along an edge, and
         would in time kill one of two places that feel alike.
         """
-        if len(self._fitted) < 2:
-            return  # spares the pass over the particles
-        members, weights = self._mode_finder.members(self._particles), self._particles.log_weights
-        parts = [part for part in (np.flatnonzero(members == k) for k in self._fitted) if len(part)]
-        if len(parts) < 2:
-            return
-        before = np.array([resampling.log_sum_exp(weights[part]) for part in parts])
-        after = np.array([resampling.log_sum_exp(weights[part] + log_ratio[part]) for part in parts])
-        if not (np.isfinite(before) & np.isfinite(after)).all():
-            return
-        together = np.logaddexp.reduce(after) - np.logaddexp.reduce(before)
-        for part, gain in zip(parts, after - before, strict=True):
-            log_ratio[part] += together - gain
+        if len(self._fitted) > 1:
+            members = self._mode_finder.members(self._particles)
+            parts = [np.flatnonzero(members == k) for k in self._fitted]
+            gained_together(self._particles.log_weights, log_ratio, parts)
 
     def _resample(self, code: np.ndarray) -> None:
         """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
@@ -392,39 +382,31 @@ class ParticleFilter:
     def _believe(self, places: list[Place]) -> None:
         """Give the modes the odds that the replay found, and rivals that have no particles some of their own."""
         self._checked = True
-        odds = np.exp([place.log_odds for place in places])
-        particles, members = self._particles, self._mode_finder.members(self._particles)
-        mode_of = [self._mode_at(place.pose) for place in places]
-        asked = np.isin(members, [k for k in mode_of if k is not None])
-        mass = 1.0 - float(self._weights[~asked].sum())
-        log_weights = particles.log_weights.copy()
-        new: list[Particles] = []
-        share = mass * odds / odds.sum()
-        for place, k, wanted in zip(places, mode_of, share, strict=True):
-            if k is not None:
-                mine = members == k
-                log_weights[mine] += np.log(max(wanted, 1e-9) / max(float(self._weights[mine].sum()), 1e-300))
-            elif wanted > 0.005:
-                count = max(_FEWEST_OF_A_RIVAL, round(wanted * len(particles)))
-                new.append(self._spread_around(place, count, wanted))
-        self._refused["rivals"] += len(new)
-        particles.log_weights = log_weights
-        self._particles = Particles.joined([particles, *new])
-        self._particles.log_weights -= resampling.log_sum_exp(self._particles.log_weights)
+        owners: list[int | None] = []
+        for place in places:
+            k = self._mode_at(place.pose)
+            owners.append(None if k in owners else k)
+        self._particles, new = with_odds(
+            self._particles,
+            self._mode_finder.members(self._particles),
+            owners,
+            np.array([place.log_odds for place in places]),
+            lambda place, count: self._spread_around(places[place], count),
+        )
+        self._refused["rivals"] += new
         self._weights = self._particles.weights
         self._find_modes(True)
 
     def _mode_at(self, pose: np.ndarray) -> int | None:
+        """The mode nearest to a pose (4, 4), None if it is another place."""
         distance = [pose_distance(mode.pose, pose) for mode in self._modes]
         return int(np.argmin(distance)) if min(distance) < self.config.mode_radius else None
 
-    def _spread_around(self, place: Place, count: int, mass: float) -> Particles:
-        """`count` particles of total weight `mass` spread as the place's covariance and the arm's jitter say."""
+    def _spread_around(self, place: Place, count: int) -> Particles:
+        """Particles spread as the place's covariance and the arm's jitter say."""
         noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self._refinement.jitter, count)
         poses = place.pose @ se3.exp(noise)
-        particles = Particles.from_poses(poses, self._lookup.exact(poses))
-        particles.log_weights += np.log(mass)
-        return particles
+        return Particles.from_poses(poses, self._lookup.exact(poses))
 
     # ------------------------------------------------------------------ answers
 
