@@ -39,6 +39,8 @@ from .workers import Workers
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
+_SURPLUS = 2  # times the wanted particles, from which even weights are resampled, to save time
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -303,21 +305,26 @@ class ParticleFilter:
         """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
         n = len(self._particles)
         injection = self._trend.injection
-        even = self._gates["effective_size"].skips(resampling.effective_size(self._weights), n)
-        if even and not injection:
+        crowded = n > _SURPLUS * self._wanted_count(self._particles.entries)
+        effective = resampling.effective_size(self._weights)
+        if not injection and not crowded and self._gates["effective_size"].skips(effective, n):
             return
         ancestors = resampling.systematic(self._weights, n, self._rng)
-        if self.config.kld_sampling:
-            drawn = self._regions.of_entry[self._particles.entries[ancestors]]
-            wanted = kld.adapted_count(drawn, self.config)
-            if wanted != n:
-                ancestors = resampling.systematic(self._weights, wanted, self._rng)
+        wanted = self._wanted_count(self._particles.entries[ancestors])
+        if wanted != n:
+            ancestors = resampling.systematic(self._weights, wanted, self._rng)
         self._particles = self._particles.select(ancestors)
         self._weights = self._particles.weights
         if injection:
             where = self._rng.choice(len(ancestors), round(injection * len(ancestors)), replace=False)
             self._particles.replace(where, self._best_matches(code, len(where)))
             self._refused["injected"] += len(where)
+
+    def _wanted_count(self, entries: np.ndarray) -> int:
+        """Number of particles that a distribution over the codebook like `entries` (n,) needs."""
+        if not self.config.kld_sampling:
+            return len(entries)
+        return kld.adapted_count(self._regions.of_entry[entries], self.config)
 
     def _restart(self, code: np.ndarray) -> None:
         """No particle can explain the touch: start again, half from its best matches, half over the surface."""

@@ -1,6 +1,7 @@
 import functools
 import hashlib
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -246,6 +247,14 @@ def test_a_converged_filter_skips_work(slide, start):
     estimate = play(filter_, slide)
     assert skipped(estimate, "whole_book") > 0
     assert skipped(estimate, "effective_size") > 0
+
+
+def test_a_narrow_belief_drops_surplus_particles_though_its_weights_are_even(world, slide):
+    config = replace(CONFIG, resample_ess=0.0, max_particles=4000, min_particles=100)
+    filter_ = ParticleFilter(world.mesh, world.codebook, config)
+    filter_.initialise_gaussian(slide[0][0], 1e-3, 0.05)
+    estimate = filter_.step(None, slide[2][0])
+    assert estimate.status.n_particles < 2000
 
 
 def test_stages_are_timed_by_the_given_clock(world, slide):
