@@ -26,7 +26,7 @@ ROTATION_SCALE = 0.01
 """Metres that one radian counts as (paper section 4.2, alpha)."""
 
 _NEIGHBOURS = 24
-_LINKS = 32
+_LINKS = 48
 _CANDIDATES = 64  # nearest entries that links are chosen from
 _DETOUR = 1.2  # a link is left out if the way over another one is shorter by this factor
 _HOPS = 8

@@ -85,7 +85,7 @@ def test_a_running_filter_knows_the_nearest_entries(world, tool, spread):
 
 
 def test_links_hold_the_nearest_entry_and_no_entry_twice(world, lookup):
-    assert lookup.links.shape == (len(world.poses), 32)
+    assert lookup.links.shape == (len(world.poses), 48)
     np.testing.assert_array_equal(lookup.links[:, 0], lookup.neighbours[:, 0])
     assert (np.diff(np.sort(lookup.links, axis=1), axis=1) > 0).all()
     assert (lookup.links != np.arange(len(world.poses))[:, None]).all()
