@@ -6,6 +6,7 @@ resample if the weights have become too uneven, and report the modes.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from midastouch_perception.sensor_model import SensorModel
 from . import gates, initialisation, kld, resampling
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
-from .hindsight import Hindsight, Place, Prior, pose_distance
+from .hindsight import CODE_MARGIN, Comparison, Hindsight, Place, Prior, pose_distance
 from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
 from .mode_masses import gained_together, with_odds
@@ -382,12 +383,13 @@ class ParticleFilter:
         narrow = [mode for mode in self._modes if self._refinement.is_narrow(mode)]
         if not narrow or narrow[0] is not self._modes[0]:
             return
-        places = self._hindsight.compare([mode.pose for mode in narrow[: self.config.refined_modes]])
-        if places is not None:
-            self._believe(places)
+        comparison = self._hindsight.compare([mode.pose for mode in narrow[: self.config.refined_modes]])
+        if comparison is not None:
+            self._believe(comparison)
 
-    def _believe(self, places: list[Place]) -> None:
+    def _believe(self, comparison: Comparison) -> None:
         """Give the modes the odds that the replay found, and rivals that have no particles some of their own."""
+        places = comparison.places
         self._checked = True
         owners: list[int | None] = []
         for place in places:
@@ -399,6 +401,7 @@ class ParticleFilter:
             owners,
             np.array([place.log_odds for place in places]),
             lambda place, count: self._spread_around(places[place], count),
+            rest=math.exp(-CODE_MARGIN) if comparison.exhaustive else 1.0,
         )
         self._refused["rivals"] += new
         self._weights = self._particles.weights

@@ -28,7 +28,7 @@ _ANEW = 3  # further touches after which it is worth another one
 _SHORTLIST = 150  # best entries of each touch that are carried to the present as candidates
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
 _MOST_RIVALS = 5
-_CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
+CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
 _APART = 0.015  # m: places nearer than this are the same one; 1 rad counts as 10 mm
 _HOPELESS = 12.0  # nats behind, at which a replay is broken off
 _LARGEST = 5.0  # nats that one touch may speak for one place and against another
@@ -45,6 +45,14 @@ class Place:
     pose: np.ndarray
     covariance: np.ndarray
     log_odds: float
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """places, best first; exhaustive: no further place was within reach of the best by its codes."""
+
+    places: list[Place]
+    exhaustive: bool
 
 
 @dataclass(frozen=True)
@@ -88,7 +96,7 @@ class Hindsight:
         self._path = np.inf
         self._touches: deque[_Kept] = deque(maxlen=self._config.hindsight_touches)
         self._since_replay = _FEWEST
-        self._replay: Iterator[list[Place] | None] | None = None
+        self._replay: Iterator[Comparison | None] | None = None
 
     def moved(self, transform: np.ndarray, path: float) -> None:
         """The sensor moved by `transform` (4, 4), which counts as `path` [m]."""
@@ -106,8 +114,8 @@ class Hindsight:
         self._path = 0.0
         self._since_replay += 1
 
-    def compare(self, modes: list[np.ndarray]) -> list[Place] | None:
-        """Do a slice of the replay; the places once it is complete, else None.
+    def compare(self, modes: list[np.ndarray]) -> Comparison | None:
+        """Do a slice of the replay; what it found once it is complete, else None.
 
         modes: poses (4, 4) of the filter's own modes at present. All of them are among the places, the refuted ones
         with odds of -12 or less; the others are their rivals.
@@ -117,14 +125,14 @@ class Hindsight:
                 return None
             self._since_replay = 0
             self._replay = self._replayed(modes)
-        places = next(self._replay)
-        if places is not None:
+        found = next(self._replay)
+        if found is not None:
             self._replay = None
-        return places
+        return found
 
     # ------------------------------------------------------------------ replay
 
-    def _replayed(self, modes: list[np.ndarray]) -> Iterator[list[Place] | None]:
+    def _replayed(self, modes: list[np.ndarray]) -> Iterator[Comparison | None]:
         touches, last = list(self._touches), self._motion
         newest = touches[-1].motion
         to_newest = se3.inverse(last) @ newest
@@ -137,7 +145,8 @@ class Hindsight:
                 score += self._scores(candidates @ (se3.inverse(newest) @ touch.motion), touch)
             best = np.argsort(-score, kind="stable")[:_KEPT]
             candidates, score = candidates[best], score[best]
-        starts += self._rivals(candidates, score, starts)
+        rivals, exhaustive = self._rivals(candidates, score, starts)
+        starts += rivals
         ends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         refuted: list[np.ndarray] = []
         best = np.full(len(touches), -np.inf)
@@ -163,7 +172,7 @@ class Hindsight:
                 ends.append((pose, covariance, evidence))
                 if not np.isfinite(best[0]) or (evidence - best).clip(-_LARGEST, _LARGEST).sum() > 0:
                     best = evidence
-        yield self._places(ends, refuted, best, touches)
+        yield Comparison(self._places(ends, refuted, best, touches), exhaustive)
 
     def _candidates(self, touches: list[_Kept]) -> np.ndarray:
         """Poses (C, 4, 4) at the newest touch of the entries that fit best at any of the touches."""
@@ -178,14 +187,19 @@ class Hindsight:
         """Log-likelihood ratios (C,) of poses (C, 4, 4) at a touch, as far as it counts."""
         return self._share * touch.log_ratio[self._lookup.exact(poses)].astype(float)
 
-    def _rivals(self, candidates: np.ndarray, score: np.ndarray, taken: list[np.ndarray]) -> list[np.ndarray]:
+    def _rivals(
+        self, candidates: np.ndarray, score: np.ndarray, taken: list[np.ndarray]
+    ) -> tuple[list[np.ndarray], bool]:
+        """The best candidates apart from `taken` and from each other, and whether these are all worth a replay."""
         chosen: list[np.ndarray] = []
         for i in np.argsort(-score, kind="stable"):
-            if len(chosen) == _MOST_RIVALS or score[i] < score.max() - _CODE_MARGIN:
+            if score[i] < score.max() - CODE_MARGIN:
                 break
             if all(pose_distance(candidates[i], other) > _APART for other in [*taken, *chosen]):
+                if len(chosen) == _MOST_RIVALS:
+                    return chosen, False
                 chosen.append(candidates[i])
-        return chosen
+        return chosen, True
 
     def _places(self, ends: list, refuted: list[np.ndarray], best: np.ndarray, touches: list[_Kept]) -> list[Place]:
         odds = np.array([self._share * np.clip(e - best, -_LARGEST, _LARGEST).sum() for *_, e in ends])

@@ -37,17 +37,22 @@ def with_odds(
     owners: Sequence[int | None],
     log_odds: np.ndarray,
     draw: Callable[[int, int], Particles],
+    rest: float = 1.0,
 ) -> tuple[Particles, int]:
     """Particles whose modes hold the belief in the ratio of `log_odds` (P,) of P places, and how many of them are new.
 
     members (N,): mode of each particle, -1 for none; owners: for each place the mode that lies there, None if none
-    does: then `draw(place, count)` makes its particles. Particles outside all owners keep their weights.
+    does: then `draw(place, count)` makes its particles. Particles outside all owners keep their weights, but `rest` of
+    the belief at most.
     """
     weights = particles.weights
     asked = np.isin(members, [k for k in owners if k is not None])
     odds = np.exp(log_odds - np.max(log_odds))
-    share = (1.0 - float(weights[~asked].sum())) * odds / odds.sum()
     log_weights = particles.log_weights.copy()
+    outside = float(weights[~asked].sum())
+    if outside > rest:
+        log_weights[~asked] += np.log(rest / outside)
+    share = (1.0 - min(outside, rest)) * odds / odds.sum()
     new: list[Particles] = []
     for place, (k, wanted) in enumerate(zip(owners, share, strict=True)):
         if k is not None:

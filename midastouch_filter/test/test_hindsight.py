@@ -54,7 +54,8 @@ class Slide:
             self.answered += 1
             answer = hindsight.compare(modes)
             if answer is not None:
-                return answer
+                self.exhaustive = answer.exhaustive
+                return answer.places
         return None
 
 
@@ -75,6 +76,7 @@ def odds_at(places, pose):
 def test_a_wrong_mode_is_found_out(uneven):
     truth = uneven.truth[-1]
     places = uneven.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    assert uneven.exhaustive
     assert odds_at(places, truth) == [0.0]
     assert len(places) > 1
     assert all(place.log_odds < -3 for place in places[1:])
@@ -108,6 +110,14 @@ def test_a_replay_is_done_in_slices_and_not_at_once_again(symmetric):
     truth = symmetric.truth[-1]
     assert symmetric.run([np.eye(4)], [truth]) is not None
     assert symmetric.answered > 5
+
+
+def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven):
+    everywhere = [se3.make(np.eye(3), np.array([0.0, 0.0, 0.0]))] + [
+        se3.exp(np.array([0, 0, 0, *axis])) for axis in np.random.default_rng(0).standard_normal((40, 3)) * 2
+    ]
+    assert uneven.run(everywhere, [uneven.truth[-1]]) is not None
+    assert not uneven.exhaustive
 
 
 def test_covariances_are_finite_and_positive(uneven):

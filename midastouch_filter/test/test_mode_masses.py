@@ -65,6 +65,14 @@ def test_a_place_without_a_mode_gets_particles_of_its_weight():
     assert out.weights[400:].sum() == pytest.approx(0.5)
 
 
+def test_the_rest_can_be_held_small():
+    particles = particles_at(60, np.random.default_rng(3))
+    members = np.repeat([0, -1], 30)
+    out, _ = with_odds(particles, members, [0], np.zeros(1), no_draw, rest=0.01)
+    assert out.weights[30:].sum() == pytest.approx(0.01)
+    assert out.weights.sum() == pytest.approx(1)
+
+
 def test_a_refuted_mode_keeps_a_trace():
     particles = particles_at(20, np.random.default_rng(2))
     members = np.repeat([0, 1], 10)
