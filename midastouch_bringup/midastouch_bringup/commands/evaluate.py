@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
     from ..evaluation.protocol import Protocol, run_sequence
-    from ..evaluation.result_file import write_json
+    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
     from ..progress import progress_bar
@@ -76,6 +76,6 @@ def run(args: argparse.Namespace) -> int:
             result["trials"] += trials
     result["summary"] = summarise_trials(result["trials"])
     if args.json:
-        write_json(args.json, result)
+        write_compact_json(args.json, result)
     print(summary_table(result["summary"]))
     return 0

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tcn import load_tcn
 
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_json
+    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import Networks
     from ..evaluation.simulated_touch import Lighting
     from ..evaluation.single_touch_object import Protocol, measure_object
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         "machine": machine_info(),
     }
     if args.json:
-        write_json(args.json, content)
+        write_compact_json(args.json, content)
     print(single_touch_table(content))
     return 0
 

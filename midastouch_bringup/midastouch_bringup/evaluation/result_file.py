@@ -55,6 +55,8 @@ def _rounded(value: object) -> object:
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_rounded(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _rounded(value.tolist())
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
