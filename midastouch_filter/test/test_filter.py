@@ -18,7 +18,8 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
-CONFIG = FilterConfig(max_particles=5000, min_particles=300)
+# without reliefs a mode is as wide as the entries of its book are apart, here some 5 mm
+CONFIG = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -87,7 +88,7 @@ def test_from_anywhere_to_the_right_mode(start, slide, seed):
     distance, angle = error(estimate, slide[0][-1])
     assert distance < 5e-3
     assert angle < math.radians(15)
-    assert estimate.status.state == state.CONVERGED
+    assert estimate.status.state == state.CONVERGED, estimate.status.reason
     assert estimate.status.n_particles < CONFIG.max_particles / 2
     assert estimate.modes[0].weight > 0.9
 
@@ -300,7 +301,7 @@ def test_lift_move_and_touch_again(start, slide, world):
     for a, b, code in zip([path[-1], *there], there, world.encode(there), strict=False):
         estimate = filter_.step(se3.inverse(a) @ b, Measurement(True, code))
     assert error(estimate, there[-1])[0] < 6e-3
-    assert estimate.status.state == state.CONVERGED
+    assert estimate.status.state == state.CONVERGED, estimate.status.reason
 
 
 def test_particles_that_all_left_the_surface_start_again(start, slide, world):
