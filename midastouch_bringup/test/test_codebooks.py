@@ -31,6 +31,15 @@ class FlatTcn:
         return (strips / np.linalg.norm(strips, axis=1, keepdims=True)).astype(np.float32)
 
 
+@pytest.fixture(autouse=True)
+def _pythons_own_handler():
+    """Earlier tests may have left rclpy's handler, which keeps Ctrl-C to itself."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    if before is not None:
+        signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="module")
 def ball():
     return ObjectMesh.load(bundled_objects()["ball"])
