@@ -34,10 +34,7 @@ class FlatTcn:
 @pytest.fixture(autouse=True)
 def _pythons_own_handler():
     """Earlier tests may have left rclpy's handler, which keeps Ctrl-C to itself."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    if before is not None:
-        signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="module")

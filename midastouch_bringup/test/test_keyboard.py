@@ -31,6 +31,8 @@ class Terminal:
     def __init__(self):
         self.pid, self.file = pty.fork()
         if self.pid == 0:
+            # what runs in the background of a shell has it ignored, and a program inherits that
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
             os.execv(sys.executable, [sys.executable, "-c", PROGRAM])
         self.told = ""
 
