@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import math
-import pickle
 import pickletools
 import zipfile
 from collections.abc import Callable
@@ -19,7 +18,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from .errors import InputError
-from .pickle_memo import refuse_oversized_memo
+from .restricted_unpickler import RestrictedUnpickler
 
 _LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
 _LEGACY_PROTOCOL = 1001
@@ -96,15 +95,7 @@ _ALLOWED: dict[str, Any] = {
 }
 
 
-class _Unpickler(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        try:
-            return _ALLOWED[f"{module}.{name}"]
-        except KeyError:
-            raise InputError(
-                f"asks for '{module}.{name}', but only tensors are read; save model.state_dict() alone"
-            ) from None
-
+class _Unpickler(RestrictedUnpickler):
     def persistent_load(self, pid: Any) -> _Storage:
         kind, code, key, _, count, *view = pid
         if kind != "storage" or any(part is not None for part in view):
@@ -113,8 +104,7 @@ class _Unpickler(pickle.Unpickler):
 
 
 def _unpickle(data: bytes) -> Any:
-    refuse_oversized_memo(data)
-    return _Unpickler(io.BytesIO(data)).load()
+    return _Unpickler(data, _ALLOWED, "but only tensors are read; save model.state_dict() alone").load()
 
 
 def read_zip(path: Path) -> dict[str, np.ndarray]:

@@ -8,9 +8,7 @@ containers, with every size checked.
 
 from __future__ import annotations
 
-import io
 import math
-import pickle
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -20,8 +18,9 @@ import numpy as np
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
-from midastouch_perception.pickle_memo import refuse_oversized_memo
+from midastouch_perception.restricted_unpickler import RestrictedUnpickler
 
+_ONLY = "which is not data (only NumPy arrays and OmegaConf values are)"
 _PLAIN_DTYPE = re.compile(r"[biufcSU?]\d*")
 
 
@@ -167,16 +166,6 @@ _ALLOWED: dict[str, Any] = {
 }
 
 
-class _Unpickler(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        try:
-            return _ALLOWED[f"{module}.{name}"]
-        except KeyError:
-            raise InputError(
-                f"asks for '{module}.{name}', which is not data (only NumPy arrays and OmegaConf values are)"
-            ) from None
-
-
 def _resolve_all(loaded: Any) -> Any:
     """Replace stand-ins by their values, once each, also inside containers."""
     done: dict[int, Any] = {}
@@ -209,8 +198,7 @@ def loads(data: bytes, name: str) -> Any:
     inconsistent content.
     """
     try:
-        refuse_oversized_memo(data)
-        return _resolve_all(_Unpickler(io.BytesIO(data)).load())
+        return _resolve_all(RestrictedUnpickler(data, _ALLOWED, _ONLY).load())
     except InputError as error:
         raise InputError(f"{name}: refused, {error}; use a file from a source you trust") from None
     # Crafted or damaged bytes make the unpickler fail in any way, MemoryError and RecursionError included.
