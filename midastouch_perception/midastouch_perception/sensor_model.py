@@ -107,6 +107,11 @@ class SensorModel:
         return depth
 
     @property
+    def pixel_size(self) -> float:
+        """Edge [m] of one pixel at the gel apex."""
+        return self.gel_distance / self.focal
+
+    @property
     def pixel_area(self) -> float:
         """Area [m^2] of one pixel at the gel apex."""
-        return (self.gel_distance / self.focal) ** 2
+        return self.pixel_size**2

@@ -92,8 +92,8 @@ class RandomSensor:
         if self._smoothing:
             penetration = self._gel_follows(penetration)
         if self._table:
-            pixel = self.sensor.gel_distance / self.sensor.focal
-            change = self._table.difference(penetration, pixel, *self._orientation) * (self._gain * self._field)
+            coloured = self._table.difference(penetration, self.sensor.pixel_size, *self._orientation)
+            change = coloured * (self._gain * self._field)
         else:
             depth = self._rest_depth - penetration
             if self._smoothing:
@@ -105,8 +105,9 @@ class RandomSensor:
                 image = self._darken(image, depth, shading, rng)
             change = (image - self._rest) @ self._mixing * (self._gain * self._field)
         if self._shadow:
-            change *= 1 - self._shadow * self._occlusion(penetration)
-            change -= 12 * self._gain * self._shadow * self._occlusion(penetration) * (~touching)[..., None]
+            occlusion = self._occlusion(penetration)
+            change *= 1 - self._shadow * occlusion
+            change -= 12 * self._gain * self._shadow * occlusion * (~touching)[..., None]
         return cv2.GaussianBlur(change, (0, 0), self._blur)
 
     def _render(self, depth: np.ndarray, normals: np.ndarray, light: Illumination) -> np.ndarray:
@@ -128,22 +129,21 @@ class RandomSensor:
 
     def _gel_follows(self, penetration: np.ndarray) -> np.ndarray:
         """Gel surface that cannot follow sharp edges: blurred, but pressed home where the contact is deep."""
-        pixel = self.sensor.gel_distance / self.sensor.focal
+        width = self._smoothing / self.sensor.pixel_size
         core = penetration > 0.4 * penetration.max()
         smooth = penetration
         for factor in (4.0, 2.0, 1.0):
-            smooth = cv2.GaussianBlur(smooth, (0, 0), max(factor * self._smoothing / pixel, 0.3))
+            smooth = cv2.GaussianBlur(smooth, (0, 0), max(factor * width, 0.3))
             smooth = np.where(core, np.maximum(smooth, penetration), smooth)
-        return cv2.GaussianBlur(smooth, (0, 0), max(0.5 * self._smoothing / pixel, 0.3))
+        return cv2.GaussianBlur(smooth, (0, 0), max(0.5 * width, 0.3))
 
     def _occlusion(self, penetration: np.ndarray) -> np.ndarray:
         """How far (H, W, 3) in [0, 1] each colour's light is hidden behind the relief next to a pixel."""
-        pixel = self.sensor.gel_distance / self.sensor.focal
         out = np.empty((*penetration.shape, 3), np.float32)
         for k, position in enumerate(self._illumination.positions[:3]):
             direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)
             # shadows fall away from the light: look towards it; rows run against y
-            reach = 1.5e-3 / pixel
+            reach = 1.5e-3 / self.sensor.pixel_size
             shift = np.float32([[1, 0, -direction[0] * reach], [0, 1, direction[1] * reach]])
             higher = cv2.warpAffine(penetration, shift, penetration.shape[::-1]) - penetration
             out[..., k] = np.clip(cv2.GaussianBlur(higher, (0, 0), 2.0) / 1e-3, 0, 1)
