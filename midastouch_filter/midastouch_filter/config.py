@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, fields
 
+import numpy as np
+
 from midastouch_perception.errors import InputError
 
 
@@ -100,6 +102,11 @@ class FilterConfig:
 
     # --- machine
     threads: int = _number(0, 0, 256, "", "worker threads; 0: one per available core")
+
+    @property
+    def jitter(self) -> np.ndarray:
+        """Covariance (6, 6) of one measured sensor pose, in its own frame: m^2, rad^2."""
+        return np.diag(np.repeat([self.jitter_translation, self.jitter_rotation], 3) ** 2)
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -78,9 +78,7 @@ class ParticleFilter:
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._workers = Workers(c.threads)
         self._lookup = PoseLookup(self._poses, self._workers)
-        self._measurement = MeasurementModel(
-            codebook.codes[self._order], codebook.meta, self._lookup, c, self._workers
-        )
+        self._measurement = MeasurementModel(codebook.codes[self._order], codebook.meta, self._lookup, c, self._workers)
         grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
         self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
         self._regions = Regions(self._lookup, c.region_radius)
@@ -124,6 +122,10 @@ class ParticleFilter:
         for k in range(4):
             forward[0, 3] = 1e-3 * k
             self.step(forward, Measurement(True, self._measurement.code_of(k % 2)))
+        if self._refinement:
+            self._refinement.alignment.align(
+                self._poses[0], self.config.jitter, np.zeros(self._refinement.shape, np.float32)
+            )
         self.reset(seed)
 
     # ------------------------------------------------------------------ start
@@ -414,7 +416,7 @@ class ParticleFilter:
 
     def _spread_around(self, place: Place, count: int) -> Particles:
         """Particles spread as the place's covariance and the arm's jitter say."""
-        noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self._refinement.jitter, count)
+        noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self.config.jitter, count)
         poses = place.pose @ se3.exp(noise)
         return Particles.from_poses(poses, self._lookup.exact(poses))
 

@@ -12,7 +12,7 @@ A replay takes a hundred alignments, so it is done in slices, a few in every ste
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +85,7 @@ class Hindsight:
 
     def __init__(self, lookup: PoseLookup, poses: np.ndarray, alignment: ReliefAlignment, config: FilterConfig):
         self._lookup, self._poses, self._alignment, self._config = lookup, poses, alignment, config
-        self._jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
+        self._jitter = config.jitter
         self._share = min(1.0, config.hindsight_spacing / config.correlation_length)
         self.restart(None)
 
@@ -133,46 +133,46 @@ class Hindsight:
     # ------------------------------------------------------------------ replay
 
     def _replayed(self, modes: list[np.ndarray]) -> Iterator[Comparison | None]:
-        touches, last = list(self._touches), self._motion
+        touches = list(self._touches)
         newest = touches[-1].motion
-        to_newest = se3.inverse(last) @ newest
+        to_newest = se3.inverse(self._motion) @ newest
         starts = [mode @ to_newest for mode in modes]
+        candidates, score = yield from self._sieved(touches)
+        rivals, exhaustive = self._rivals(candidates, score, starts)
+        explained = _Explanations(len(touches), self._share)
+        for start in starts + rivals:
+            yield from self._followed(start, touches, explained)
+        yield Comparison(self._places(explained, touches), exhaustive)
+
+    def _sieved(self, touches: list[_Kept]) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
+        """The candidates (C, 4, 4) at the newest touch that explain all touches best by their codes, and how well."""
         candidates = self._candidates(touches)
         for some in (touches[:: -max(len(touches) // _SIEVE, 1)], touches):
             score = np.zeros(len(candidates))
             for touch in some:
                 yield None
-                score += self._scores(candidates @ (se3.inverse(newest) @ touch.motion), touch)
+                score += self._scores(candidates @ (se3.inverse(touches[-1].motion) @ touch.motion), touch)
             best = np.argsort(-score, kind="stable")[:_KEPT]
             candidates, score = candidates[best], score[best]
-        rivals, exhaustive = self._rivals(candidates, score, starts)
-        starts += rivals
-        ends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        refuted: list[np.ndarray] = []
-        best = np.full(len(touches), -np.inf)
-        done = 0
-        for start in starts:
-            pose, covariance = start, np.diag(_START)
-            evidence = np.full(len(touches), -np.inf)
-            for k in range(len(touches) - 1, -1, -1):
-                aligned = self._alignment.align(pose, covariance + self._jitter, touches[k].relief)
-                evidence[k] = aligned.log_evidence
-                pose, covariance = without_jitter(pose, covariance, self._jitter, aligned)
-                if k:
-                    on = se3.inverse(touches[k].motion) @ touches[k - 1].motion
-                    pose, covariance = pose @ on, _carried(covariance, on)
-                done += 1
-                if done % _SLICE == 0:
-                    yield None
-                behind = np.clip(best[k:] - evidence[k:], -_LARGEST, _LARGEST).sum() * self._share
-                if np.isfinite(behind) and behind > _HOPELESS:
-                    refuted.append(start)
-                    break
-            else:
-                ends.append((pose, covariance, evidence))
-                if not np.isfinite(best[0]) or (evidence - best).clip(-_LARGEST, _LARGEST).sum() > 0:
-                    best = evidence
-        yield Comparison(self._places(ends, refuted, best, touches), exhaustive)
+        return candidates, score
+
+    def _followed(self, start: np.ndarray, touches: list[_Kept], explained: _Explanations) -> Iterator[None]:
+        """Align `start` (4, 4) at the newest touch to all of them, back along the path, as long as there is hope."""
+        pose, covariance = start, np.diag(_START)
+        evidence = np.full(len(touches), -np.inf)
+        for k in range(len(touches) - 1, -1, -1):
+            aligned = self._alignment.align(pose, covariance + self._jitter, touches[k].relief)
+            evidence[k] = aligned.log_evidence
+            pose, covariance = without_jitter(pose, covariance, self._jitter, aligned)
+            if k:
+                on = se3.inverse(touches[k].motion) @ touches[k - 1].motion
+                pose, covariance = pose @ on, _carried(covariance, on)
+            if k % _SLICE == 0:
+                yield None
+            if explained.hopeless(evidence, k):
+                explained.refuted.append(start)
+                return
+        explained.add(pose, covariance, evidence)
 
     def _candidates(self, touches: list[_Kept]) -> np.ndarray:
         """Poses (C, 4, 4) at the newest touch of the entries that fit best at any of the touches."""
@@ -201,24 +201,54 @@ class Hindsight:
                 chosen.append(candidates[i])
         return chosen, True
 
-    def _places(self, ends: list, refuted: list[np.ndarray], best: np.ndarray, touches: list[_Kept]) -> list[Place]:
-        odds = np.array([self._share * np.clip(e - best, -_LARGEST, _LARGEST).sum() for *_, e in ends])
+    def _places(self, explained: _Explanations, touches: list[_Kept]) -> list[Place]:
+        odds = explained.log_odds()
         from_oldest = se3.inverse(touches[0].motion)
         if self._prior is not None:
-            odds += self._prior.log_density(np.stack([pose for pose, *_ in ends]) @ from_oldest)
+            odds += self._prior.log_density(np.stack([pose for pose, *_ in explained.ends]) @ from_oldest)
         odds -= odds.max()
         on = from_oldest @ self._motion
         found = [
             Place(pose @ on, _carried(covariance, on), float(value))
-            for (pose, covariance, _), value in zip(ends, odds, strict=True)
+            for (pose, covariance, _), value in zip(explained.ends, odds, strict=True)
         ]
         on = se3.inverse(touches[-1].motion) @ self._motion
-        found += [Place(pose @ on, np.diag(_START), -_HOPELESS) for pose in refuted]
+        found += [Place(pose @ on, np.diag(_START), -_HOPELESS) for pose in explained.refuted]
         places: list[Place] = []
         for place in sorted(found, key=lambda each: -each.log_odds):
             if all(pose_distance(place.pose, other.pose) > _APART for other in places):
                 places.append(place)
         return places
+
+
+class _Explanations:
+    """Places that were replayed.
+
+    Attributes: ends, of those that held out: pose (4, 4) and covariance (6, 6) at the oldest touch, evidence (K,) of
+    every touch; refuted: poses (4, 4) at the newest touch of the others.
+    """
+
+    def __init__(self, touches: int, share: float):
+        self.ends: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self.refuted: list[np.ndarray] = []
+        self._best = np.full(touches, -np.inf)  # evidence of the best place so far
+        self._share = share
+
+    def hopeless(self, evidence: np.ndarray, since: int) -> bool:
+        """Whether a place with this evidence of the touches from `since` on is too far behind the best one."""
+        return bool(self.ends) and -self._ahead(evidence[since:], self._best[since:]) > _HOPELESS
+
+    def add(self, pose: np.ndarray, covariance: np.ndarray, evidence: np.ndarray) -> None:
+        if not self.ends or self._ahead(evidence, self._best) > 0:
+            self._best = evidence
+        self.ends.append((pose, covariance, evidence))
+
+    def log_odds(self) -> np.ndarray:
+        """Of `ends`, against the best of them."""
+        return np.array([self._ahead(evidence, self._best) for *_, evidence in self.ends])
+
+    def _ahead(self, evidence: np.ndarray, other: np.ndarray) -> float:
+        return self._share * float(np.clip(evidence - other, -_LARGEST, _LARGEST).sum())
 
 
 def _carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:

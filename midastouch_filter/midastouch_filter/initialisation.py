@@ -37,9 +37,7 @@ def uniform_entries(n_entries: int, n: int, rng: np.random.Generator) -> np.ndar
     return np.sort(np.concatenate([rng.permutation(n_entries) for _ in range(rounds)])[:n])
 
 
-def gaussian_poses(
-    centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, rng: np.random.Generator
-) -> np.ndarray:
+def gaussian_poses(centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, rng: np.random.Generator) -> np.ndarray:
     """n poses (n, 4, 4) around `centre` (4, 4): sigma_t [m] and sigma_r [rad] per axis (paper section 4.3).
 
     They lie off the surface; the paper then replaces each by the nearest pose of the codebook.

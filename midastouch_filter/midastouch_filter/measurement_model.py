@@ -44,6 +44,7 @@ class MeasurementModel:
         self._sample_codes = self._codes[self._sample]
         self._is_occupied = np.zeros(len(self._codes), bool)
         self.log_ratio = np.zeros(len(self._codes), np.float32)
+        self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
 
     @property
     def dimension(self) -> int:
@@ -69,15 +70,19 @@ class MeasurementModel:
         return (code / norm).astype(np.float32)
 
     def score_book(self, code: np.ndarray) -> None:
-        """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,)."""
+        """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
+        if self._scored is not None and np.array_equal(code, self._scored):
+            return
         likelihood = self._relative_likelihood(self._codes @ code)
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
+        self._scored = code
 
     def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
         """Set `log_ratio` only where particles need it.
 
         The book's mean is then the exact sum over these entries plus a fixed sample's for the rest.
         """
+        self._scored = None
         occupied = self._is_occupied
         occupied[:] = False
         occupied[particles.entries] = True
@@ -91,7 +96,6 @@ class MeasurementModel:
         self._set(rows, here, (here.sum(dtype=float) + rest) / len(occupied))
 
     def _relative_likelihood(self, scores: np.ndarray) -> np.ndarray:
-
         return np.exp((scores - scores.max()) * np.float32(1 / self._temperature))
 
     def _set(self, rows: np.ndarray | slice, likelihood: np.ndarray, mean: float) -> None:

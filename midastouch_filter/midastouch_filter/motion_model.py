@@ -113,9 +113,7 @@ class MotionModel:
         def kernel(low: int, high: int, chunk: int) -> None:
             if noisy:
                 self._streams[chunk].standard_normal(out=noise[low:high], dtype=np.float32)
-            _compose(
-                low, high, particles.positions, particles.quaternions, odometry.row, noise, noisy, scale
-            )
+            _compose(low, high, particles.positions, particles.quaternions, odometry.row, noise, noisy, scale)
 
         self._workers.run(len(particles), kernel)
 

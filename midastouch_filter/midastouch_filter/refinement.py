@@ -41,7 +41,7 @@ class Refinement:
         self.alignment = ReliefAlignment(
             mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
         )
-        self.jitter = np.diag(np.repeat([config.jitter_translation, config.jitter_rotation], 3) ** 2)
+        self._jitter = config.jitter
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -60,12 +60,12 @@ class Refinement:
         narrow = [k for k, mode in enumerate(modes[: c.refined_modes]) if self.is_narrow(mode)]
         priors = {k: _in_own_frame(modes[k]) + np.diag(_FLOOR) for k in narrow}
         posteriors = self._workers.map(
-            lambda k: self.alignment.align(modes[k].pose, priors[k] + self.jitter, relief), narrow
+            lambda k: self.alignment.align(modes[k].pose, priors[k] + self._jitter, relief), narrow
         )
         aligned = dict(zip(narrow, posteriors, strict=True))
         for k, posterior in aligned.items():
             if posterior.fit > c.relief_fit:
-                mean, covariance = without_jitter(modes[k].pose, priors[k], self.jitter, posterior)
+                mean, covariance = without_jitter(modes[k].pose, priors[k], self._jitter, posterior)
                 _move(particles, np.flatnonzero(members == k), modes[k].pose, priors[k], mean, covariance)
         if len(aligned) > 1:
             self._weigh(particles, members, aligned, share)

@@ -43,9 +43,9 @@ class SurfaceGrid:
 
     def _fill(self, mesh: ObjectMesh) -> None:
         shape = np.array(self._values.shape)
-        blocks = np.stack(
-            np.meshgrid(*[np.arange(0, n, _COARSE) for n in shape], indexing="ij"), axis=-1
-        ).reshape(-1, 3)
+        blocks = np.stack(np.meshgrid(*[np.arange(0, n, _COARSE) for n in shape], indexing="ij"), axis=-1).reshape(
+            -1, 3
+        )
         half_block = 0.5 * (_COARSE - 1) * self.spacing
         offsets = np.stack(np.meshgrid(*[np.arange(_COARSE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
@@ -82,9 +82,7 @@ class SurfaceGrid:
             return
         step = np.float32(0.5 * self.spacing) * np.eye(3, dtype=np.float32)
         at = particles.positions[off]
-        gradient = np.stack(
-            [self.distance(at + s, workers) - self.distance(at - s, workers) for s in step], axis=1
-        )
+        gradient = np.stack([self.distance(at + s, workers) - self.distance(at - s, workers) for s in step], axis=1)
         gradient /= np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
         particles.positions[off] += (wanted - distance)[off, None] * gradient
 

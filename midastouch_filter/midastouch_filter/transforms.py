@@ -101,9 +101,7 @@ class TransformBuffer:
         self._edges: dict[str, _Edge] = {}
         self._lock = threading.Lock()
 
-    def insert(
-        self, parent: str, child: str, stamp_ns: int, transform: np.ndarray, static: bool = False
-    ) -> Insertion:
+    def insert(self, parent: str, child: str, stamp_ns: int, transform: np.ndarray, static: bool = False) -> Insertion:
         """Store T_parent_child, a (4, 4) matrix or [x y z qx qy qz qw], metres.
 
         A static transform holds at every stamp and replaces the one before it. A child that changes its

@@ -33,9 +33,7 @@ def test_without_noise_it_composes_as_matrices_do(starts, step):
 
 
 def test_noise_has_the_stated_spread_in_the_moved_gel_frame():
-    config = FilterConfig(
-        noise_translation=4e-4, noise_rotation=0.02, noise_per_metre=0.1, noise_per_radian=0.1
-    )
+    config = FilterConfig(noise_translation=4e-4, noise_rotation=0.02, noise_per_metre=0.1, noise_per_radian=0.1)
     start, odometry = se3.exp([0.1, 0, 0, 0.4, 1, 2]), se3.exp([2e-3, 0, 0, 0, 0, 0.1])
     particles = particles_of(np.repeat(start[None], 40_000, axis=0))
     motion = Odometry.from_matrix(odometry)
