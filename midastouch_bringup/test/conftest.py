@@ -1,7 +1,8 @@
-"""Small sequences made on the spot, in the exact layouts of YCB-Slide."""
+"""Small sequences made on the spot, in the exact layouts of YCB-Slide, and trials as of a benchmark."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
+from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 
@@ -93,5 +95,38 @@ def real_sequence_folder(tmp_path: Path):
         np.save(path / "synced_data.npy", data, allow_pickle=True)
         np.save(path.parent / "alignment.npy", alignment)
         return path, object_from_gel
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_trial():
+    """Factory of trials of 10 frames of `midastouch benchmark`, as `compare_variants` takes them.
+
+    `final` has the errors of the last frame; `changes` replace what else is in a trial.
+    """
+
+    def make(variant: str, seed: int, filter_ms: float, final: Mapping[str, float | str], **changes) -> dict:
+        counts = [0] * (len(LEVELS) + 1)
+        counts[9] = 10
+        return {
+            "object": "can",
+            "slide": 0,
+            "init": "paper",
+            "seed": seed,
+            "variant": variant,
+            "frames": 10,
+            "frames_converged": 8,
+            "frames_converged_right": 6,
+            "right_from_frame": 3,
+            "touched_again_at": None,
+            "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
+            "final": {"state": "converged", "n_particles": 500} | final,
+            "hz_mean": 50.0,
+            "hz_p05": 40.0,
+            "ms": {"tdn": 2.0, "tcn": 1.0, "filter": filter_ms},
+            "filter_stages_ms": {"motion": 1.0},
+            "coverage": dict.fromkeys(KINDS, counts),
+        } | changes
 
     return make

@@ -10,29 +10,19 @@ from midastouch_bringup.report.results_page import write_results_page
 
 
 @pytest.fixture(scope="module")
-def result() -> dict:
+def result(make_trial) -> dict:
     """A result of `midastouch benchmark` over two objects, three variants and both starts."""
     rng = np.random.default_rng(0)
     trials = [
-        {
-            "object": name,
-            "slide": 0,
-            "init": init,
-            "seed": seed,
-            "variant": variant,
-            "frames": 50,
-            "frames_converged": 30,
-            "touched_again_at": None,
-            "right_from_frame": 3,
-            "filter_stages_ms": {"motion": 1.0},
-            "frames_converged_right": 20,
-            "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
-            "final": {key: rng.uniform(1, 9) for key in ERROR_KEYS} | {"state": "converged", "n_particles": 500},
-            "hz_mean": 50.0,
-            "hz_p05": 40.0,
-            "ms": {"tdn": 2.0, "tcn": 1.0, "filter": 100.0 if variant == "paper" else 8.0},
-            "coverage": {kind: rng.integers(0, 5, len(LEVELS) + 1).tolist() for kind in KINDS},
-        }
+        make_trial(
+            variant,
+            seed,
+            100.0 if variant == "paper" else 8.0,
+            {key: rng.uniform(1, 9) for key in ERROR_KEYS},
+            object=name,
+            init=init,
+            coverage={kind: rng.integers(0, 5, len(LEVELS) + 1).tolist() for kind in KINDS},
+        )
         for name in ("can", "mug")
         for init in ("paper", "uniform")
         for seed in range(3)
