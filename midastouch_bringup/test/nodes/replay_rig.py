@@ -1,0 +1,48 @@
+"""A replay under test, what it is told, and a consumer that answers it."""
+
+from __future__ import annotations
+
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Image
+from std_msgs.msg import Header
+
+from midastouch_bringup.nodes.replay import Replay
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_ns
+
+
+def replay(graph, source, **parameters):
+    return graph.add(Replay, {"source": str(source), "rate": 0.0, **parameters})
+
+
+def play(graph, node):
+    node.start()
+    graph.spin_until(node.finished.is_set, "the end of the replay")
+
+
+def stamps(messages):
+    return [stamp_ns(message.header.stamp) for message in messages]
+
+
+def set_parameter(graph, name: str, value: float) -> SetParametersResult:
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return graph.call(SetParameters, "replay/set_parameters", request).results[0]
+
+
+class Consumer:
+    """Answers images with filter states, as slowly and as badly as a test wants."""
+
+    def __init__(self, graph, answers):
+        self.received = []
+        self._answers = answers  # of the n-th image received: whether it is answered
+        self.node = graph.companion
+        self.statuses = self.node.create_publisher(FilterStatus, "filter_status", qos.latched(10))
+        self.node.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
+
+    def _on_image(self, image):
+        self.received.append(stamp_ns(image.header.stamp))
+        if self._answers(len(self.received)):
+            self.statuses.publish(FilterStatus(header=Header(stamp=image.header.stamp), state="ambiguous"))

@@ -1,0 +1,51 @@
+"""The replay's executable: how it ends, and what it says then."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from sensor_msgs.msg import Image
+
+pytestmark = pytest.mark.dds
+
+
+def process(graph, *parameters):
+    """The executable, on the graph's DDS domain."""
+    arguments = [part for parameter in parameters for part in ("-p", parameter)]
+    domain = str(graph.companion.context.get_domain_id())
+    return subprocess.Popen(
+        [sys.executable, "-m", "midastouch_bringup.nodes.replay", "--ros-args", *arguments],
+        env=os.environ | {"ROS_DOMAIN_ID": domain},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    good = process(graph, f"source:={sequence.path}", "rate:=0.0")
+    bad = process(graph, "source:=/nowhere/slide")
+    out, err = good.communicate(timeout=60)
+    assert good.returncode == 0, err
+    assert "sent 3 frames, 0 repeated, 0 lost" in out + err
+    out, err = bad.communicate(timeout=60)
+    assert bad.returncode == 2
+    assert err.strip() == "/nowhere/slide: no such sequence folder; check the path"
+    sequence.image_paths[1].write_bytes(b"")
+    damaged = process(graph, f"source:={sequence.path}", "rate:=0.0")
+    out, err = damaged.communicate(timeout=60)
+    assert damaged.returncode == 2
+    assert err.strip().endswith("1.jpg: not a readable image; get the file again")
+
+
+def test_an_interrupt_ends_the_executable_cleanly(graph, simulated_sequence):
+    running = process(graph, f"source:={simulated_sequence(n=3).path}", "loop:=true", "rate:=2.0")
+    images = graph.listen(Image, "image_raw")
+    graph.spin_until(lambda: images, "a first frame")
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=60)
+    assert running.returncode == 0, err
+    assert "Traceback" not in err
