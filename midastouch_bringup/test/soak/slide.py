@@ -1,4 +1,4 @@
-"""A simulated slide, kept in memory, and a sender that plays it to and fro as a sensor and an arm would."""
+"""A simulated slide, kept in memory; parameters and messages of it; a sender that plays it to and fro as a robot would."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rclpy.publisher import Publisher
+from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
@@ -27,6 +28,8 @@ from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tcn import load_tcn
 
+SECOND = 1_000_000_000
+PATIENT = {"input_timeout": 1000.0}
 T_BASE_OBJ = se3.make(se3.random_rotations(1, np.random.default_rng(9))[0], np.array([0.4, 0.1, 0.2]))
 
 
@@ -53,6 +56,19 @@ def make_slide(folder: Path) -> Slide:
     cv2.imwrite(str(folder / "background.png"), cv2.cvtColor(background, cv2.COLOR_RGB2BGR))
     images = [optics.image(p, background, rng, n) for p, n in zip(penetration, normals, strict=True)]
     return Slide(Path(path), folder / "eyebolt.npz", folder / "background.png", poses, images)
+
+
+def filter_parameters(slide: Slide, **changes) -> dict:
+    own = {"mesh": str(slide.mesh), "codebook": str(slide.codebook), "max_particles": 1000, "threads": 1}
+    return {**own, **changes}
+
+
+def tdn_parameters(slide: Slide, **changes) -> dict:
+    return {"background": str(slide.background), **changes}
+
+
+def image_at(slide: Slide, k: int, stamp: int) -> Image:
+    return image_to_msg(slide.images[k], "rgb8", Header(stamp=stamp_from_ns(stamp), frame_id="digit_optical_frame"))
 
 
 def transform_msg(T_obj_gel: np.ndarray, stamp: int, prefix: str = "") -> TFMessage:
@@ -102,7 +118,6 @@ class Sender:
         last = len(self._slide.poses) - 1
         k = last - abs(len(self.sent) % (2 * last) - last)
         stamp = time.time_ns()
-        header = Header(stamp=stamp_from_ns(stamp), frame_id="digit_optical_frame")
-        self._images.publish(image_to_msg(self._slide.images[k], "rgb8", header))
+        self._images.publish(image_at(self._slide, k, stamp))
         self.sent.append(stamp)
         return transform_msg(self._slide.poses[k], stamp)
