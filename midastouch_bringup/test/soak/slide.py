@@ -1,4 +1,4 @@
-"""A simulated slide, kept in memory; parameters and messages of it; a sender that plays it to and fro as a robot would."""
+"""A simulated slide, kept in memory; its parameters and messages; a sender that plays it to and fro."""
 
 from __future__ import annotations
 
