@@ -1,0 +1,136 @@
+"""The driver's node beside a node that listens to it, and what both are fed with."""
+
+from __future__ import annotations
+
+import functools
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import rclpy
+from fake_kernel import FakeDigit
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+
+from digit_driver import sources
+from digit_driver.errors import InputError
+from digit_driver.nodes.digit_driver import DigitDriver
+from digit_driver.v4l2_device import V4l2Digit
+
+DOMAIN = 42
+
+
+class Peer:
+    """A driver and a node that listens to it, both spinning in a thread of their own."""
+
+    def __init__(self, **parameters) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=DOMAIN)
+        self.received: dict[str, list] = {}
+        self._changed = threading.Condition()
+        try:
+            overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+            self.driver = DigitDriver(context=self.context, namespace="/digit_test", parameter_overrides=overrides)
+        except InputError:
+            self.context.shutdown()
+            raise
+        self.node = rclpy.create_node("peer", namespace="/digit_test", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.driver)
+        self._executor.add_node(self.node)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while not self._stopping.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        self._stopping.set()
+        self._thread.join()
+        self.driver.destroy_node()
+        self.node.destroy_node()
+        self._executor.shutdown()
+        self.context.shutdown()
+
+    def subscribe(self, kind: type, topic: str, qos=10):
+        inbox = self.received.setdefault(topic, [])
+
+        def store(message) -> None:
+            with self._changed:
+                inbox.append(message)
+                self._changed.notify_all()
+
+        return self.node.create_subscription(kind, topic, store, qos)
+
+    def wait(self, topic: str, predicate: Callable[[list], object] = bool):
+        """The messages of a topic, once ``predicate`` holds for them."""
+        with self._changed:
+            inbox = self.received[topic]
+            assert self._changed.wait_for(lambda: predicate(inbox), timeout=15.0), f"{topic}: {inbox[-1:]}"
+            return list(inbox)
+
+    def call(self, kind: type, name: str, request):
+        client = self.node.create_client(kind, name)
+        assert client.wait_for_service(10.0)
+        answered = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        assert answered.wait(10.0), name
+        return future.result()
+
+    def set_parameter(self, name: str, value):
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return self.call(SetParameters, "digit_driver/set_parameters", request).results[0]
+
+
+@pytest.fixture
+def peer():
+    """Starts drivers with the given parameters and ends them."""
+    peers = []
+
+    def start(**parameters) -> Peer:
+        peers.append(Peer(**parameters))
+        return peers[-1]
+
+    yield start
+    for item in peers:
+        item.close()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Four noisy portrait images, 0.png ... 3.png."""
+    rng = np.random.default_rng(0)
+    path = tmp_path / "images"
+    path.mkdir()
+    for i in range(4):
+        cv2.imwrite(str(path / f"{i}.png"), rng.integers(60, 120, (320, 240, 3)).astype(np.uint8))
+    return path
+
+
+@pytest.fixture
+def camera(kernel, find, monkeypatch) -> FakeDigit:
+    """A sensor plugged into the fake machine, which the driver takes for the real one."""
+    monkeypatch.setattr(sources, "V4l2Digit", functools.partial(V4l2Digit, system=kernel, find=find))
+    return kernel.plug(FakeDigit("D20001"))
+
+
+@pytest.fixture
+def run_driver():
+    """Starts the driver's executable with the given ROS arguments."""
+
+    def start(*arguments: str) -> subprocess.Popen:
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
+        command = [sys.executable, "-m", "digit_driver.nodes.digit_driver", "--ros-args", *arguments]
+        return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+
+    return start

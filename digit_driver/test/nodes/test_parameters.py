@@ -1,0 +1,81 @@
+"""Parameters at the start and at run time, over real DDS."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from digit_driver.errors import InputError
+from digit_driver.nodes.parameters import PARAMETERS
+
+pytestmark = pytest.mark.dds
+README = Path(__file__).parents[2] / "README.md"
+
+
+def test_illegal_changes_are_refused_with_a_reason(peer, folder) -> None:
+    it = peer(replay_path=str(folder))
+    for name, value, reason in [
+        ("intensity", 16, "range"),
+        ("intensity", 1.5, "type"),
+        ("intensity_rgb", [15, 15], r"three levels in 0\.\.\.15"),
+        ("intensity_rgb", [0, 0, 99], r"three levels in 0\.\.\.15"),
+        ("jpeg_quality", 0, "range"),
+        ("serial", "D9", "read-only"),
+        ("fps", 30, "read-only"),
+        ("use_sim_time", True, "wall clock"),
+        ("intensitty", 3, "not been declared|undeclared|not declared"),
+    ]:
+        result = it.set_parameter(name, value)
+        assert not result.successful, name
+        assert re.search(reason, result.reason), (name, result.reason)
+    assert it.set_parameter("jpeg_quality", 80).successful
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"resolution": "HD"}, "resolution.*QVGA, VGA"),
+        ({"fps": 61}, "fps.*60, 30, 15"),
+        ({"resolution": "VGA", "fps": 60}, "fps.*30 or 15"),
+        ({"intensity": 99}, "intensity"),
+        ({"intensity_rgb": [1]}, "intensity_rgb.*three"),
+        ({"reconnect_timeout": 1}, r"reconnect_timeout.*1\.0 instead of 1"),
+        ({"seriall": "D1"}, "no parameter seriall; did you mean serial"),
+        ({"use_sim_time": True}, "use_sim_time"),
+        ({"replay_path": "/nowhere/at/all"}, "replay_path: /nowhere/at/all does not exist"),
+        ({"camera_info_url": "/nowhere.yaml"}, "camera_info_url: /nowhere.yaml cannot be read"),
+    ],
+)
+def test_bad_parameters_stop_the_start_with_a_reason(peer, parameters, reason) -> None:
+    with pytest.raises(InputError, match=reason):
+        peer(**parameters)
+
+
+def test_folder_without_images_stops_the_start_with_a_reason(peer, tmp_path) -> None:
+    with pytest.raises(InputError, match="holds no images"):
+        peer(replay_path=str(tmp_path))
+
+
+def test_intensity_reaches_the_leds_at_run_time(peer, camera) -> None:
+    it = peer(intensity=15, intensity_rgb=[15, 0, 0])
+    assert it.set_parameter("intensity_rgb", [0, 15, 15]).successful
+    assert it.set_parameter("intensity", 5).successful
+    assert camera.led_values == [0xF00, 0x0FF, 0x055]
+
+
+def test_readme_tables_equal_the_node() -> None:
+    rows = dict(re.findall(r"^\| `([^`]+)` \| `?([^|`]+)`? \|", README.read_text(), re.MULTILINE))
+    for parameter in PARAMETERS:
+        shown = rows.pop(parameter.name)
+        default = parameter.default
+        expected = str(default).lower() if isinstance(default, bool) else str(default) or "''"
+        assert shown == expected, parameter.name
+    assert {name: kind.strip() for name, kind in rows.items()} == {
+        "image_raw": "sensor_msgs/Image",
+        "image_raw/compressed": "sensor_msgs/CompressedImage",
+        "camera_info": "sensor_msgs/CameraInfo",
+        "/diagnostics": "diagnostic_msgs/DiagnosticArray",
+        "set_capture": "std_srvs/SetBool",
+    }
