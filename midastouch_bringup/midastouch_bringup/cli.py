@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 
 from midastouch_perception.errors import InputError
@@ -72,7 +73,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0 success, 1 the command found a failure, 2 bad input."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     args = build_parser().parse_args(arguments)
+    args.command_line = shlex.join(["midastouch", *arguments])  # for result files
     try:
         return args.run(args)
     except (InputError, OSError) as error:

@@ -8,18 +8,22 @@ It costs a dozen rendered views per mode instead of one per particle.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
+from typing import NamedTuple
 
+import numba
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
+from . import quaternion
 from .alignment import Aligned, ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
 from .particles import Particles
+from .resampling import log_sum_exp
 from .workers import Workers
 
 RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
@@ -63,12 +67,17 @@ class Refinement:
             lambda k: self.alignment.align(modes[k].pose, priors[k] + self._jitter, relief), narrow
         )
         aligned = dict(zip(narrow, posteriors, strict=True))
-        for k, posterior in aligned.items():
-            if posterior.fit > c.relief_fit:
-                mean, covariance = without_jitter(modes[k].pose, priors[k], self._jitter, posterior)
-                _move(particles, np.flatnonzero(members == k), modes[k].pose, priors[k], mean, covariance)
+        maps = {
+            k: _GaussianMap.between(
+                modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], self._jitter, posterior)
+            )
+            for k, posterior in aligned.items()
+            if posterior.fit > c.relief_fit
+        }
+        if maps:
+            self._move(particles, members, maps, len(modes))
         if len(aligned) > 1:
-            self._weigh(particles, members, aligned, share)
+            self._weigh(particles, members, aligned, share, len(modes))
         return aligned
 
     def is_narrow(self, mode: Mode) -> bool:
@@ -76,15 +85,30 @@ class Refinement:
         c = self._config
         return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
 
+    def _move(self, particles: Particles, members: np.ndarray, maps: dict[int, _GaussianMap], count: int) -> None:
+        map_of = np.full(count + 1, -1)  # the last stands for -1: no mode
+        map_of[list(maps)] = np.arange(len(maps))
+        table = tuple(np.stack(column) for column in zip(*maps.values(), strict=True))
+        self._workers.run(
+            len(particles),
+            lambda low, high, _: _map(
+                low, high, map_of[members[low:high]], *table, particles.positions, particles.quaternions
+            ),
+        )
+
     @staticmethod
-    def _weigh(particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float) -> None:
+    def _weigh(
+        particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float, count: int
+    ) -> None:
         best = max(a.log_evidence for a in aligned.values())
-        concerned = np.isin(members, list(aligned))
-        before = np.logaddexp.reduce(particles.log_weights[concerned])
+        gain = np.full(count + 1, np.nan)
         for k, posterior in aligned.items():
-            change = share * max(posterior.log_evidence - best, -_LARGEST_EVIDENCE)
-            particles.log_weights[members == k] += change
-        particles.log_weights[concerned] += before - np.logaddexp.reduce(particles.log_weights[concerned])
+            gain[k] = share * max(posterior.log_evidence - best, -_LARGEST_EVIDENCE)
+        gain = gain[members]
+        concerned = np.flatnonzero(np.isfinite(gain))
+        before = particles.log_weights[concerned]
+        after = before + gain[concerned]
+        particles.log_weights[concerned] = after + (log_sum_exp(before) - log_sum_exp(after))
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:
@@ -99,21 +123,63 @@ def _in_own_frame(mode: Mode) -> np.ndarray:
     return turn.T @ mode.covariance @ turn
 
 
-def _move(
-    particles: Particles,
-    which: np.ndarray,
-    pose: np.ndarray,
-    prior: np.ndarray,
-    mean: np.ndarray,
-    covariance: np.ndarray,
-) -> None:
-    """Map particles spread as N(pose, prior) to N(mean, covariance), by the affine map of their Cholesky factors."""
-    shrink = np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(prior))
-    turn = Rotation.from_matrix(pose[:3, :3])
-    deviation = np.empty((len(which), 6))
-    deviation[:, :3] = (particles.positions[which] - pose[:3, 3]) @ pose[:3, :3]
-    deviation[:, 3:] = (turn.inv() * Rotation.from_quat(particles.quaternions[which])).as_rotvec()
-    deviation = deviation @ shrink.T
-    particles.positions[which] = mean[:3, 3] + deviation[:, :3] @ mean[:3, :3].T
-    turned = Rotation.from_matrix(mean[:3, :3]) * Rotation.from_rotvec(deviation[:, 3:])
-    particles.quaternions[which] = turned.as_quat()
+class _GaussianMap(NamedTuple):
+    """Affine map of deviations that turns N(pose, prior) into N(mean, covariance).
+
+    position (3,), rotation (3, 3) and quaternion (4,) of the pose before, then of that after; shrink (6, 6).
+    """
+
+    position: np.ndarray
+    rotation: np.ndarray
+    quaternion: np.ndarray
+    new_position: np.ndarray
+    new_rotation: np.ndarray
+    new_quaternion: np.ndarray
+    shrink: np.ndarray
+
+    @classmethod
+    def between(cls, pose: np.ndarray, prior: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> _GaussianMap:
+        """By the Cholesky factors of both covariances, each in its pose's own frame."""
+        shrink = np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(prior))
+        parts = ((p[:3, 3], p[:3, :3], quaternion.from_matrix(p[:3, :3])) for p in (pose, mean))
+        return cls(*itertools.chain(*parts), shrink)
+
+
+@numba.njit(cache=True, nogil=True)
+def _map(
+    low, high, map_of, position, rotation, turn, new_position, new_rotation, new_turn, shrink, positions, quaternions
+):
+    """Apply map `map_of` (high - low,) to each particle of a range, -1: none."""
+    deviation = np.empty(6)
+    mapped = np.empty(6)
+    for i in range(low, high):
+        k = map_of[i - low]
+        if k < 0:
+            continue
+        for a in range(3):
+            deviation[a] = 0.0
+            for b in range(3):
+                deviation[a] += rotation[k, b, a] * (positions[i, b] - position[k, b])
+        x, y, z, w = quaternion.multiply(
+            -turn[k, 0], -turn[k, 1], -turn[k, 2], turn[k, 3],
+            quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3],
+        )  # fmt: skip
+        sine = np.sqrt(x * x + y * y + z * z)
+        scale = 2 * np.arctan2(sine, abs(w)) / sine if sine > 0 else 2.0
+        scale = -scale if w < 0 else scale
+        deviation[3], deviation[4], deviation[5] = scale * x, scale * y, scale * z
+        for a in range(6):
+            mapped[a] = 0.0
+            for b in range(a + 1):
+                mapped[a] += shrink[k, a, b] * deviation[b]
+        for a in range(3):
+            moved = new_position[k, a]
+            for b in range(3):
+                moved += new_rotation[k, a, b] * mapped[b]
+            positions[i, a] = moved
+        angle = np.sqrt(mapped[3] ** 2 + mapped[4] ** 2 + mapped[5] ** 2)
+        scale = np.sin(angle / 2) / angle if angle > 0 else 0.5
+        quaternions[i] = quaternion.multiply(
+            new_turn[k, 0], new_turn[k, 1], new_turn[k, 2], new_turn[k, 3],
+            scale * mapped[3], scale * mapped[4], scale * mapped[5], np.cos(angle / 2),
+        )  # fmt: skip

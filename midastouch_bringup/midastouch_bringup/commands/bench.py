@@ -52,6 +52,7 @@ def run(args: argparse.Namespace) -> int:
     benchmark = Benchmark(mesh, codebook, sequence, networks, args.frames)
     machine = machine_info()
     result = {
+        "command": args.command_line,
         "threads": machine["cores"],
         "machine": machine,
         "object": mesh.name,

@@ -26,7 +26,8 @@ def add_parser(subparsers) -> None:
         "midastouch benchmark --meshes ../shared/meshes/ycb --variant paper --jobs 2 --json out/accuracy.json",
         "Slides, codebooks and what the networks make of the slides are made once and kept in --out, as is every\n"
         "finished trial: the same command goes on where it was stopped. --variant takes names and sets:\n"
-        "paper (the paper's filter), ablation (each mechanism off), counts (fewer particles), all.",
+        "paper (the paper's filter), ablation (each mechanism and gate off), gates, counts (fewer particles),\n"
+        "codebooks (fewer poses, shorter codes), front (what error is set against run time for), all.",
     )
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
@@ -67,9 +68,10 @@ def run(args: argparse.Namespace) -> int:
     from contextlib import ExitStack
     from pathlib import Path
 
-    from ..evaluation.accuracy import accuracy_text, compact_trials, compare_variants, summarise_accuracy
+    from ..evaluation.accuracy import accuracy_text, compact_trials, summarise_accuracy
     from ..evaluation.calibration import LEVELS
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
+    from ..evaluation.comparison import compare_variants
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
@@ -102,6 +104,7 @@ def run(args: argparse.Namespace) -> int:
         trials, missing = run_campaign(plan, meshes, log, args.jobs, args.minutes or float("inf"), start_progress)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
+        "command": args.command_line,
         "config": plan.describe() | {"jobs": args.jobs},
         "machine": machine,
         "objects": [
@@ -113,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
             }
             for mesh in meshes
         ],
-        "variants": {name: {"summary": VARIANTS[name].summary} | VARIANTS[name].settings for name in plan.variants},
+        "variants": {name: VARIANTS[name].describe() for name in plan.variants},
         "levels": LEVELS,
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),

@@ -1,19 +1,21 @@
-"""Figures of the accuracy benchmark over its trials: summaries, comparison of variants, calibration."""
+"""Figures of the accuracy benchmark over its trials: summaries per object, calibration, the terminal's tables."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
 from .calibration import KINDS, LEVELS, observed_shares
-from .summary import final_errors, is_right, summarise_trials
+from .comparison import comparison_table, front_text, rows_by_init, wrong_converged
+from .summary import summarise_trials
 from .table import number, text_table
-from .trial import STAGES
 from .variants import DEFAULT
 
 _NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
 _IN_FULL = (DEFAULT, "paper")
 _SUMMARISED = ("coverage", "filter_stages_ms", "initial", "protocol")
-_IDENTITY = ("object", "slide", "init", "seed")
+_PAPER = {"particles": ("e", "mean", 7.4, 9.43), "closest mode": ("min_cluster", "median", 2.8, 2.03)}
+"""The paper's final errors over its ten objects in simulation: metric, statistic, mm, deg."""
 
 
 def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
@@ -32,9 +34,13 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         "coverage": coverage(trials),
         "recovery": recovery(trials),
         "filter_stages_ms": stage_means(trials),
+        "wrong_converged": wrong_converged(trials),
     }
     if not in_full:
         del out["objects"]
+        return out
+    for name, one in out["objects"].items():
+        one["wrong_converged"] = wrong_converged([trial for trial in trials if trial["object"] == name])
     return out
 
 
@@ -69,79 +75,29 @@ def recovery(trials: list[dict]) -> dict | None:
 
 
 def coverage(trials: list[dict]) -> dict[str, dict]:
-    """By kind of frame: number of frames, share of them whose truth lies within each of `LEVELS`."""
+    """By kind of frame: number of frames; observed, share of them whose truth lies within each of `LEVELS`;
+    median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
     out = {}
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
-        out[kind] = {"frames": int(counts.sum()), "observed": observed_shares(counts)}
+        observed = observed_shares(counts)
+        out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": _median_nees(observed)}
     return out
 
 
-def compare_variants(trials: list[dict]) -> list[dict]:
-    """One row per init and variant, over the trials that the default has run too, with ratios to the default.
-
-    `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of the median error of the
-    published pose; `filter_ratio`, `time_ratio`: of the mean time of the filter and of the whole frame.
-    """
-    by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
-    for trial in trials:
-        group = by_variant.setdefault((trial["init"], trial["variant"]), {})
-        group[tuple(trial[key] for key in _IDENTITY)] = trial
-    rows = []
-    for (init, variant), own in by_variant.items():
-        reference = by_variant.get((init, DEFAULT), {})
-        common = sorted(own.keys() & reference.keys())
-        if not common:
-            continue
-        one, base = (_figures([group[key] for key in common]) for group in (own, reference))
-        ratios = {
-            name: one[key] / base[key] if base[key] else None
-            for name, key in (
-                ("error_ratio", "e_trans_mm"),
-                ("rotation_ratio", "e_rot_deg"),
-                ("estimate_ratio", "estimate_trans_mm"),
-                ("filter_ratio", "ms_filter"),
-                ("time_ratio", "ms"),
-            )
-        }
-        rows.append({"init": init, "variant": variant} | one | ratios)
-    return rows
-
-
-def _figures(trials: list[dict]) -> dict:
-    def mean(key: str) -> float:
-        return float(np.nanmean(final_errors(trials, key)))
-
-    return {
-        "trials": len(trials),
-        "e_trans_mm": mean("e_trans_mm"),
-        "e_rot_deg": mean("e_rot_deg"),
-        "estimate_trans_mm": float(np.nanmedian(final_errors(trials, "estimate_trans_mm"))),
-        "right": sum(map(is_right, trials)) / len(trials),
-        "wrong_converged": _share(trials, "frames_converged") - _share(trials, "frames_converged_right"),
-        "ms_filter": float(np.mean([t["ms"]["filter"] for t in trials])),
-        "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
-    }
-
-
-def _share(trials: list[dict], key: str) -> float:
-    return sum(t[key] for t in trials) / max(sum(t["frames"] for t in trials), 1)
-
-
-def pareto_front(rows: list[dict]) -> list[dict]:
-    """The rows that no other beats in both time and error, fastest first."""
-    front: list[dict] = []
-    for row in sorted(rows, key=lambda r: (r["ms"], r["e_trans_mm"])):
-        if not front or row["e_trans_mm"] < front[-1]["e_trans_mm"]:
-            front.append(row)
-    return front
+def _median_nees(observed: np.ndarray) -> float | None:
+    """Median of a chi-square of six degrees from the shares (L,) within each of `LEVELS`."""
+    if not observed[-1] >= 0.5:
+        return None
+    return float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6))
 
 
 def object_table(summary: dict, objects: list[dict]) -> tuple[list[str], list[list[object]]]:
     """Header and rows, one per object and one for all, of one variant and init."""
     symmetry = {one["object"]: one["symmetry"] for one in objects}
     header = ["object", "symmetry", "trials", "particles mm", "deg", "modulo symmetry mm", "deg", "closest mode mm"]
-    header += ["deg", "pose mm", "p90", "modulo symmetry", "right", "modulo symmetry", "converged", "Hz"]
+    header += ["deg", "pose mm", "p90", "modulo symmetry", "right", "modulo symmetry", "converged"]
+    header += ["converged but wrong", "Hz"]
     rows = []
     for name, one in [*summary["objects"].items(), ("all", summary)]:
         cells: list[object] = [name, symmetry.get(name, ""), one["trials"]]
@@ -149,9 +105,19 @@ def object_table(summary: dict, objects: list[dict]) -> tuple[list[str], list[li
         cells += [number(one["estimate_trans_mm"].get(statistic)) for statistic in ("median", "p90")]
         cells += _pair(one, "symmetric_estimate", "median")[:1]
         cells += [share(one[key], one["trials"]) for key in ("right", "right_symmetric", "converged")]
-        cells.append(number(one["hz_mean"]))
+        cells += [f"{100 * one['wrong_converged']:.1f} % of frames", number(one["hz_mean"])]
         rows.append(cells)
     return header, rows
+
+
+def paper_text(summary: dict) -> str:
+    """One line on the paper's figures, with those of a summary as a share of them."""
+    parts = []
+    for name, (prefix, statistic, mm, deg) in _PAPER.items():
+        own = [summary[f"{prefix}_{unit}"].get(statistic) for unit in ("trans_mm", "rot_deg")]
+        shares = [number(None if one is None else one / theirs, 2) for one, theirs in zip(own, (mm, deg), strict=True)]
+        parts.append(f"{name} {statistic} {mm} mm, {deg} deg (here {shares[0]}, {shares[1]} of it)")
+    return f"the paper on its ten objects, simulated: {'; '.join(parts)}"
 
 
 def recovery_text(back: dict) -> str:
@@ -173,31 +139,18 @@ def _pair(one: dict, prefix: str, statistic: str) -> list[str]:
     return [number(one.get(f"{prefix}_{unit}", {}).get(statistic)) for unit in ("trans_mm", "rot_deg")]
 
 
-def comparison_table(rows: list[dict], init: str) -> tuple[list[str], list[list[object]]]:
-    """Header and rows of the variants under one init."""
-    header = ["variant", "trials", "particles mm", "deg", "pose mm", "right", "converged but wrong", "filter ms"]
-    header += ["frame ms", "error ratio", "deg ratio", "filter time ratio", "time ratio"]
-    cells = []
-    for row in rows:
-        if row["init"] == init:
-            cells.append(
-                [row["variant"], row["trials"], number(row["e_trans_mm"]), number(row["e_rot_deg"])]
-                + [number(row["estimate_trans_mm"]), f"{100 * row['right']:.0f} %"]
-                + [f"{100 * row['wrong_converged']:.1f} % of frames", number(row["ms_filter"], 2), number(row["ms"], 2)]
-                + [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio", "time_ratio")]
-            )
-    return header, cells
-
-
 def coverage_table(levels: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows: by kind of frame, the share of frames whose truth lies within the 50, 90, 95, 99 % region."""
+    """Header and rows: by kind of frame, the share of frames whose truth lies within the 50, 90, 95, 99 % region, and
+    the median of the normalised error squared."""
     where = [int(np.argmin(np.abs(LEVELS - level))) for level in _NAMED_LEVELS]
-    rows = [
-        [kind.replace("_", " "), one["frames"]]
-        + [f"{100 * one['observed'][k]:.0f} %" if one["frames"] else "-" for k in where]
-        for kind, one in levels.items()
-    ]
-    return ["frames", "number", *(f"{100 * level:.0f} % region" for level in _NAMED_LEVELS)], rows
+    rows = []
+    for kind, one in levels.items():
+        shares = [f"{100 * one['observed'][k]:.0f} %" if one["frames"] else "-" for k in where]
+        beyond = f"> {chi2.ppf(LEVELS[-1], 6):.0f}" if one["frames"] else "-"
+        nees = beyond if one["median_nees"] is None else number(one["median_nees"])
+        rows.append([kind.replace("_", " "), one["frames"], *shares, nees])
+    regions = [f"{100 * level:.0f} % region" for level in _NAMED_LEVELS]
+    return ["frames", "number", *regions, f"median NEES (calibrated: {chi2.median(6):.1f})"], rows
 
 
 def accuracy_text(result: dict) -> str:
@@ -205,14 +158,17 @@ def accuracy_text(result: dict) -> str:
     parts = []
     for init, summary in result["summary"].get(DEFAULT, {}).items():
         parts.append(f"init {init}\n" + text_table(*object_table(summary, result["objects"]), left=2))
+        if init == "paper":
+            parts.append(paper_text(summary))
         parts.append("truth within the published Gaussian\n" + text_table(*coverage_table(summary["coverage"])))
         if summary["recovery"]:
             parts.append(recovery_text(summary["recovery"]))
-    if len(result["variants"]) > 1:
-        for init in result["config"]["inits"]:
-            parts.append(f"variants, init {init}\n" + text_table(*comparison_table(result["comparison"], init)))
+    for init, rows in rows_by_init(result["comparison"]).items():
+        if len(rows) > 1:
+            table = text_table(*comparison_table(rows, result["variants"]), left=2)
+            parts.append(f"variants, init {init}, all on the same trials\n{table}\n{front_text(rows)}")
     parts.append(
         "final errors: particles (Eq. 3) mean, closest mode (Eq. 4) and published pose median over trials; "
-        "right: converged, and within 10 mm"
+        "modulo symmetry: of the equivalent pose nearest to the truth; right: converged, and within 10 mm"
     )
     return "\n\n".join(parts)

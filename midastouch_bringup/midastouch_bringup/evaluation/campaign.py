@@ -20,6 +20,7 @@ from midastouch_perception.mesh import ObjectMesh
 from .calibration import likelihood_counts
 from .disturbances import DISTURBANCES, PLAIN
 from .protocol import Protocol
+from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import TrialFrame, run_trial
 from .trial_log import TrialLog, key_of, source_digest
@@ -76,10 +77,10 @@ class Plan:
 
     def key(self, mesh: ObjectMesh, codebook_digest: str, labels: dict) -> str:
         """Name of everything that the trial with these labels depends on."""
-        settings = dataclasses.asdict(VARIANTS[labels["variant"]].config(self.config, 0))
+        variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
-            "settings": settings,
+            "settings": dataclasses.asdict(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
             "length": self.stock.length,
@@ -87,7 +88,13 @@ class Plan:
             "networks": self.stock.networks.describe(),
             "filter_code": _filter_code(),
         }
+        if variant.code_length:
+            depends_on["code_length"] = variant.code_length
         return key_of(labels | depends_on)
+
+    def codebook_sizes(self) -> list[int | None]:
+        """Of all variants; None is the stock's own."""
+        return list(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,10 +124,11 @@ def run_campaign(
     workers = dataclasses.replace(plan, stock=dataclasses.replace(plan.stock), threads=1) if jobs > 1 else plan
     for _ in _map(_prepare, [(workers, mesh.path, deadline) for mesh in meshes], jobs):
         pass
-    digests = {mesh.path: plan.stock.codebook_digest(mesh) for mesh in meshes}
+    sizes = plan.codebook_sizes()
+    digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
     wanted = {
         (mesh.path, variant, seed): [
-            (plan.key(mesh, digests[mesh.path], labels), labels)
+            (plan.key(mesh, digests[mesh.path, VARIANTS[variant].codebook_size], labels), labels)
             for slide, init in product(plan.slides, plan.inits)
             for labels in [plan.labels(mesh, variant, slide, init, seed)]
         ]
@@ -179,7 +187,8 @@ def _prepare(plan: Plan, path: Path, deadline: float) -> Iterator[None]:
     """Make what the trials on one object need, as far as it is not there."""
     mesh = ObjectMesh.load(path)
     plan.stock.symmetry(mesh)
-    plan.stock.codebook(mesh)
+    for size in plan.codebook_sizes():
+        plan.stock.codebook(mesh, size)
     for slide in plan.slides:
         if time.monotonic() < deadline:
             plan.stock.touches(mesh, slide)
@@ -192,7 +201,14 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
         return
     mesh = ObjectMesh.load(unit.mesh)
     symmetry = plan.stock.symmetry(mesh)
-    particle_filter = VARIANTS[unit.variant].filter(mesh, plan.stock.codebook(mesh), plan.config, plan.threads)
+    variant = VARIANTS[unit.variant]
+    codebook = plan.stock.codebook(mesh, variant.codebook_size)
+    short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
+    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, plan.threads)
+
+    def frames(slide: int) -> list[TrialFrame]:
+        plain = _frames(plan, mesh, slide)
+        return [short.frame(frame) for frame in plain] if short else plain
 
     def trial(frames: list[TrialFrame], labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
@@ -205,9 +221,9 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
             return
         slide = labels["slide"]
         if not frames_of:
-            trial(_frames(plan, mesh, slide)[:_WARM_UP_FRAMES], labels)  # compiles what compiles on first use
+            trial(frames(slide)[:_WARM_UP_FRAMES], labels)  # compiles what compiles on first use
         if slide not in frames_of:
-            frames_of[slide] = _frames(plan, mesh, slide)
+            frames_of[slide] = frames(slide)
         yield key, trial(frames_of[slide], labels)
 
 

@@ -41,14 +41,14 @@ class Stock:
         """Loaded on first use."""
         return Networks.load(self.tdn, self.tcn, self.sensor)
 
-    def codebook(self, mesh: ObjectMesh) -> Codebook:
-        """The object's codebook."""
+    def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
+        """The object's codebook; of `size` poses if they are not `codebook_size`."""
         networks = self.networks
-        return cached_codebook(mesh, networks.tcn, networks.sensor, self.codebook_size, self._codebooks)
+        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks)
 
-    def codebook_digest(self, mesh: ObjectMesh) -> str:
-        """Hash of the object's codebook, which must have been made."""
-        return sha256(cached_codebook_path(mesh, self.codebook_size, self._codebooks))[:12]
+    def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
+        """Hash of the same codebook, which must have been made."""
+        return sha256(cached_codebook_path(mesh, size or self.codebook_size, self._codebooks))[:12]
 
     @property
     def _codebooks(self) -> Path:

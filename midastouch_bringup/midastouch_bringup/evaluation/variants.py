@@ -1,4 +1,4 @@
-"""Named settings that are compared on the same slides: each mechanism off, fewer particles, the paper's filter."""
+"""What is compared on the same slides: each mechanism off, fewer particles, other codebooks, the paper's filter."""
 
 from __future__ import annotations
 
@@ -17,13 +17,34 @@ from .trial import AnyFilter
 DEFAULT = "default"
 
 
+PAPER, MECHANISM, GATE, COUNT, INPUT = "paper", "mechanism", "gate", "particles", "codebook"
+
+
 @dataclasses.dataclass(frozen=True)
 class Variant:
-    """What differs from the default: a line for tables, `FilterConfig` fields; or the paper's filter with its own."""
+    """What differs from the default.
+
+    summary, a line for tables; group, what kind of difference; settings, `FilterConfig` fields, or `PaperConfig` ones
+    if the group is that of the paper's filter; codebook_size, poses, and code_length, numbers per code, if they are
+    not the plan's and the network's.
+    """
 
     summary: str
+    group: str
     settings: dict[str, object] = dataclasses.field(default_factory=dict)
-    paper: bool = False
+    codebook_size: int | None = None
+    code_length: int | None = None
+
+    @property
+    def paper(self) -> bool:
+        """Whether this is the paper's filter."""
+        return self.group == PAPER
+
+    def describe(self) -> dict:
+        """For the JSON: all but what is as in the default."""
+        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
+        known = {key: value for key, value in inputs.items() if value is not None}
+        return {"summary": self.summary, "group": self.group} | self.settings | known
 
     def config(self, base: FilterConfig, threads: int) -> FilterConfig | PaperConfig:
         """Settings of the filter: the variant's laid over `base`."""
@@ -40,15 +61,16 @@ class Variant:
 
 
 VARIANTS = {
-    DEFAULT: Variant("as shipped"),
-    "paper": Variant("the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", paper=True),
-    "paper_5k": Variant("the same, started with 5,000 particles", {"n_start": 5_000}, paper=True),
-    "no_refinement": Variant("no alignment to the felt relief", {"refinement": False}),
-    "no_hindsight": Variant("last touches are not replayed at rival places", {"hindsight": False}),
-    "no_recovery": Variant("no injection when the likelihood collapses", {"recovery": False}),
-    "no_kld": Variant("always 50,000 particles", {"kld_sampling": False}),
+    DEFAULT: Variant("as shipped", DEFAULT),
+    "paper": Variant("the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER),
+    "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}),
+    "no_refinement": Variant("no alignment to the felt relief, no hindsight", MECHANISM, {"refinement": False}),
+    "no_hindsight": Variant("last touches are not replayed at rival places", MECHANISM, {"hindsight": False}),
+    "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
+    "no_kld": Variant("always 50,000 particles", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(
         "no surface constraint (only far particles are dropped)",
+        MECHANISM,
         {
             "max_penetration": 0.02,
             "max_hover": 0.02,
@@ -57,23 +79,47 @@ VARIANTS = {
             "book_constraint": False,
         },
     ),
-    "no_book_constraint": Variant("particles far from every codebook pose count in full", {"book_constraint": False}),
-    "projection": Variant("particles are moved back to the surface", {"project_to_surface": True}),
-    "no_tempering": Variant("every touch counts in full, however near to the last", {"correlation_length": 1e-5}),
-    "no_smoothing": Variant("the likelihood of the nearest codebook entry alone", {"smoothing_neighbours": 0}),
-    "no_annealing": Variant("full noise floor after convergence too", {"noise_converged": 1.0}),
-    "no_rest_gate": Variant("an arm at rest is updated too", {"update_min_d": 0.0, "update_min_a": 0.0}),
-    "no_size_gate": Variant("resampling at every touch", {"resample_ess": 1.0}),
-    "1k": Variant("at most 1,000 particles", {"max_particles": 1_000}),
-    "5k": Variant("at most 5,000 particles", {"max_particles": 5_000}),
-    "10k": Variant("at most 10,000 particles", {"max_particles": 10_000}),
+    "no_book_constraint": Variant(
+        "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
+    ),
+    "projection": Variant("particles are moved back to the surface", MECHANISM, {"project_to_surface": True}),
+    "no_tempering": Variant(
+        "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
+    ),
+    "no_smoothing": Variant(
+        "the likelihood of the nearest codebook entry alone", MECHANISM, {"smoothing_neighbours": 0}
+    ),
+    "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
+    "no_rest_gate": Variant("an arm at rest is updated too", GATE, {"update_min_d": 0.0, "update_min_a": 0.0}),
+    "no_size_gate": Variant("resampling at every touch", GATE, {"resample_ess": 1.0}),
+    "no_wide_gate": Variant(
+        "wide modes are aligned to the relief too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
+    ),
+    "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
+    "5k": Variant("at most 5,000 particles", COUNT, {"max_particles": 5_000}),
+    "10k": Variant("at most 10,000 particles", COUNT, {"max_particles": 10_000}),
+    "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
+    "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
+    "book_10k": Variant("codebook of 10,000 poses", INPUT, codebook_size=10_000),
+    "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
+    "code_16": Variant("codes cut to 16 numbers", INPUT, code_length=16),
+    "code_8": Variant("codes cut to 8 numbers", INPUT, code_length=8),
 }
 
+
+def _group(*groups: str) -> tuple[str, ...]:
+    return tuple(name for name, variant in VARIANTS.items() if variant.group in groups)
+
+
+_FINE_STAGE = ("no_refinement", "no_hindsight")
 SETS = {
-    "counts": ("1k", "5k", "10k"),
-    "ablation": (*(name for name in VARIANTS if name.startswith("no_")), "projection"),
+    "counts": _group(COUNT),
+    "gates": _group(GATE),
+    "codebooks": _group(INPUT),
+    "ablation": _group(MECHANISM, GATE),
+    "front": ("paper", *_FINE_STAGE, *_group(GATE, COUNT, INPUT)),
 }
-"""Names for several variants at once; "all" is every one."""
+"""Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""
 
 
 def chosen_variants(names: list[str]) -> list[str]:

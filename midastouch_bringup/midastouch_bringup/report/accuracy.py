@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..evaluation.accuracy import comparison_table, coverage_table, object_table, pareto_front, recovery_text
+from ..evaluation.accuracy import coverage_table, object_table, paper_text, recovery_text
 from ..evaluation.calibration import observed_shares
+from ..evaluation.comparison import comparison_table, front_text, rows_by_init
 from ..evaluation.variants import DEFAULT
-from .figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save, style_error_axes
+from .figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save
+from .front import front_figure
 from .page import Page
 
 _KIND_STYLES = {
@@ -34,12 +36,15 @@ def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
         )
         for init, summary in content["summary"].get(DEFAULT, {}).items():
             _one_init(page, content, init, summary, folder / f"accuracy_{k}_{init}")
+        _variants(page, content, folder / f"accuracy_{k}_front.png")
         _likelihood(page, content, folder / f"likelihood_{k}.png")
 
 
 def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -> None:
     page.heading(f"Start: {init}")
     page.table(*object_table(summary, content["objects"]))
+    if init == "paper":
+        page.note(paper_text(summary))
     trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
     page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
     if summary["recovery"]:
@@ -52,14 +57,20 @@ def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -
     }
     figure = reliability_figure(content["levels"], curves, "mass of the published Gaussian around the pose")
     page.picture(save(figure, stem.with_name(f"{stem.name}_coverage.png")), "How often the truth lies within")
-    rows = [row for row in content["comparison"] if row["init"] == init]
-    if len(rows) > 1:
+
+
+def _variants(page: Page, content: dict, path: Path) -> None:
+    """Every variant against the default, if there are any."""
+    comparison = content["comparison"]
+    if len(content["variants"]) < 2 or not comparison:
+        return
+    page.heading("Run time against error")
+    caption = "Error against the filter's time per frame; the line joins what no other variant beats in both"
+    page.picture(save(front_figure(comparison, content["variants"]), path), caption)
+    for init, rows in rows_by_init(comparison).items():
         page.heading(f"Variants, start: {init}")
-        for name, variant in content["variants"].items():
-            page.note(f"{name}: {variant['summary']}")
-        page.table(*comparison_table(rows, init))
-        picture = save(front_figure(rows), stem.with_name(f"{stem.name}_front.png"))
-        page.picture(picture, "Error against time per frame; the line joins what no other variant beats in both")
+        page.note(f"All on the same {rows[0]['trials']} trials; {front_text(rows)}.")
+        page.table(*comparison_table(rows, content["variants"]))
 
 
 def _likelihood(page: Page, content: dict, path: Path) -> None:
@@ -91,23 +102,4 @@ def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str
     axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    return figure
-
-
-def front_figure(rows: list[dict]) -> Figure:
-    """Mean final particle error over time per frame, a point per variant, with the Pareto front."""
-    figure = Figure(figsize=(9, 5), layout="constrained")
-    axes = figure.subplots()
-    front = pareto_front(rows)
-    axes.plot([r["ms"] for r in front], [r["e_trans_mm"] for r in front], color=MODE_COLOUR, lw=1, zorder=1)
-    for row in rows:
-        colour = ESTIMATE_COLOUR if row["variant"] == DEFAULT else PARTICLE_COLOUR
-        axes.plot(row["ms"], row["e_trans_mm"], "o", color=colour, ms=6, zorder=2)
-        axes.annotate(row["variant"], (row["ms"], row["e_trans_mm"]), (5, 4), textcoords="offset points", fontsize=8)
-    axes.set_xscale("log")
-    style_error_axes(axes, "mean final error of the particles [mm]", "ms per frame, networks and filter")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}")
-    axes.tick_params(which="both", labelsize=8)
-    axes.margins(x=0.15)
     return figure

@@ -1,9 +1,10 @@
-"""A plain HTML page of headings, tables, pictures and notes, with its style inside."""
+"""A plain page of headings, tables, pictures and notes: as HTML with its style inside, and as Markdown."""
 
 from __future__ import annotations
 
 import html
 import os
+import re
 from pathlib import Path
 
 from midastouch_perception.files import atomic_path
@@ -25,35 +26,42 @@ class Page:
 
     def __init__(self, title: str):
         self._title = title
-        self._parts = [f"<h1>{html.escape(title)}</h1>"]
+        self._html = [f"<h1>{html.escape(title)}</h1>"]
+        self._markdown = [f"# {_plain(title)}"]
 
     def heading(self, text: str) -> None:
         """A section heading."""
-        self._parts.append(f"<h2>{html.escape(text)}</h2>")
+        self._html.append(f"<h2>{html.escape(text)}</h2>")
+        self._markdown.append(f"## {_plain(text)}")
 
     def note(self, text: str) -> None:
         """A paragraph."""
-        self._parts.append(f'<p class="note">{html.escape(text)}</p>')
+        self._html.append(f'<p class="note">{html.escape(text)}</p>')
+        self._markdown.append(_plain(text))
 
     def code(self, text: str) -> None:
         """Text in fixed width, such as a command."""
-        self._parts.append(f"<pre>{html.escape(text)}</pre>")
+        self._html.append(f"<pre>{html.escape(text)}</pre>")
+        self._markdown.append(f"```\n{text}\n```")
 
     def table(self, header: list[str], rows: list[list[object]]) -> None:
         """A table; the first column is aligned left, the others right."""
         head = "".join(f"<th>{html.escape(str(cell))}</th>" for cell in header)
         body = "".join("<tr>" + "".join(f"<td>{html.escape(str(c))}</td>" for c in row) + "</tr>" for row in rows)
-        self._parts.append(f"<table><tr>{head}</tr>{body}</table>")
+        self._html.append(f"<table><tr>{head}</tr>{body}</table>")
+        lines = [header, ["---"] + ["---:"] * (len(header) - 1), *rows]
+        self._markdown.append("\n".join("| " + " | ".join(_plain(str(c)) for c in line) + " |" for line in lines))
 
     def picture(self, path: Path, caption: str) -> None:
         """A picture in the folder of the page."""
         text = html.escape(caption, quote=True)
         image = f'<img src="{html.escape(path.name)}" alt="{text}">'
-        self._parts.append(f"<figure>{image}<figcaption>{text}</figcaption></figure>")
+        self._html.append(f"<figure>{image}<figcaption>{text}</figcaption></figure>")
+        self._markdown.append(f"![{_plain(caption)}]({path.name})")
 
     def write(self, path: str | os.PathLike) -> Path:
-        """Write the page; returns its path."""
-        body = "\n".join(self._parts)
+        """Write the page as HTML; returns its path."""
+        body = "\n".join(self._html)
         document = (
             f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(self._title)}</title>'
             f"<style>{_STYLE}</style>{body}</html>\n"
@@ -61,3 +69,14 @@ class Page:
         with atomic_path(path) as temporary:
             temporary.write_text(document)
         return Path(path)
+
+    def write_markdown(self, path: str | os.PathLike) -> Path:
+        """Write the same as Markdown, which a repository shows; returns its path."""
+        with atomic_path(path) as temporary:
+            temporary.write_text("\n\n".join(self._markdown) + "\n")
+        return Path(path)
+
+
+def _plain(text: str) -> str:
+    """Text for Markdown, what would be read as its marks escaped."""
+    return re.sub(r"([\\`*_|<>\[\]#])", r"\\\1", text)

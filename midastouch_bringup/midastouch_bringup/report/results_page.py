@@ -26,7 +26,8 @@ from .single_touch import single_touch_section
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:
-    """Write `index.html` and its pictures for (file name, content) pairs into `folder`; returns its path.
+    """Write `index.html`, its pictures and the same as `index.md` for (file name, content) pairs into `folder`; returns
+    the path of the first.
 
     Files of the same command go into one section. Raises InputError for a file of no known command.
     """
@@ -51,6 +52,9 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
             f"{name}: {machine.get('cpu')}, {machine.get('cores')} cores, Python {machine.get('python')}, "
             f"{versions}, commit {machine.get('commit')}"
         )
+        if "command" in content:
+            page.code(content["command"])
+    page.write_markdown(folder / "index.md")
     return page.write(folder / "index.html")
 
 
