@@ -19,7 +19,7 @@ from midastouch_perception.simulation.contact_poses import ContactSampling, samp
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.tdn import TactileDepthNet
+from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import shows_contact
 from midastouch_perception.tdn.colour_layout import ORIENTATIONS, image_problem, mean_layout
 from midastouch_perception.tdn.fit_check import FitCheck
@@ -98,7 +98,7 @@ MISFITS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray
 class CheckQuality:
     """Counts over imaginary sensors; `add` each, then ask for the results."""
 
-    def __init__(self, tdn: TactileDepthNet):
+    def __init__(self, tdn: DepthNet):
         self._tdn = tdn
         self._scores: dict[str, list[tuple[float, float, bool]]] = {}
         self._light: dict[str, list[tuple[float, bool]]] = {}

@@ -21,7 +21,7 @@ from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.tdn import TactileDepthNet
+from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.fit_check import explained_share
 
 from ..datasets.sequence import read_image
@@ -67,7 +67,7 @@ def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 def measure_presses(
-    tdn: TactileDepthNet,
+    tdn: DepthNet,
     presses: dict[str, np.ndarray],
     background: np.ndarray,
     progress: Callable[[int], object] = lambda presses: None,

@@ -15,7 +15,7 @@ from midastouch_perception.files import require_file
 from midastouch_perception.pipeline import DepthStage, TouchPipeline
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
-from midastouch_perception.tdn import TactileDepthNet, estimate_background, load_tdn
+from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 
 from ..datasets import Sequence
 from ..parameter_files import read_parameters
@@ -27,7 +27,7 @@ _BACKGROUND_FRAMES = 60
 class Networks:
     """Both networks and the sensor they are used with."""
 
-    tdn: TactileDepthNet
+    tdn: DepthNet
     tcn: TactileCodeNet
     sensor: SensorModel
 

@@ -15,8 +15,6 @@ from midastouch_perception.mesh import ObjectMesh
 from .trial import AnyFilter
 
 DEFAULT = "default"
-
-
 PAPER, MECHANISM, GATE, COUNT, INPUT = "paper", "mechanism", "gate", "particles", "codebook"
 
 
@@ -89,6 +87,7 @@ VARIANTS = {
     "no_smoothing": Variant(
         "the likelihood of the nearest codebook entry alone", MECHANISM, {"smoothing_neighbours": 0}
     ),
+    "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, {"update_min_d": 0.0, "update_min_a": 0.0}),
     "no_size_gate": Variant("resampling at every touch", GATE, {"resample_ess": 1.0}),

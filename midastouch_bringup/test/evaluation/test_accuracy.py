@@ -6,13 +6,15 @@ import pytest
 from midastouch_bringup.evaluation.accuracy import (
     accuracy_text,
     compact_trials,
-    compare_variants,
     coverage,
-    pareto_front,
+    coverage_table,
+    paper_text,
     recovery,
     recovery_text,
     summarise_accuracy,
 )
+from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
+from midastouch_bringup.evaluation.comparison import compare_variants
 from midastouch_bringup.evaluation.result_file import write_compact_json
 from midastouch_bringup.evaluation.trial import ERROR_KEYS
 
@@ -33,23 +35,6 @@ def trials(make_trial) -> list[dict]:
     ]
 
 
-def test_variants_are_compared_on_the_trials_that_both_have_run(trials):
-    rows = {row["variant"]: row for row in compare_variants(trials)}
-    assert rows["default"]["error_ratio"] == 1
-    assert rows["paper"]["trials"] == 2
-    assert rows["paper"]["error_ratio"] == pytest.approx(12 / 3)
-    assert rows["paper"]["time_ratio"] == pytest.approx(100 / 11)
-    assert rows["paper"]["filter_ratio"] == pytest.approx(97 / 8)
-    assert rows["paper"]["right"] == 0
-    assert rows["1k"]["right"] == 1
-    assert rows["default"]["wrong_converged"] == pytest.approx(0.2)
-
-
-def test_the_front_holds_what_nothing_beats_in_both():
-    rows = [{"ms": ms, "e_trans_mm": e} for ms, e in ((10, 3), (4, 5), (20, 4), (4, 6), (30, 1))]
-    assert [(row["ms"], row["e_trans_mm"]) for row in pareto_front(rows)] == [(4, 5), (10, 3), (30, 1)]
-
-
 def test_a_summary_takes_plain_errors_where_there_is_no_symmetric_one(trials):
     summary = summarise_accuracy(trials)["default"]["paper"]
     assert summary["symmetric_e_trans_mm"]["mean"] == pytest.approx((1 + 4 + 100) / 3)
@@ -59,6 +44,32 @@ def test_a_summary_takes_plain_errors_where_there_is_no_symmetric_one(trials):
     assert "objects" not in summarise_accuracy(trials)["1k"]["paper"]
     assert summary["states"] == {"converged": 2, "ambiguous": 1}
     assert summary["objects"]["can"]["e_trans_mm"]["p90"] == pytest.approx(np.percentile([2, 4, 100], 90))
+
+
+def test_a_summary_says_how_often_the_filter_was_sure_and_wrong(trials):
+    trials = [*trials[:2], trials[2] | {"object": "mug", "frames_converged_right": 8}]
+    summary = summarise_accuracy(trials)["default"]["paper"]
+    assert summary["wrong_converged"] == pytest.approx(4 / 30)
+    assert {name: one["wrong_converged"] for name, one in summary["objects"].items()} == {"can": 0.2, "mug": 0}
+
+
+def test_the_paper_is_named_with_the_share_of_its_errors_that_is_left(trials):
+    text = paper_text(summarise_accuracy(trials[:2])["default"]["paper"])  # 3 mm and 3 deg throughout
+    assert "particles mean 7.4 mm, 9.43 deg (here 0.41, 0.32 of it)" in text
+    assert "closest mode median 2.8 mm, 2.03 deg (here 1.07, 1.48 of it)" in text
+
+
+def test_a_calibrated_covariance_has_the_median_of_a_chi_square(trials):
+    even = np.diff([0, *LEVELS, 1])
+    calibrated = trials[0] | {"coverage": dict.fromkeys(KINDS, np.round(1000 * even).astype(int).tolist())}
+    assert coverage([calibrated])["right"]["median_nees"] == pytest.approx(5.35, abs=0.01)
+    beyond = trials[0] | {"coverage": dict.fromkeys(KINDS, [0] * len(LEVELS) + [10])}
+    assert coverage([beyond])["right"]["median_nees"] is None
+    header, (row, *_) = coverage_table(coverage([beyond]))
+    assert header[-1] == "median NEES (calibrated: 5.3)"
+    assert row == ["one mode", 10, "0 %", "0 %", "0 %", "0 %", "> 22"]
+    none = coverage_table(coverage([trials[0] | {"coverage": dict.fromkeys(KINDS, [0] * (len(LEVELS) + 1))}]))
+    assert none[1][0] == ["one mode", 0, "-", "-", "-", "-", "-"]
 
 
 def test_coverage_adds_up_over_trials(trials):
@@ -79,15 +90,14 @@ def test_recovery_counts_frames_from_the_next_touch(trials):
 
 def test_it_is_printed_and_written_in_few_lines(trials, tmp_path):
     result = {
-        "config": {"inits": ["paper"]},
         "objects": [{"object": "can", "symmetry": "axis"}],
-        "variants": {"default": {}, "paper": {}, "1k": {}},
+        "variants": {name: {"summary": f"about {name}"} for name in ("default", "paper", "1k")},
         "summary": summarise_accuracy(trials),
         "comparison": compare_variants(trials),
         "trials": compact_trials(trials),
     }
     text = accuracy_text(result)
-    for word in ("can", "axis", "paper", "67 %", "90 % region"):
+    for word in ("can", "axis", "about paper", "67 %", "90 % region", "NEES", "7.4 mm", "lies on the front"):
         assert word in text
     write_compact_json(tmp_path / "r.json", result | {"third": 1 / 3})
     written = json.loads((tmp_path / "r.json").read_text())

@@ -10,6 +10,7 @@ from midastouch_bringup.evaluation.campaign import Plan, likelihood_levels, run_
 from midastouch_bringup.evaluation.symmetry import Symmetry
 from midastouch_bringup.evaluation.touches import Touches
 from midastouch_bringup.evaluation.trial_log import TrialLog
+from midastouch_bringup.evaluation.variants import INPUT, VARIANTS, Variant
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.mesh import ObjectMesh
 
@@ -24,11 +25,11 @@ class StubStock:
     length: float = 0.045
     codebook_size: int = 4000
 
-    def codebook(self, mesh):
-        return self.book
+    def codebook(self, mesh, size=None):
+        return type(self.book)(self.book.poses[:size], self.book.codes[:size], self.book.meta)
 
-    def codebook_digest(self, mesh):
-        return str(len(self.book.poses))
+    def codebook_digest(self, mesh, size=None):
+        return str(size or len(self.book.poses))
 
     def touches(self, mesh, number):
         return self.sequence, Touches.perceive(self.sequence, self.networks)
@@ -97,6 +98,26 @@ def test_a_seed_fixes_a_trial(plan, saved_mesh, tmp_path):
 def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log):
     trials, missing = run_campaign(plan, [saved_mesh], log, minutes=0)
     assert (trials, missing) == ([], 4)
+
+
+def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh, log, monkeypatch):
+    monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", INPUT, codebook_size=500))
+    seen = []
+    make = Variant.filter
+
+    def spy(variant, mesh, codebook, base, threads):
+        seen.append(codebook.codes.shape)
+        return make(variant, mesh, codebook, base, threads)
+
+    monkeypatch.setattr(Variant, "filter", spy)
+    plan = replace(plan, variants=("default", "few_poses", "code_16"), seeds=(0,))
+    trials, missing = run_campaign(plan, [saved_mesh], log)
+    assert (missing, seen) == (0, [(4000, 48), (500, 48), (4000, 16)])
+    assert len({t["final"]["e_trans_mm"] for t in trials}) == 3
+    # a code of another length would have been refused
+    assert all(t["frames_in_contact"] == 10 and t["final"]["e_trans_mm"] < 50 for t in trials)
+    # and they are other trials than the default's
+    assert len({plan.key(saved_mesh, "", t | {"variant": v}) for t in trials[:1] for v in ("default", "code_16")}) == 2
 
 
 def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log):

@@ -33,6 +33,24 @@ def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypa
     assert len(seeds) == 3
 
 
+def test_codebooks_of_several_sizes_are_kept_apart(stock, mesh, codebook, monkeypatch):
+    built = []
+
+    def build(mesh, tcn, sensor, size, folder):
+        path = module.cached_codebook_path(mesh, size, folder)
+        if not path.is_file():
+            built.append(size)
+            type(codebook)(codebook.poses[:size], codebook.codes[:size], codebook.meta).save(path)
+        return codebook
+
+    stock.networks.tcn = None
+    monkeypatch.setattr(module, "cached_codebook", build)
+    for size in (None, 100, None, 200, 100):
+        stock.codebook(mesh, size)
+    assert built == [stock.codebook_size, 100, 200]
+    assert len({stock.codebook_digest(mesh, size) for size in (None, 100, 200)}) == 3
+
+
 def test_an_object_without_slides_is_refused(stock, mesh, monkeypatch):
     def stuck(*_, **__):
         raise InputError("stuck after 3 frames")

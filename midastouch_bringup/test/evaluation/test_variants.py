@@ -8,12 +8,22 @@ from midastouch_perception.errors import InputError
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_every_variant_is_a_valid_setting_that_differs_from_the_default(name):
-    config = VARIANTS[name].config(FilterConfig(), threads=1)
-    if VARIANTS[name].paper:
+    variant = VARIANTS[name]
+    config = variant.config(FilterConfig(), threads=1)
+    if variant.paper:
         assert isinstance(config, PaperConfig)
     else:
         assert config.threads == 1
-        assert (config == FilterConfig(threads=1)) == (name == DEFAULT)
+        same = config == FilterConfig(threads=1) and not (variant.codebook_size or variant.code_length)
+        assert same == (name == DEFAULT)
+
+
+def test_a_variant_says_what_differs():
+    assert VARIANTS["1k"].describe() == {
+        "summary": "at most 1,000 particles", "group": "particles", "max_particles": 1000,
+    }  # fmt: skip
+    assert VARIANTS["code_16"].describe()["code_length"] == 16
+    assert VARIANTS["book_5k"].describe()["codebook_size"] == 5000
 
 
 def test_a_variant_is_laid_over_the_settings_given():
@@ -24,9 +34,10 @@ def test_a_variant_is_laid_over_the_settings_given():
 
 def test_names_and_sets_are_chosen_once_each_with_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
-    assert chosen_variants(["paper", "counts", "5k"]) == [DEFAULT, "paper", "1k", "5k", "10k"]
+    assert chosen_variants(["paper", "counts", "5k"]) == [DEFAULT, "paper", "1k", "5k", "10k", "20k"]
     assert chosen_variants(["all"]) == list(VARIANTS)
-    assert {"no_refinement", "no_recovery", "no_kld"} < set(SETS["ablation"])
+    assert {"no_refinement", "no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
+    assert {"paper", "1k", "no_refinement", "no_size_gate", "code_16", "book_5k"} < set(SETS["front"])
 
 
 def test_an_unknown_name_is_refused():

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.accuracy import compact_trials, compare_variants, summarise_accuracy
+from midastouch_bringup.evaluation.accuracy import compact_trials, summarise_accuracy
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
+from midastouch_bringup.evaluation.comparison import compare_variants
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.trial import ERROR_KEYS
-from midastouch_bringup.report.accuracy import front_figure, reliability_figure
+from midastouch_bringup.evaluation.variants import VARIANTS
+from midastouch_bringup.report.accuracy import reliability_figure
 from midastouch_bringup.report.results_page import write_results_page
 
 
@@ -30,6 +32,7 @@ def result(make_trial) -> dict:
     ]
     return to_json(
         {
+            "command": "midastouch benchmark --variant paper 1k",
             "config": {
                 "inits": ["paper", "uniform"], "beta": 1.0, "slides": [0], "seeds": [0, 1, 2], "stride": 1,
                 "protocol": "plain", "slide_length_m": 0.5, "codebook_size": 50_000, "jobs": 1,
@@ -40,7 +43,7 @@ def result(make_trial) -> dict:
                 {"object": "can", "symmetry": "axis", "likelihood_levels": [3] * (len(LEVELS) + 1)},
                 {"object": "mug", "symmetry": "none", "likelihood_levels": [2] * (len(LEVELS) + 1)},
             ],
-            "variants": {name: {"summary": f"about {name}"} for name in ("default", "paper", "1k")},
+            "variants": {name: VARIANTS[name].describe() for name in ("default", "paper", "1k")},
             "levels": LEVELS,
             "missing_trials": 0,
             "summary": summarise_accuracy(trials),
@@ -52,19 +55,26 @@ def result(make_trial) -> dict:
 
 def test_a_benchmark_has_its_section(result, tmp_path):
     text = write_results_page([("accuracy.json", result)], tmp_path).read_text()
-    for words in ("Accuracy over 2 objects", "about paper", "Start: uniform", "Calibration of the likelihood", "axis"):
+    markdown = (tmp_path / "index.md").read_text()
+    for words in ("Accuracy over 2 objects", "Start: uniform", "Calibration of the likelihood", "axis", "7.4 mm"):
         assert words in text
+        assert words in markdown
+    assert VARIANTS["1k"].summary in text
+    assert "\n| paper | the paper's filter:" in markdown
+    assert "\n```\nmidastouch benchmark --variant paper 1k\n```\n" in markdown
     pictures = {path.name for path in tmp_path.glob("*.png")}
     assert pictures == {
-        *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage", "front")),
+        *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
+        "accuracy_0_front.png",
         "likelihood_0.png",
     }
+    assert all(f"]({picture})" in markdown for picture in pictures)
 
 
-def test_a_front_shows_every_variant(result):
-    figure = front_figure([row for row in result["comparison"] if row["init"] == "paper"])
-    (axes,) = figure.axes
-    assert {text.get_text() for text in axes.texts} == {"default", "paper", "1k"}
+def test_without_variants_there_is_no_front(result, tmp_path):
+    alone = result | {"variants": {"default": result["variants"]["default"]}}
+    write_results_page([("accuracy.json", alone)], tmp_path)
+    assert not list(tmp_path.glob("*front.png"))
 
 
 def test_a_perfect_calibration_lies_on_the_diagonal():

@@ -1,0 +1,144 @@
+"""Variants against the default on the same trials: error, run time, the Pareto front of both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_filter.state import CONVERGED
+
+from .summary import final_errors, is_right
+from .table import number
+from .trial import STAGES
+from .variants import DEFAULT
+
+_IDENTITY = ("object", "slide", "init", "seed")
+
+
+def compare_variants(trials: list[dict]) -> list[dict]:
+    """One row per init and variant, all of an init over the same trials: those that every variant has run.
+
+    Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
+    the median error of the published pose; `filter_ratio`, `time_ratio`: of the mean time of the filter and of the
+    whole frame. `difference_mm`, `difference_se_mm`: of the mean final particle error, and the standard error of it
+    over the trials; None where one trial does not tell.
+    """
+    by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
+    for trial in trials:
+        group = by_variant.setdefault((trial["init"], trial["variant"]), {})
+        group[tuple(trial[key] for key in _IDENTITY)] = trial
+    rows = []
+    for init in dict.fromkeys(init for init, _ in by_variant):
+        groups = {variant: group for (where, variant), group in by_variant.items() if where == init}
+        common = sorted(set.intersection(*map(set, groups.values())))
+        if DEFAULT in groups and common:
+            default = [groups[DEFAULT][key] for key in common]
+            rows += [
+                {"init": init, "variant": variant} | _row([group[key] for key in common], default)
+                for variant, group in groups.items()
+            ]
+    return rows
+
+
+def _row(trials: list[dict], default: list[dict]) -> dict:
+    one, base = _figures(trials), _figures(default)
+    ratios = {
+        name: one[key] / base[key] if base[key] else None
+        for name, key in (
+            ("error_ratio", "e_trans_mm"),
+            ("rotation_ratio", "e_rot_deg"),
+            ("estimate_ratio", "estimate_trans_mm"),
+            ("filter_ratio", "ms_filter"),
+            ("time_ratio", "ms"),
+        )
+    }
+    difference = final_errors(trials, "e_trans_mm") - final_errors(default, "e_trans_mm")
+    difference = difference[np.isfinite(difference)]
+    n = len(difference)
+    return one | ratios | {
+        "difference_mm": float(difference.mean()) if n else None,
+        "difference_se_mm": float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else None,
+    }  # fmt: skip
+
+
+def _figures(trials: list[dict]) -> dict:
+    def mean(key: str) -> float:
+        return float(np.nanmean(final_errors(trials, key)))
+
+    def median(key: str) -> float:
+        return float(np.nanmedian(final_errors(trials, key)))
+
+    return {
+        "trials": len(trials),
+        "e_trans_mm": mean("e_trans_mm"),
+        "e_rot_deg": mean("e_rot_deg"),
+        "symmetric_e_trans_mm": mean("symmetric_e_trans_mm"),
+        "closest_mode_mm": median("min_cluster_trans_mm"),
+        "closest_mode_deg": median("min_cluster_rot_deg"),
+        "estimate_trans_mm": median("estimate_trans_mm"),
+        "right": sum(map(is_right, trials)) / len(trials),
+        "converged": sum(trial["final"]["state"] == CONVERGED for trial in trials) / len(trials),
+        "wrong_converged": wrong_converged(trials),
+        "ms_filter": float(np.mean([t["ms"]["filter"] for t in trials])),
+        "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
+    }
+
+
+def wrong_converged(trials: list[dict]) -> float:
+    """Share of all frames in which the filter was converged, but not within 10 mm of the truth."""
+    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
+    return wrong / max(sum(t["frames"] for t in trials), 1)
+
+
+def pareto_front(rows: list[dict], error: str = "e_trans_mm") -> list[dict]:
+    """The rows that no other beats in both the filter's time and an error, fastest first."""
+    front: list[dict] = []
+    for row in sorted(rows, key=lambda r: (r["ms_filter"], r[error])):
+        if not front or row[error] < front[-1][error]:
+            front.append(row)
+    return front
+
+
+def front_text(rows: list[dict]) -> str:
+    """Where the default lies: on the front, or which variants are both faster and more exact, and by how much."""
+    (default,) = (row for row in rows if row["variant"] == DEFAULT)
+    better = [
+        f"{row['variant']} ({difference_text(row)} mm, {number(row['filter_ratio'], 2)} of the time)"
+        for row in rows
+        if row["e_trans_mm"] < default["e_trans_mm"] and row["ms_filter"] < default["ms_filter"]
+    ]
+    if not better:
+        return "the default lies on the front: no variant is both faster and more exact"
+    return f"faster than the default and more exact: {', '.join(better)}"
+
+
+def difference_text(row: dict) -> str:
+    """Difference of the mean error to the default's, with its standard error."""
+    if row["difference_mm"] is None:
+        return "-"
+    error = row["difference_se_mm"]
+    return f"{row['difference_mm']:+.1f}" + ("" if error is None else f" ± {error:.1f}")
+
+
+def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
+    """Rows of `compare_variants` by their init."""
+    return {init: [row for row in rows if row["init"] == init] for init in dict.fromkeys(row["init"] for row in rows)}
+
+
+def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
+    """Header and rows of the variants under one init; `variants`, their descriptions by name."""
+    header = ["variant", "what differs", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm"]
+    header += ["deg", "pose mm", "right", "converged", "converged but wrong", "filter ms", "error - default's mm"]
+    header += ["error ratio", "deg ratio", "filter time ratio"]
+    errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
+    cells = []
+    for row in rows:
+        name = row["variant"]
+        cells.append(
+            [name, variants[name]["summary"], row["trials"]]
+            + [number(row[key]) for key in (*errors, "estimate_trans_mm")]
+            + [f"{100 * row[key]:.0f} %" for key in ("right", "converged")]
+            + [f"{100 * row['wrong_converged']:.1f} % of frames", number(row["ms_filter"], 2)]
+            + ["-" if name == DEFAULT else difference_text(row)]
+            + [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
+        )
+    return header, cells

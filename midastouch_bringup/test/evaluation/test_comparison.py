@@ -1,0 +1,93 @@
+import pytest
+
+from midastouch_bringup.evaluation.comparison import (
+    compare_variants,
+    comparison_table,
+    difference_text,
+    front_text,
+    pareto_front,
+    rows_by_init,
+    wrong_converged,
+)
+from midastouch_bringup.evaluation.trial import ERROR_KEYS
+
+
+@pytest.fixture(scope="module")
+def trials(make_trial) -> list[dict]:
+    def trial(variant: str, seed: int, error: float, filter_ms: float, **final) -> dict:
+        return make_trial(variant, seed, filter_ms, dict.fromkeys(ERROR_KEYS, error) | final)
+
+    return [
+        trial("default", 0, 2.0, 7.0, symmetric_e_trans_mm=1.0),
+        trial("default", 1, 4.0, 9.0),
+        trial("default", 2, 100.0, 7.0, state="ambiguous"),
+        trial("paper", 0, 12.0, 97.0),
+        trial("paper", 1, 12.0, 97.0, state="ambiguous"),
+        trial("1k", 0, 5.0, 1.0),
+        trial("1k", 1, 5.0, 1.0),
+        trial("1k", 2, 5.0, 1.0),
+    ]
+
+
+@pytest.fixture
+def rows(trials) -> dict[str, dict]:
+    return {row["variant"]: row for row in compare_variants(trials)}
+
+
+def test_variants_are_compared_on_the_trials_that_all_have_run(rows):
+    assert {row["trials"] for row in rows.values()} == {2}
+    assert rows["default"]["error_ratio"] == 1
+    assert rows["default"]["e_trans_mm"] == 3
+    assert rows["default"]["symmetric_e_trans_mm"] == 2.5
+    assert rows["paper"]["error_ratio"] == pytest.approx(12 / 3)
+    assert rows["paper"]["time_ratio"] == pytest.approx(100 / 11)
+    assert rows["paper"]["filter_ratio"] == pytest.approx(97 / 8)
+    assert (rows["paper"]["right"], rows["paper"]["converged"]) == (0, 0.5)
+    assert rows["1k"]["right"] == 1
+    assert rows["default"]["wrong_converged"] == pytest.approx(0.2)
+
+
+def test_a_difference_says_how_far_chance_goes(rows):
+    # 10 and 8 mm more than the default on the same two trials
+    assert (rows["paper"]["difference_mm"], rows["paper"]["difference_se_mm"]) == (9, pytest.approx(1))
+    assert difference_text(rows["paper"]) == "+9.0 ± 1.0"
+    assert difference_text({"difference_mm": -0.5, "difference_se_mm": None}) == "-0.5"
+
+
+def test_one_trial_does_not_tell_how_far_chance_goes(trials):
+    rows = compare_variants([trials[0], trials[3]])
+    assert (rows[1]["difference_mm"], rows[1]["difference_se_mm"]) == (10, None)
+
+
+def test_inits_are_compared_apart_and_only_with_a_default(trials):
+    uniform = [trial | {"init": "uniform"} for trial in trials[5:]]
+    assert list(rows_by_init(compare_variants([*trials, *uniform]))) == ["paper"]
+    uniform.append(trials[2] | {"init": "uniform"})
+    rows = rows_by_init(compare_variants([*trials, *uniform]))
+    assert [(row["variant"], row["trials"]) for row in rows["uniform"]] == [("1k", 1), ("default", 1)]
+
+
+def test_frames_that_were_sure_and_wrong_are_counted(trials):
+    assert wrong_converged([*trials[:1], trials[1] | {"frames_converged_right": 8}]) == pytest.approx(0.1)
+
+
+def test_the_front_holds_what_nothing_beats_in_both():
+    rows = [{"ms_filter": ms, "e_trans_mm": e} for ms, e in ((10, 3), (4, 5), (20, 4), (4, 6), (30, 1))]
+    assert [(row["ms_filter"], row["e_trans_mm"]) for row in pareto_front(rows)] == [(4, 5), (10, 3), (30, 1)]
+
+
+def test_what_beats_the_default_is_named(rows):
+    assert front_text(list(rows.values())).startswith("the default lies on the front")
+    better = rows["1k"] | {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_se_mm": 0.5, "filter_ratio": 0.125}
+    text = front_text([rows["default"], rows["paper"], better])
+    assert text == "faster than the default and more exact: 1k (-1.0 ± 0.5 mm, 0.12 of the time)"
+
+
+def test_the_table_has_a_row_per_variant_with_what_differs(rows):
+    variants = {name: {"summary": f"about {name}"} for name in rows}
+    header, cells = comparison_table(list(rows.values()), variants)
+    assert all(len(row) == len(header) for row in cells)
+    by_name = {row[0]: dict(zip(header, row, strict=True)) for row in cells}
+    assert by_name["paper"]["what differs"] == "about paper"
+    assert by_name["paper"]["error ratio"] == "4.00"
+    assert by_name["default"]["error - default's mm"] == "-"

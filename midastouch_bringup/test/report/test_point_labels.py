@@ -1,0 +1,37 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from midastouch_bringup.report.point_labels import label_points
+
+
+def boxes(points: np.ndarray) -> tuple[list, object]:
+    """Drawn extents of the labels and of the axes."""
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.plot(*points.T, "o")
+    figure.draw_without_rendering()
+    label_points(axes, points.tolist(), [f"variant_{k}" for k in range(len(points))])
+    canvas.draw()
+    # the extent of the writing alone, without the line
+    extents = [super(type(text), text).get_window_extent(canvas.get_renderer()) for text in axes.texts]
+    return extents, axes.get_window_extent()
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 1)), min_size=1, max_size=20))
+def test_labels_neither_overlap_nor_leave_the_axes(points):
+    extents, frame = boxes(np.array(points))
+    assert len(extents) == len(points)
+    for i, one in enumerate(extents):
+        assert frame.x0 <= one.x0 < one.x1 <= frame.x1
+        assert frame.y0 <= one.y0 < one.y1 <= frame.y1
+        assert not any(one.overlaps(other) for other in extents[:i])
+
+
+def test_a_crowd_in_one_place_is_drawn_apart():
+    extents, _ = boxes(np.full((20, 2), 0.5))
+    assert not any(a.overlaps(b) for i, a in enumerate(extents) for b in extents[:i])
