@@ -11,9 +11,9 @@ import numpy as np
 from .contact import Contact, ContactDetector
 from .tcn.inference import TactileCodeNet
 from .tdn.background import shows_contact
+from .tdn.depth_net import DepthNet
 from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
-from .tdn.inference import TactileDepthNet
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
 
@@ -45,7 +45,7 @@ class DepthStage:
 
     def __init__(
         self,
-        tdn: TactileDepthNet,
+        tdn: DepthNet,
         contact: ContactDetector | None = None,
         quiet: float = 1.2,
         fit: FitCheck | None = None,

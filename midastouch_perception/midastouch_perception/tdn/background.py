@@ -12,7 +12,7 @@ from ..errors import InputError
 from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
 
 if TYPE_CHECKING:
-    from .inference import TactileDepthNet
+    from .depth_net import DepthNet
 
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
@@ -49,7 +49,7 @@ def doubtful_share(images: list[np.ndarray], background: np.ndarray) -> float:
     return float((same.mean(axis=0) < _MAJORITY).mean())
 
 
-def shows_contact(tdn: TactileDepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
+def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
     """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
 
     Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: untouched gel is

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from .inputs import SCALE, check_image, reduce_image
+from .depth_net import DepthNet
+from .inputs import check_image
 
 HEIGHT_UNIT = 3e-5  # m a grey level of the height maps it was trained on
 # The net is a regression of height: on untouched gel it errs by some units to either side. As in the official code,
@@ -17,33 +17,17 @@ HEIGHT_UNIT = 3e-5  # m a grey level of the height maps it was trained on
 _FLOOR = 5 * HEIGHT_UNIT
 
 
-class FcrnDepthNet:
-    """The interface of `TactileDepthNet` for FCRN, which needs no background: it was trained on whole images.
+class FcrnDepthNet(DepthNet):
+    """The paper's depth network, which needs no background: it was trained on whole images.
 
-    It works at the image's resolution and takes some 0.2 s a frame on one core. Attributes: network_id; sensor, the
-    map-resolution sensor model; has_embedding.
+    It works at the image's resolution and takes some 0.2 s a frame on one core.
     """
 
     has_embedding = False
 
     def __init__(self, name_or_path: str | Path, sensor: SensorModel | None = None, threads: int = 1):
-        self._network = OnnxNetwork("tdn", name_or_path, threads)
-        self._image_sensor = sensor or SensorModel.load("digit_tacto")
-        self.sensor = self._image_sensor.scaled(SCALE)
+        super().__init__(name_or_path, sensor, threads)
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
-
-    @property
-    def network_id(self) -> str:
-        return self._network.network_id
-
-    def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
-
-        Raises InputError on wrong size or type.
-        """
-        images = (image, "tactile image"), (background, "background")
-        touched, free = (reduce_image(check_image(values, self._image_sensor, what)) for values, what in images)
-        return touched - free
 
     def height(self, image: np.ndarray) -> np.ndarray:
         """What the network itself gives: height (320, 240) float32 m above the plane through the gel's apex.

@@ -7,46 +7,23 @@ from pathlib import Path
 import numpy as np
 
 from ..model_card import read_card
-from ..onnx_network import OnnxNetwork, network_path
+from ..onnx_network import network_path
 from ..sensor_model import SensorModel
+from .depth_net import DepthNet
 from .fcrn import FcrnDepthNet
-from .inputs import SCALE, check_image, difference_input, geometry_input, reduce_image
+from .inputs import difference_input, geometry_input
 
 EMBEDDING = "embedding"  # name of the network's second output
 
 
-class TactileDepthNet:
-    """The tactile depth network (TDN): image and background to penetration (paper section 4.1).
-
-    Attributes: network_id; sensor, the map-resolution sensor model.
-    """
+class TactileDepthNet(DepthNet):
+    """Our depth network, which sees differences from the no-contact image."""
 
     def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
-        self._network = OnnxNetwork("tdn", name_or_path, threads)
-        self._image_sensor = sensor or SensorModel.load("digit_tacto")
-        self.sensor = self._image_sensor.scaled(SCALE)
+        super().__init__(name_or_path, sensor, threads)
         self._geometry = geometry_input(self.sensor)[None]
-        self._background: tuple[np.ndarray, np.ndarray] | None = None
-
-    @property
-    def network_id(self) -> str:
-        return self._network.network_id
-
-    def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
-        """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
-
-        Raises InputError on wrong size or type.
-        """
-        if self._background is None or self._background[0] is not background:
-            check_image(background, self._image_sensor, "background")
-            self._background = background, reduce_image(background)
-        return reduce_image(check_image(image, self._image_sensor, "tactile image")) - self._background[1]
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
-        """Penetration (160, 120) float32 m of one image; 0 where the network sees no contact.
-
-        difference: `difference(image, background)`, if at hand.
-        """
         return self.penetration(self.difference(image, background) if difference is None else difference)
 
     def penetration(self, difference: np.ndarray) -> np.ndarray:
@@ -57,7 +34,6 @@ class TactileDepthNet:
 
     @property
     def has_embedding(self) -> bool:
-        """Whether the network also gives its bottleneck."""
         return EMBEDDING in self._network.outputs
 
     def embedding(self, difference: np.ndarray) -> np.ndarray:
@@ -73,9 +49,7 @@ class TactileDepthNet:
         return batch, np.ascontiguousarray(geometry)
 
 
-def load_tdn(
-    name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1
-) -> TactileDepthNet | FcrnDepthNet:
+def load_tdn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1) -> DepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`)."""
     card = read_card(network_path("tdn", name_or_path))
     network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet

@@ -66,7 +66,7 @@ def with_height(sensor, monkeypatch):
 
     def make(height: np.ndarray) -> tuple[FcrnDepthNet, FixedHeight]:
         fixed = FixedHeight(height)
-        monkeypatch.setattr("midastouch_perception.tdn.fcrn.OnnxNetwork", lambda *_: fixed)
+        monkeypatch.setattr("midastouch_perception.tdn.depth_net.OnnxNetwork", lambda *_: fixed)
         return FcrnDepthNet("fixed.onnx", sensor), fixed
 
     return make

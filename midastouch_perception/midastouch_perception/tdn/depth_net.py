@@ -1,0 +1,51 @@
+"""What the pipeline needs of a depth network, whatever is inside."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+import numpy as np
+
+from ..onnx_network import OnnxNetwork
+from ..sensor_model import SensorModel
+from .inputs import SCALE, check_image, reduce_image
+
+
+class DepthNet(ABC):
+    """A tactile depth network in an ONNX file: image and background to penetration (paper section 4.1).
+
+    Attributes: network_id; sensor, the map-resolution sensor model.
+    """
+
+    def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
+        self._network = OnnxNetwork("tdn", name_or_path, threads)
+        self._image_sensor = sensor or SensorModel.load("digit_tacto")
+        self.sensor = self._image_sensor.scaled(SCALE)
+        self._background: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def network_id(self) -> str:
+        return self._network.network_id
+
+    @property
+    @abstractmethod
+    def has_embedding(self) -> bool:
+        """Whether the network also gives its bottleneck."""
+
+    def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
+        """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
+
+        Raises InputError on wrong size or type. The last background is kept reduced: do not write into it.
+        """
+        if self._background is None or self._background[0] is not background:
+            check_image(background, self._image_sensor, "background")
+            self._background = background, reduce_image(background)
+        return reduce_image(check_image(image, self._image_sensor, "tactile image")) - self._background[1]
+
+    @abstractmethod
+    def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
+        """Penetration (160, 120) float32 m of one image; 0 where the network sees no contact.
+
+        difference: `difference(image, background)`, if at hand.
+        """
