@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_filter.alignment import ReliefAlignment
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.hindsight import Hindsight, Prior, pose_distance
+from midastouch_filter.hindsight import Felt, Hindsight, Prior, pose_distance
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.refinement import RELIEF_SCALE
 from midastouch_filter.workers import Workers
@@ -48,7 +48,7 @@ class Slide:
                 gap = np.linalg.norm(self.book[:, :3, 3] - pose[:3, 3], axis=1)
                 angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
                 nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
-            hindsight.keep(np.log(np.exp(-0.5 * (nearest / 0.008) ** 2) + 0.03) + 1.0, relief)
+            hindsight.keep(Felt(np.log(np.exp(-0.5 * (nearest / 0.008) ** 2) + 0.03) + 1.0, relief))
             assert not hindsight.due
         for _ in range(1000):
             self.answered += 1

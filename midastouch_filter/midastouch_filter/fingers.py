@@ -1,0 +1,246 @@
+"""Further fingers on the same object: the likelihoods of all that touch it multiply.
+
+The state stays the pose of one gel, the reference. A particle and the transform between the gels give the pose of
+every other finger, which is looked up, scored (equation 2) and kept at the surface like the reference's. Only its
+surface constraint is softer: what a particle's rotation lacks, moves a gel that is a hand's width away by millimetres.
+
+A finger that does not touch still tells something: it is not inside the object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from . import motion_model
+from .config import FilterConfig
+from .gates import OccupiedGate, RestGate, UnchangedCodeGate
+from .joint_alignment import FeltRelief
+from .lookup import PoseLookup
+from .measurement_model import MeasurementModel
+from .motion_model import Odometry
+from .particles import Particles
+from .surface import SurfaceConstraint
+from .touch import FingerTouch
+from .workers import Workers
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one further finger adds in this step.
+
+    name; T_gel_finger (4, 4); code (D,) at unit length, None if the finger touches nothing; relief (80, 60) m or None;
+    share in [0, 1]: how much of it is independent of what the finger felt before.
+    """
+
+    name: str
+    finger: Finger
+    T_gel_finger: np.ndarray
+    code: np.ndarray | None
+    relief: np.ndarray | None
+    share: float
+
+    def log_ratio(self, particles: Particles) -> np.ndarray:
+        """(N,) float64: log-likelihood ratio of each particle."""
+        return self.finger.log_ratio(particles, self.T_gel_finger, self.code)
+
+    @property
+    def felt_relief(self) -> FeltRelief:
+        return FeltRelief(self.relief, self.T_gel_finger, self.name)
+
+    def log_ratio_of_book(self) -> np.ndarray:
+        """(M,) float32: that of every codebook entry as the finger's own pose."""
+        self.finger.model.score_book(self.code)
+        return self.finger.model.log_ratio
+
+    def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """n entries (n,) int32 drawn by their likelihood of being the finger's pose."""
+        self.finger.model.score_book(self.code)
+        return self.finger.model.draw_matches(n, rng)
+
+
+class Fingers:
+    """All fingers but the reference, known by their names.
+
+    Args: lookup, surface, config, workers as the filter's own; make_model: a measurement model for one more sensor.
+    """
+
+    def __init__(
+        self,
+        lookup: PoseLookup,
+        surface: SurfaceConstraint,
+        config: FilterConfig,
+        workers: Workers,
+        make_model: Callable[[], MeasurementModel],
+    ):
+        self._lookup, self._surface, self._config, self._workers = lookup, surface, config, workers
+        self._make_model = make_model
+        self._fingers: dict[str, Finger] = {}
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what was felt: the particles were drawn anew."""
+        self._travel = np.eye(4)
+        for finger in self._fingers.values():
+            finger.restart()
+
+    def travelled(self, transform: np.ndarray) -> None:
+        """The reference moved by `transform` (4, 4)."""
+        self._travel = self._travel @ transform
+
+    def force_update(self) -> None:
+        """Count the next touch of each in full."""
+        for finger in self._fingers.values():
+            finger.force_update()
+
+    def feel(self, touches: Mapping[str, FingerTouch], refuse: Callable[[str, str], None]) -> list[Evidence]:
+        """Those that tell something new; `refuse(kind, reason)` is told of unusable ones.
+
+        In the order of their names, so that the order they are given in does not matter. `count` what is used of it.
+        """
+        out = []
+        for name in sorted(touches):
+            try:
+                T_gel_finger = Odometry.from_matrix(touches[name].T_gel_finger).transform
+            except ValueError as error:
+                refuse("bad_finger_pose", f"finger {name}: {str(error).replace('odometry', 'pose')}")
+                continue
+            finger = self._named(name)
+            moved = finger.moved_to(self._travel @ T_gel_finger)
+            code, measurement = None, touches[name].measurement
+            if measurement.in_contact:
+                try:
+                    code = finger.model.unit_code(measurement.code)
+                except ValueError as error:
+                    refuse("bad_code", f"finger {name}: {error}")
+                    continue
+            if finger.tells(moved, code):
+                relief = measurement.relief if measurement.in_contact else None
+                out.append(Evidence(name, finger, T_gel_finger, code, relief, finger.share))
+        return out
+
+    @staticmethod
+    def count(used: Sequence[Evidence]) -> float:
+        """Their evidence was used: the paths to the next touches start here. Returns the largest share of it."""
+        for each in used:
+            each.finger.count()
+        return max((each.share for each in used), default=0.0)
+
+    def _named(self, name: str) -> Finger:
+        if name not in self._fingers:
+            self._fingers[name] = Finger(self._lookup, self._surface, self._config, self._workers, self._make_model())
+        return self._fingers[name]
+
+
+class Finger:
+    """One further finger: what it felt last, and where in the codebook its poses were found.
+
+    Attributes: model, which holds the scores of its last code.
+    """
+
+    def __init__(
+        self,
+        lookup: PoseLookup,
+        surface: SurfaceConstraint,
+        config: FilterConfig,
+        workers: Workers,
+        model: MeasurementModel,
+    ):
+        self._lookup, self._surface, self._config, self._workers = lookup, surface, config, workers
+        self.model = model
+        self._few = OccupiedGate()
+        self._entry_at = np.full(len(lookup), -1, np.int32)
+        self._entries_for: np.ndarray | None = None
+        self.restart()
+
+    def restart(self) -> None:
+        self._rest, self._unchanged = RestGate(self._config), UnchangedCodeGate()
+        self._pose: np.ndarray | None = None
+        self._path = np.inf
+
+    def force_update(self) -> None:
+        self._path = np.inf
+        self._unchanged.reset()
+
+    # ------------------------------------------------------------------ whether it tells something new
+
+    def moved_to(self, pose: np.ndarray) -> bool:
+        """Its gel is at `pose` (4, 4), in the frame where the reference's started; whether that is a motion."""
+        step = None if self._pose is None else Odometry.from_matrix(se3.inverse(self._pose) @ pose)
+        self._pose = pose
+        motion = self._rest.motion(step) if step else None
+        if motion is not None:
+            self._path += motion.path
+        return motion is not None
+
+    def tells(self, moved: bool, code: np.ndarray | None) -> bool:
+        """Whether a code, None without contact, is more than what it felt before, said again."""
+        if not (moved or np.isinf(self._path)):
+            return False
+        return code is None or not self._unchanged.skips(code)
+
+    @property
+    def share(self) -> float:
+        """How much of a touch counts, as the path since the last one that did says."""
+        return min(1.0, self._path / self._config.correlation_length)
+
+    def count(self) -> None:
+        """Its evidence was used: the path to the next starts here."""
+        self._path = 0.0
+
+    # ------------------------------------------------------------------ likelihood
+
+    def log_ratio(self, particles: Particles, T_gel_finger: np.ndarray, code: np.ndarray | None) -> np.ndarray:
+        """(N,) float64: log-likelihood ratio of the code and the surface constraint, of each particle."""
+        c = self._config
+        gels = motion_model.carried(particles, T_gel_finger, self._workers)
+        distance = self._surface.distance(gels)
+        lever = float(np.linalg.norm(T_gel_finger[:3, 3]))
+        sigma = float(np.hypot(c.surface_sigma, c.noise_rotation * lever))
+        book_distance = np.full(len(gels), self._surface.reach, np.float32)
+        if code is None:
+            return self._surface.bounded_log_weight(distance, book_distance, False, sigma)
+        # where there is no surface, the code was felt by chance
+        log_ratio = np.full(len(gels), np.log(self.model.outlier))
+        near = np.flatnonzero(np.abs(distance) < c.dead_distance)
+        near, entries = self._found(gels, near, T_gel_finger)
+        if len(near):
+            close = Particles(gels.positions[near], gels.quaternions[near], gels.log_weights[near], entries)
+            book_distance[near] = self._lookup.follow(close)
+            self._entry_at[gels.entries[near]] = close.entries
+            if self._few.skips(len(near), len(self._lookup)):
+                self.model.score_occupied(code, close)
+            else:
+                self.model.score_book(code)
+            log_ratio[near] = self.model.log_likelihood(close)
+            log_ratio[book_distance >= self._surface.reach] = np.log(self.model.outlier)
+        return log_ratio + self._surface.bounded_log_weight(distance, book_distance, True, sigma)
+
+    def _found(self, gels: Particles, near: np.ndarray, T_gel_finger: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of the gels `near` (n,), those with an entry about them, and (m,) int32 an entry to walk on from.
+
+        Particles that share the reference's entry have this finger nearly at the same place: so the entry found for
+        one of them, also steps ago, is where the walk for the next begins.
+        """
+        self._forget_if_far(T_gel_finger)
+        start = self._entry_at[gels.entries[near]]
+        unknown = np.flatnonzero(start < 0)
+        if len(unknown):
+            rows = near[unknown]
+            poses = se3.from_xyzquat(np.concatenate([gels.positions[rows], gels.quaternions[rows]], axis=1))
+            start[unknown] = self._lookup.exact(poses, within=self._surface.reach)
+        known = start < len(self._lookup)
+        return near[known], start[known]
+
+    def _forget_if_far(self, T_gel_finger: np.ndarray) -> None:
+        """The fingers moved against each other: at some point, what was found for others does not help any more."""
+        if self._entries_for is not None:
+            between = Odometry.from_matrix(se3.inverse(self._entries_for) @ T_gel_finger)
+            if between.path < 0.5 * self._lookup.reach:
+                return
+        self._entries_for = T_gel_finger
+        self._entry_at[:] = -1
