@@ -153,8 +153,10 @@ class Finger:
         self._lookup, self._surface, self._config, self._workers = lookup, surface, config, workers
         self.model = model
         self._few = OccupiedGate()
-        self._entry_at = np.full(len(lookup), -1, np.int32)
-        self._entries_for: np.ndarray | None = None
+        self._found = np.full(len(lookup), -1, np.int32)
+        self._found_at = np.full(len(lookup), -np.inf)
+        self._drift = 0.0
+        self._T_gel_finger: np.ndarray | None = None
         self.restart()
 
     def restart(self) -> None:
@@ -207,11 +209,12 @@ class Finger:
         # where there is no surface, the code was felt by chance
         log_ratio = np.full(len(gels), np.log(self.model.outlier))
         near = np.flatnonzero(np.abs(distance) < c.dead_distance)
-        near, entries = self._found(gels, near, T_gel_finger)
+        start = self._starts(gels, near, T_gel_finger)
+        near, start = near[start < len(self._lookup)], start[start < len(self._lookup)]
         if len(near):
-            close = Particles(gels.positions[near], gels.quaternions[near], gels.log_weights[near], entries)
+            close = Particles(gels.positions[near], gels.quaternions[near], gels.log_weights[near], start)
             book_distance[near] = self._lookup.follow(close)
-            self._entry_at[gels.entries[near]] = close.entries
+            self._remember(gels.entries[near], close.entries, book_distance[near] < self._surface.reach)
             if self._few.skips(len(near), len(self._lookup)):
                 self.model.score_occupied(code, close)
             else:
@@ -220,27 +223,36 @@ class Finger:
             log_ratio[book_distance >= self._surface.reach] = np.log(self.model.outlier)
         return log_ratio + self._surface.bounded_log_weight(distance, book_distance, True, sigma)
 
-    def _found(self, gels: Particles, near: np.ndarray, T_gel_finger: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Of the gels `near` (n,), those with an entry about them, and (m,) int32 an entry to walk on from.
+    def _remember(self, entries: np.ndarray, found: np.ndarray, right: np.ndarray) -> None:
+        self._found[entries[right]] = found[right]
+        self._found_at[entries[right]] = self._drift
 
-        Particles that share the reference's entry have this finger nearly at the same place: so the entry found for
-        one of them, also steps ago, is where the walk for the next begins.
+    def _starts(self, gels: Particles, near: np.ndarray, T_gel_finger: np.ndarray) -> np.ndarray:
+        """An entry (n,) to walk on from for each of the gels `near` (n,); `len(lookup)` where there is none about.
+
+        Particles that share the reference's entry have this finger nearly at the same place, also steps ago: the walk
+        begins at the entry found for one of them, else for one of their neighbours. Only what is left is searched for.
         """
-        self._forget_if_far(T_gel_finger)
-        start = self._entry_at[gels.entries[near]]
+        self._drifted(T_gel_finger)
+        entries = gels.entries[near]
+        start = self._known(entries)
+        unknown = np.flatnonzero(start < 0)
+        around = self._known(self._lookup.neighbours[entries[unknown]])
+        start[unknown] = around[np.arange(len(unknown)), (around >= 0).argmax(axis=1)]
         unknown = np.flatnonzero(start < 0)
         if len(unknown):
             rows = near[unknown]
             poses = se3.from_xyzquat(np.concatenate([gels.positions[rows], gels.quaternions[rows]], axis=1))
             start[unknown] = self._lookup.exact(poses, within=self._surface.reach)
-        known = start < len(self._lookup)
-        return near[known], start[known]
+        return start
 
-    def _forget_if_far(self, T_gel_finger: np.ndarray) -> None:
-        """The fingers moved against each other: at some point, what was found for others does not help any more."""
-        if self._entries_for is not None:
-            between = Odometry.from_matrix(se3.inverse(self._entries_for) @ T_gel_finger)
-            if between.path < 0.5 * self._lookup.reach:
-                return
-        self._entries_for = T_gel_finger
-        self._entry_at[:] = -1
+    def _known(self, entries: np.ndarray) -> np.ndarray:
+        """What was found last for these entries of the reference; -1 if that is too long ago to begin there."""
+        fresh = self._drift - self._found_at[entries] < 0.5 * self._lookup.reach
+        return np.where(fresh, self._found[entries], -1)
+
+    def _drifted(self, T_gel_finger: np.ndarray) -> None:
+        """The fingers moved against each other: what was found for others is worth less and less."""
+        if self._T_gel_finger is not None:
+            self._drift += Odometry.from_matrix(se3.inverse(self._T_gel_finger) @ T_gel_finger).path
+        self._T_gel_finger = T_gel_finger

@@ -122,10 +122,10 @@ def carried(particles: Particles, transform: np.ndarray, workers: Workers) -> Pa
     """The poses of another frame, that lies at `transform` (4, 4) in each particle's; weights and entries shared."""
     row = Odometry.from_matrix(transform).row
     positions, quaternions = particles.positions.copy(), particles.quaternions.copy()
-    none = np.empty((0, 6), np.float32)
+    noise, scale = np.empty((0, 6), np.float32), np.zeros(6, np.float32)
     workers.run(
         len(particles),
-        lambda low, high, _: _compose(low, high, positions, quaternions, row, none, False, none[0:0, 0]),
+        lambda low, high, _: _compose(low, high, positions, quaternions, row, noise, False, scale),
     )
     return Particles(positions, quaternions, particles.log_weights, particles.entries)
 
