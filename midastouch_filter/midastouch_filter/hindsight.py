@@ -26,7 +26,8 @@ from .lookup import ROTATION_SCALE, PoseLookup
 
 _FEWEST = 6  # touches that a replay needs to say anything
 _ANEW = 3  # further touches after which it is worth another one
-_SHORTLIST = 150  # best entries of each touch that are carried to the present as candidates
+_OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_SHORTLIST = 150  # best entries of each touch, of all fingers, that are carried to the present as candidates
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
 _MOST_RIVALS = 5
 CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
@@ -199,8 +200,9 @@ class Hindsight:
         newest, out = touches[-1].motion, []
         for touch in touches:
             to_newest = se3.inverse(touch.motion) @ newest
+            count = _SHORTLIST // len(touch.felt)
             for felt in touch.felt:
-                best = np.argpartition(-felt.log_ratio, min(_SHORTLIST, len(felt.log_ratio) - 1))[:_SHORTLIST]
+                best = np.argpartition(-felt.log_ratio, min(count, len(felt.log_ratio) - 1))[:count]
                 poses = self._poses[best]
                 if felt.T_gel_finger is not None:
                     poses = poses @ se3.inverse(felt.T_gel_finger)
@@ -212,9 +214,15 @@ class Hindsight:
         """Log-likelihood ratios (C,) of poses (C, 4, 4) at a touch, of all fingers, as far as it counts."""
         out = np.zeros(len(poses))
         for felt in touch.felt:
-            there = poses if felt.T_gel_finger is None else poses @ felt.T_gel_finger
-            out += self._share * felt.log_ratio[self._lookup.exact(there)].astype(float)
+            out += self._share * self._log_ratio(poses, felt)
         return out
+
+    def _log_ratio(self, poses: np.ndarray, felt: Felt) -> np.ndarray:
+        """(C,) of poses (C, 4, 4) of the reference; where a finger would be off the surface, its worst."""
+        if felt.T_gel_finger is None:
+            return felt.log_ratio[self._lookup.exact(poses)].astype(float)
+        entries = self._lookup.exact(poses @ felt.T_gel_finger, within=_OFF)
+        return np.append(felt.log_ratio, felt.log_ratio.min())[entries].astype(float)
 
     def _rivals(
         self, candidates: np.ndarray, score: np.ndarray, taken: list[np.ndarray]
