@@ -291,13 +291,14 @@ class ParticleFilter:
                 self._share_out(log_ratio)
             log_ratios.append(log_ratio)
         shares = [finger.share for finger in felt]
+        touching = [finger.share for finger in felt if finger.code is not None]
         if code is not None:
             log_ratios.insert(0, self._log_ratio(code, book_distance))
             shares.insert(0, share)
-        touching = (code is not None) + sum(finger.code is not None for finger in felt)
+            touching.append(share)
         belief = particles.log_weights
-        self._trend.update(resampling.log_sum_exp(belief + sum(log_ratios)) / touching, max(shares))
-        self._exploration.update(self._modes[0].weight if self._modes else 0.0, max(shares))
+        self._trend.update(resampling.log_sum_exp(belief + sum(log_ratios)) / len(touching), max(touching))
+        self._exploration.update(self._modes[0].weight if self._modes else 0.0, max(touching))
         log_weights = sum(share * log_ratio for share, log_ratio in zip(shares, log_ratios, strict=True))
         log_weights += belief
         total = resampling.log_sum_exp(log_weights)

@@ -125,10 +125,10 @@ class Fingers:
 
     @staticmethod
     def count(used: Sequence[Evidence]) -> float:
-        """Their evidence was used: the paths to the next touches start here. Returns the largest share of it."""
+        """Their evidence was used: the paths to the next touches start here. Returns the largest share of those that touch."""
         for each in used:
             each.finger.count()
-        return max((each.share for each in used), default=0.0)
+        return max((each.share for each in used if each.code is not None), default=0.0)
 
     def _named(self, name: str) -> Finger:
         if name not in self._fingers:
