@@ -44,6 +44,7 @@ setup(
         "console_scripts": [
             "all_in_one = midastouch_bringup.nodes.all_in_one:main",
             "midastouch = midastouch_bringup.cli:main",
+            "mount_tf = midastouch_bringup.nodes.mount_tf:main",
             "replay = midastouch_bringup.nodes.replay:main",
             "ur_tf = midastouch_bringup.nodes.ur_tf:main",
         ]
