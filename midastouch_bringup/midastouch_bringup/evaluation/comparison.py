@@ -126,19 +126,20 @@ def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
 
 def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
     """Header and rows of the variants under one init; `variants`, their descriptions by name."""
-    header = ["variant", "what differs", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm"]
+    header = ["variant", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm"]
     header += ["deg", "pose mm", "right", "converged", "converged but wrong", "filter ms", "error - default's mm"]
-    header += ["error ratio", "deg ratio", "filter time ratio"]
+    header += ["error ratio", "deg ratio", "filter time ratio", "what differs"]
     errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
     cells = []
     for row in rows:
         name = row["variant"]
         cells.append(
-            [name, variants[name]["summary"], row["trials"]]
+            [name, row["trials"]]
             + [number(row[key]) for key in (*errors, "estimate_trans_mm")]
             + [f"{100 * row[key]:.0f} %" for key in ("right", "converged")]
             + [f"{100 * row['wrong_converged']:.1f} % of frames", number(row["ms_filter"], 2)]
             + ["-" if name == DEFAULT else difference_text(row)]
             + [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
+            + [variants[name]["summary"]]
         )
     return header, cells

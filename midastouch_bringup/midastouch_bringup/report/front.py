@@ -54,7 +54,7 @@ def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -
                 *place,
                 marker,
                 color=colour,
-                ms=15 if group == DEFAULT else 6,
+                ms=13 if group == DEFAULT else 6,
                 label=label,
                 zorder=2 + (group == DEFAULT),
             )

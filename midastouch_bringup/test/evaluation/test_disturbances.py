@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.disturbances import DISTURBANCES, kidnap, lift, time_offset, tool_bias
+from midastouch_bringup.evaluation.disturbances import DISTURBANCES, kidnap, lift, rest, time_offset, tool_bias
 from midastouch_bringup.evaluation.trial import TrialFrame
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
@@ -41,6 +41,20 @@ def test_a_tool_bias_is_one_error_of_2_mm_and_2_deg(frames):
 def test_a_time_offset_hands_out_poses_of_50_ms_before(frames):
     disturbed = time_offset(frames, np.random.default_rng(0))
     assert disturbed[10].measured == pytest.approx(frames[9].measured, abs=1e-9)
+
+
+def test_a_rest_repeats_a_frame_but_for_noise(frames):
+    disturbed = rest(frames, np.random.default_rng(0))
+    assert [frame.index for frame in disturbed[38:62]] == [38, *[39] * 21, 40, 41]
+    assert len(disturbed) == len(frames) + 2 * 20
+    still, at_rest = disturbed[39], disturbed[40:60]
+    moved = [se3.log(se3.inverse(still.measured) @ frame.measured) for frame in at_rest]
+    assert 0 < np.abs(np.array(moved)[:, :3]).max() < 1e-4
+    changed = [np.linalg.norm(frame.felt.code - still.felt.code) for frame in at_rest]
+    assert min(changed) > 0
+    assert np.mean(changed) == pytest.approx(0.01, rel=0.5)
+    assert all((frame.truth == still.truth).all() for frame in at_rest)
+    assert frames[38:40] == disturbed[38:40]
 
 
 def test_a_lift_is_told_and_a_kidnapping_is_not(frames):
