@@ -1,13 +1,14 @@
 """Test protocols beside the plain one: what real arms and real work do to a slide.
 
 Each takes the frames of a trial and returns those of the disturbed one; only what the filter is told differs, except
-for a rest, which repeats frames, and a kidnapping, which also leaves frames out.
+for rests and slow cameras, which repeat frames, and a kidnapping, which also leaves frames out.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -70,6 +71,18 @@ def rest(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]
     return out
 
 
+def slow_camera(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Every image comes twice, the second time half-way to where the next one is taken."""
+    out = [frames[0]]
+    for frame, following in pairwise(frames):
+        half = {
+            name: getattr(frame, name) @ se3.exp(0.5 * se3.log(se3.inverse(getattr(frame, name)) @ pose))
+            for name, pose in (("measured", following.measured), ("truth", following.truth))
+        }
+        out += [dataclasses.replace(frame, ms={}, **half), following]
+    return out
+
+
 def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
     felt, noise = frame.felt, rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
     if felt.code is not None:
@@ -102,6 +115,7 @@ DISTURBANCES: dict[str, Disturbance] = {
     "tool_bias": tool_bias,
     "time_offset": time_offset,
     "rest": rest,
+    "slow_camera": slow_camera,
     "lift": lift,
     "kidnap": kidnap,
 }
