@@ -22,7 +22,7 @@ from .disturbances import DISTURBANCES, PLAIN
 from .protocol import Protocol
 from .short_codes import ShortCodes
 from .stock import Stock
-from .trial import TrialFrame, run_trial
+from .trial import RECORD, TrialFrame, run_trial
 from .trial_log import TrialLog, key_of, source_digest
 from .variants import VARIANTS
 
@@ -87,6 +87,7 @@ class Plan:
             "codebook": codebook_digest,
             "networks": self.stock.networks.describe(),
             "filter_code": _filter_code(),
+            "record": RECORD,
         }
         if variant.code_length:
             depends_on["code_length"] = variant.code_length

@@ -66,7 +66,7 @@ def _variants(page: Page, content: dict, path: Path) -> None:
     if len(content["variants"]) < 2 or not comparison:
         return
     page.heading("Run time against error")
-    caption = "Error against the filter's time per frame; the line joins what no other variant beats in both"
+    caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
     page.picture(save(front_figure(comparison, content["variants"]), path), caption)
     for init, rows in rows_by_init(comparison).items():
         page.heading(f"Variants, start: {init}")
