@@ -38,11 +38,15 @@ class Variant:
         """Whether this is the paper's filter."""
         return self.group == PAPER
 
+    @property
+    def inputs(self) -> dict[str, object]:
+        """What differs beside the settings, by name."""
+        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
+        return {key: value for key, value in inputs.items() if value}
+
     def describe(self) -> dict:
         """For the JSON: all but what is as in the default."""
-        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
-        known = {key: value for key, value in inputs.items() if value is not None}
-        return {"summary": self.summary, "group": self.group} | self.settings | known
+        return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
     def config(self, base: FilterConfig, threads: int) -> FilterConfig | PaperConfig:
         """Settings of the filter: the variant's laid over `base`."""
