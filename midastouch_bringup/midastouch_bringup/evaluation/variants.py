@@ -115,12 +115,13 @@ def _group(*groups: str) -> tuple[str, ...]:
 
 
 _FINE_STAGE = ("no_refinement", "no_hindsight")
+_GATES_IN_MOTION = ("no_size_gate", "no_wide_gate")
 SETS = {
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": ("paper", *_FINE_STAGE, *_group(GATE, COUNT, INPUT)),
+    "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT)),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""
 
