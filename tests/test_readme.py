@@ -176,6 +176,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path):
             raise ConnectionError("no arm")
 
         return UrTf(connect, **options)
+    if name == "detection_prior":
+        from midastouch_bringup.nodes.detection_prior import DetectionPrior
+
+        return DetectionPrior(**options)
     if name == "mount_tf":
         from midastouch_bringup.nodes.mount_tf import MountTf
 
