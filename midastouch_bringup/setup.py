@@ -43,7 +43,9 @@ setup(
     entry_points={
         "console_scripts": [
             "all_in_one = midastouch_bringup.nodes.all_in_one:main",
+            "detection_prior = midastouch_bringup.nodes.detection_prior:main",
             "midastouch = midastouch_bringup.cli:main",
+            "mount_tf = midastouch_bringup.nodes.mount_tf:main",
             "replay = midastouch_bringup.nodes.replay:main",
             "ur_tf = midastouch_bringup.nodes.ur_tf:main",
         ]

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+import vision_msgs.msg
 from ament_index_python.packages import get_package_share_directory
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
@@ -60,6 +61,26 @@ def test_message_survives_serialisation():
     sent = TactileCode(in_contact=True, contact_area=0.5, code=[0.25, -0.5], network_id="fast@0")
     sent.header.stamp.sec = 7
     assert deserialize_message(serialize_message(sent), TactileCode) == sent
+
+
+def test_stand_in_vision_msgs_has_the_fields_of_the_real_one():
+    """As of vision_msgs 4, in their order: the rest of the wire format follows."""
+    pose = "geometry_msgs/PoseWithCovariance"
+    fields = {
+        "Detection3DArray": {"header": "std_msgs/Header", "detections": "sequence<vision_msgs/Detection3D>"},
+        "Detection3D": {
+            "header": "std_msgs/Header",
+            "results": "sequence<vision_msgs/ObjectHypothesisWithPose>",
+            "bbox": "vision_msgs/BoundingBox3D",
+            "id": "string",
+        },
+        "ObjectHypothesisWithPose": {"hypothesis": "vision_msgs/ObjectHypothesis", "pose": pose},
+        "ObjectHypothesis": {"class_id": "string", "score": "double"},
+        "BoundingBox3D": {"center": "geometry_msgs/Pose", "size": "geometry_msgs/Vector3"},
+    }
+    for name, expected in fields.items():
+        found = getattr(vision_msgs.msg, name).get_fields_and_field_types()
+        assert list(found.items()) == list(expected.items())
 
 
 def test_stand_in_tf2_msgs_is_the_real_type_on_the_wire():

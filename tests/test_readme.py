@@ -63,15 +63,25 @@ def test_launch_files_and_their_arguments_exist():
     folder = ROOT / "midastouch_bringup" / "launch"
     described = {row[0].strip("`") for row in table("### A DIGIT on a UR arm")}
     assert described == {path.name for path in folder.glob("*.launch.py")}
-    declared = (ROOT / "midastouch_bringup/midastouch_bringup/ros/launch_parts.py").read_text()
+    from midastouch_bringup.ros.launch_arguments import ARGUMENTS
+
     for call in commands("ros2"):
         if call[0] == "launch":
             assert call[1] == "midastouch_bringup"
             assert call[2] in described
             for argument in call[3:]:
-                assert argument == "--show-args" or f'"{argument.partition(":=")[0]}": Argument(' in declared
+                assert argument == "--show-args" or argument.partition(":=")[0] in ARGUMENTS
     for argument, _ in re.findall(r"`(\w+):=(\w+)`", README):
-        assert f'"{argument}": Argument(' in declared
+        assert argument in ARGUMENTS
+
+
+def test_what_is_run_without_launch_can_be_started():
+    from midastouch_bringup.ros.run import values
+
+    calls = [call[1:] for call in commands("midastouch") if call[0] == "run" and call[1].islower()]
+    assert calls
+    for setup, *words in calls:
+        values(setup, [word for word in words if word != "--show-args"])
 
 
 def test_links_and_paths_lead_somewhere():
@@ -166,6 +176,14 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path):
             raise ConnectionError("no arm")
 
         return UrTf(connect, **options)
+    if name == "detection_prior":
+        from midastouch_bringup.nodes.detection_prior import DetectionPrior
+
+        return DetectionPrior(**options)
+    if name == "mount_tf":
+        from midastouch_bringup.nodes.mount_tf import MountTf
+
+        return MountTf(**options)
     if name == "view":
         from midastouch_bringup.nodes.view import View
 

@@ -31,7 +31,7 @@ PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install"]
 
 LOCK = ROOT / "tools" / "requirements" / "lock.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
-INTERFACES = [ROOT / "tools" / "ros_wheels" / "tf2_msgs", ROOT / "midastouch_msgs"]
+INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 PACKAGES = [
     ROOT / name
     for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")

@@ -72,9 +72,7 @@ def select_digit(digits: list[UsbDigit], serial: str) -> UsbDigit:
             f"serial: {len(matching)} DIGITs carry the serial {serial} ({listing}). "
             "Set `video_device` to the one to use, e.g. a path below /dev/v4l/by-path."
         )
-    raise InputError(
-        f"serial: {len(matching)} DIGITs are plugged in ({listing}). Set `serial` to the one to use."
-    )
+    raise InputError(f"serial: {len(matching)} DIGITs are plugged in ({listing}). Set `serial` to the one to use.")
 
 
 def find_by_node(node: Path, digits: list[UsbDigit]) -> UsbDigit | None:

@@ -29,11 +29,13 @@ class HealthReport:
         level: the worst of all findings.
         message: the findings, worst first.
         values: figures by name, as text.
+        uneven: the finding about stamps that are not evenly spaced, which no image shows; empty without one.
     """
 
     level: Level
     message: str
     values: dict[str, str] = field(default_factory=dict)
+    uneven: str = ""
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,16 @@ class Evidence:
         rate: measured frames per second, None while that is not known.
         backward: stamps that did not advance.
         image: state of the newest image, None before the first.
+        jitter: how far stamps are from even spacing, seconds; None while that is not known.
+        jitter_limit: how far they may be, seconds.
     """
 
     reader: ReaderStatus
     rate: float | None
     backward: int
     image: ImageReport | None
+    jitter: float | None
+    jitter_limit: float
 
 
 def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
@@ -58,7 +64,7 @@ def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
     findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
     level = findings[0][0] if findings else Level.OK
     message = "; ".join(text for _, text in findings) or _quiet_message(evidence.reader.state)
-    return HealthReport(level, message, _values(evidence, clock))
+    return HealthReport(level, message, _values(evidence, clock), _uneven(evidence))
 
 
 def _quiet_message(state: ReaderState) -> str:
@@ -80,9 +86,24 @@ def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
         findings.append((Level.WARN, f"{evidence.rate:.1f} frames/s instead of {reader.info.fps:g}"))
     if evidence.backward:
         findings.append((Level.WARN, f"{evidence.backward} time stamps did not advance"))
+    if uneven := _uneven(evidence):
+        findings.append((Level.WARN, uneven))
     if evidence.image is not None and evidence.image.problem:
         findings.append((Level.WARN, evidence.image.problem))
     return findings
+
+
+def _uneven(evidence: Evidence) -> str:
+    reader = evidence.reader
+    # a recording may have been made of uneven frames
+    if reader.state is not ReaderState.STREAMING or not reader.info.live or evidence.jitter is None:
+        return ""
+    if evidence.jitter <= evidence.jitter_limit:
+        return ""
+    return (
+        f"time stamps are uneven by {1e3 * evidence.jitter:.1f} ms (limit {1e3 * evidence.jitter_limit:g} ms); "
+        "check use_buffer_timestamps and the load of this computer"
+    )
 
 
 def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
@@ -104,6 +125,8 @@ def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
         values["expected_fps"] = f"{reader.info.fps:g}"
     if evidence.rate is not None:
         values["fps"] = f"{evidence.rate:.2f}"
+    if evidence.jitter is not None:
+        values["stamp_jitter_s"] = f"{evidence.jitter:.6f}"
     if evidence.image is not None:
         values["image_mean"] = f"{evidence.image.mean:.1f}"
         values["image_saturated"] = f"{evidence.image.saturated:.3f}"

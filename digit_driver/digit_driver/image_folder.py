@@ -28,9 +28,7 @@ class ImageFolder(Playback):
         fps, loop, clock: see Playback.
     """
 
-    def __init__(
-        self, path: Path, fps: float = 0.0, loop: bool = True, clock: MonotonicClock | None = None
-    ) -> None:
+    def __init__(self, path: Path, fps: float = 0.0, loop: bool = True, clock: MonotonicClock | None = None) -> None:
         super().__init__(fps, loop, clock)
         self._path = path
         self._files: list[Path] = []

@@ -14,9 +14,7 @@ def scaled_levels(intensity: int, rgb: list[int]) -> tuple[int, int, int]:
         InputError: a value is out of range or there are not three of them.
     """
     if len(rgb) != 3 or any(not 0 <= level <= MAX_LEVEL for level in rgb):
-        raise InputError(
-            f"intensity_rgb: needs three levels in 0...{MAX_LEVEL} (red, green, blue), got {list(rgb)}"
-        )
+        raise InputError(f"intensity_rgb: needs three levels in 0...{MAX_LEVEL} (red, green, blue), got {list(rgb)}")
     if not 0 <= intensity <= MAX_LEVEL:
         raise InputError(f"intensity: must be in 0...{MAX_LEVEL}, got {intensity}")
     red, green, blue = (round(level * intensity / MAX_LEVEL) for level in rgb)

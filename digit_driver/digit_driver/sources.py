@@ -11,9 +11,7 @@ from .v4l2_device import V4l2Digit, V4l2Settings
 from .video_file import VideoFile
 
 
-def make_source(
-    device: V4l2Settings, replay_path: str = "", fps: float = 0.0, loop: bool = True
-) -> FrameSource:
+def make_source(device: V4l2Settings, replay_path: str = "", fps: float = 0.0, loop: bool = True) -> FrameSource:
     """A DIGIT if ``replay_path`` is empty, else the recording there: a folder of images or a video.
 
     Raises:
@@ -26,6 +24,4 @@ def make_source(
         return ImageFolder(path, fps, loop)
     if path.is_file():
         return VideoFile(path, fps, loop)
-    raise InputError(
-        f"replay_path: {path} does not exist; give an image folder, a YCB-Slide sequence or a video"
-    )
+    raise InputError(f"replay_path: {path} does not exist; give an image folder, a YCB-Slide sequence or a video")

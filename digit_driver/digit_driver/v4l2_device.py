@@ -61,9 +61,7 @@ class V4l2Settings:
         rates = MODES[self.resolution][2]
         if self.fps not in rates:
             allowed = " or ".join(map(str, rates))
-            raise InputError(
-                f"fps: a DIGIT gives {allowed} frames per second at {self.resolution}, got {self.fps}"
-            )
+            raise InputError(f"fps: a DIGIT gives {allowed} frames per second at {self.resolution}, got {self.fps}")
 
 
 class V4l2Digit(FrameSource):
@@ -236,9 +234,7 @@ class V4l2Digit(FrameSource):
         except DeviceError as error:
             return [str(error)]
         if self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB:
-            return [
-                f"firmware {self._firmware} cannot set the LEDs one by one (needs {FIRST_FIRMWARE_WITH_RGB})"
-            ]
+            return [f"firmware {self._firmware} cannot set the LEDs one by one (needs {FIRST_FIRMWARE_WITH_RGB})"]
         return []
 
     def _start_streaming(self) -> None:

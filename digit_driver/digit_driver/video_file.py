@@ -23,9 +23,7 @@ class VideoFile(Playback):
         fps, loop, clock: see Playback. A file without a rate is played at 30 frames per second.
     """
 
-    def __init__(
-        self, path: Path, fps: float = 0.0, loop: bool = True, clock: MonotonicClock | None = None
-    ) -> None:
+    def __init__(self, path: Path, fps: float = 0.0, loop: bool = True, clock: MonotonicClock | None = None) -> None:
         super().__init__(fps, loop, clock)
         self._path = path
         self._capture: cv2.VideoCapture | None = None
@@ -41,9 +39,7 @@ class VideoFile(Playback):
             first = None
         if first is None:
             self.close()
-            raise InputError(
-                f"{self._path} cannot be decoded as a video: give e.g. an .mp4, or a folder of images"
-            )
+            raise InputError(f"{self._path} cannot be decoded as a video: give e.g. an .mp4, or a folder of images")
         fps = self._capture.get(cv2.CAP_PROP_FPS)
         self._rewind()
         return str(self._path), fps if fps > 0.0 else FALLBACK_FPS

@@ -42,6 +42,7 @@ class FakeDigit:
     granted_fps: int | None = None
     stamp_flags: int = v4l2.BUF_FLAG_TIMESTAMP_MONOTONIC
     stamp_shift_ns: int = 0
+    uneven_ns: int = 0  # by up to which stamps are too old, each by another amount
     skip_sequence: int = 0
     hanging: threading.Event | None = None
     picture: bytes | None = None
@@ -193,7 +194,8 @@ def _dequeue_buffer(descriptor: _Descriptor, buffer: v4l2.Buffer) -> None:
     index = descriptor.queue.pop(0)
     descriptor.buffers[index][: len(data)] = data
     camera.last_stamp_ns = time.monotonic_ns() // 1000 * 1000 - 3_000_000
-    seconds, rest = divmod(camera.last_stamp_ns + camera.stamp_shift_ns, 1_000_000_000)
+    stamp_ns = camera.last_stamp_ns + camera.stamp_shift_ns - camera.sequence * 59 % 97 * camera.uneven_ns // 97
+    seconds, rest = divmod(stamp_ns, 1_000_000_000)
     buffer.index, buffer.bytesused, buffer.sequence = index, len(data), camera.sequence
     buffer.timestamp.tv_sec, buffer.timestamp.tv_usec = seconds, rest // 1000
     buffer.flags = camera.stamp_flags | (v4l2.BUF_FLAG_ERROR if camera.damaged else 0)

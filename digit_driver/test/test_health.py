@@ -17,7 +17,7 @@ SECOND = 1_000_000_000
 INFO = SourceInfo("/dev/video0", "D20001", 240, 320, 60.0, live=True)
 STREAMING = ReaderStatus(ReaderState.STREAMING, INFO)
 GOOD = ImageReport(mean=90.0, saturated=0.0, repeats=0, problem="")
-NORMAL = Evidence(STREAMING, 60.0, 0, GOOD)
+NORMAL = Evidence(STREAMING, 60.0, 0, GOOD, jitter=0.001, jitter_limit=0.005)
 
 
 def test_rate_is_known_after_one_window_and_falls_when_frames_cease() -> None:
@@ -85,6 +85,7 @@ def test_healthy_stream_is_ok_with_its_figures() -> None:
     assert (report.level, report.message) == (Level.OK, "streaming")
     assert report.values["fps"] == "60.00"
     assert report.values["source"] == "/dev/video0"
+    assert report.values["stamp_jitter_s"] == "0.001000"
     assert float(report.values["clock_offset_s"]) != 0.0
     assert all(isinstance(value, str) for value in report.values.values())
 
@@ -96,6 +97,10 @@ def test_healthy_stream_is_ok_with_its_figures() -> None:
         ({"rate": 55.0}, Level.OK, "streaming"),
         ({"rate": None}, Level.OK, "streaming"),
         ({"backward": 2}, Level.WARN, "did not advance"),
+        ({"jitter": 0.0061}, Level.WARN, "uneven by 6.1 ms (limit 5 ms)"),
+        ({"jitter": None}, Level.OK, "streaming"),
+        ({"jitter": 0.1, "reader": replace(STREAMING, info=replace(INFO, live=False))}, Level.OK, "streaming"),
+        ({"jitter": 0.1, "reader": ReaderStatus(ReaderState.STOPPED, INFO)}, Level.OK, "capture is off"),
         ({"image": replace(GOOD, problem="image black")}, Level.WARN, "image black"),
         (
             {"reader": replace(STREAMING, info=replace(INFO, warnings=("firmware 150",)))},
@@ -118,6 +123,7 @@ def test_verdicts(changes, level, words) -> None:
     report = assess(replace(NORMAL, **changes), ClockOffset())
     assert report.level == level
     assert words in report.message
+    assert bool(report.uneven) == ("uneven" in words)
 
 
 def test_monitor_stamps_in_wall_time_and_forgets_at_reconnection() -> None:
@@ -130,14 +136,21 @@ def test_monitor_stamps_in_wall_time_and_forgets_at_reconnection() -> None:
     clock = Clock()
     offset = ClockOffset(monotonic_ns=clock.now_ns, wall_ns=lambda: clock.now + 1234 * SECOND)
     monitor = StreamMonitor(clock, offset)
-    assert monitor.report(ReaderStatus()).level == Level.OK
+    assert monitor.report(ReaderStatus(), 0.005).level == Level.OK
     monitor.opened(INFO)
     rng = np.random.default_rng(4)
     for i in range(61):
         clock.now = 10 * SECOND + i * SECOND // 60
         assert monitor.stamp(Frame(noisy(rng), clock.now, i)) == clock.now + 1234 * SECOND
-    assert monitor.report(STREAMING).values["fps"] == "60.00"
+    assert monitor.report(STREAMING, 0.005).values["fps"] == "60.00"
+    assert float(monitor.report(STREAMING, 0.005).values["stamp_jitter_s"]) < 1e-6
+    for i in range(120):  # every other image is stamped 6 ms late
+        clock.now += SECOND // 60 + (6_000_000 if i % 2 else -6_000_000)
+        monitor.stamp(Frame(noisy(rng), clock.now, 61 + i))
+    assert "uneven" in monitor.report(STREAMING, 0.005).message
+    assert monitor.report(STREAMING, 0.013).message == "streaming"
     clock.now += 5 * SECOND
-    assert monitor.report(STREAMING).level == Level.WARN
+    assert monitor.report(STREAMING, 0.005).level == Level.WARN
     monitor.opened(INFO)
-    assert monitor.report(STREAMING).level == Level.OK
+    assert monitor.report(STREAMING, 0.005).level == Level.OK
+    assert "stamp_jitter_s" not in monitor.report(STREAMING, 0.005).values

@@ -17,9 +17,7 @@ def test_intensity_scales_the_colour() -> None:
     assert scaled_levels(7, [15, 15, 0]) == (7, 7, 0)
 
 
-@pytest.mark.parametrize(
-    ("intensity", "rgb"), [(16, [15] * 3), (-1, [15] * 3), (15, [15, 15]), (15, [0, 0, 16])]
-)
+@pytest.mark.parametrize(("intensity", "rgb"), [(16, [15] * 3), (-1, [15] * 3), (15, [15, 15]), (15, [0, 0, 16])])
 def test_impossible_levels_are_refused(intensity, rgb) -> None:
     with pytest.raises(InputError, match=r"0\.\.\.15"):
         scaled_levels(intensity, rgb)

@@ -45,9 +45,7 @@ NUMBERS = [name for name in vars(v4l2) if name.startswith("VIDIOC_")] + [
 ]
 
 
-@pytest.mark.skipif(
-    not shutil.which("cc") or not HEADER.exists(), reason="needs a C compiler and kernel headers"
-)
+@pytest.mark.skipif(not shutil.which("cc") or not HEADER.exists(), reason="needs a C compiler and kernel headers")
 def test_structures_and_numbers_equal_the_kernels(tmp_path: Path) -> None:
     expressions = [f"sizeof(struct {name})" for name in STRUCTURES]
     expressions += [f"offsetof(struct {name}, {member})" for name, member in OFFSETS]
@@ -55,8 +53,7 @@ def test_structures_and_numbers_equal_the_kernels(tmp_path: Path) -> None:
     prints = "\n".join(f'printf("%lu\\n", (unsigned long)({expression}));' for expression in expressions)
     source = tmp_path / "probe.c"
     source.write_text(
-        "#include <stddef.h>\n#include <stdio.h>\n#include <linux/videodev2.h>\n"
-        f"int main(void) {{ {prints} }}"
+        f"#include <stddef.h>\n#include <stdio.h>\n#include <linux/videodev2.h>\nint main(void) {{ {prints} }}"
     )
     subprocess.run(["cc", source, "-o", tmp_path / "probe"], check=True)
     probe = subprocess.run([tmp_path / "probe"], check=True, capture_output=True, text=True)

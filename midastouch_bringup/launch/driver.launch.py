@@ -2,11 +2,9 @@
 
 from launch import LaunchDescription
 
-from midastouch_bringup.ros.launch_parts import COMMON, declare, start
+from midastouch_bringup.ros.launch_parts import declare, start
 
 
 def generate_launch_description() -> LaunchDescription:
     """Node `digit_driver`."""
-    return LaunchDescription(
-        [*declare(*COMMON, "serial", "autostart", "sensor_prefix"), start("digit_driver", "digit_driver")]
-    )
+    return LaunchDescription([*declare("driver"), *start("driver")])

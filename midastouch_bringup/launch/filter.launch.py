@@ -2,14 +2,9 @@
 
 from launch import LaunchDescription
 
-from midastouch_bringup.ros.launch_parts import COMMON, declare, start
+from midastouch_bringup.ros.launch_parts import declare, start
 
 
 def generate_launch_description() -> LaunchDescription:
     """Node `particle_filter`."""
-    return LaunchDescription(
-        [
-            *declare(*COMMON, "object", "mesh", "codebook", "init_mode", "seed", "tf_prefix", "sensor_prefix"),
-            start("midastouch_filter", "particle_filter"),
-        ]
-    )
+    return LaunchDescription([*declare("filter"), *start("filter")])

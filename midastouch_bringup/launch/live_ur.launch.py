@@ -2,12 +2,11 @@
 
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
-from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
-from midastouch_bringup.ros.launch_parts import COMMON, declare, include, start
+from midastouch_bringup.ros.launch_parts import declare, start, when
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -19,20 +18,6 @@ def generate_launch_description() -> LaunchDescription:
             **{name: LaunchConfiguration(name) for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")},
             "launch_rviz": "false",
         }.items(),
-        condition=IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver")),
+        condition=when(("arm", "ur_driver")),
     )
-    rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
-    return LaunchDescription(
-        [
-            *declare(*COMMON, "serial", "autostart", "composed", "background"),
-            *declare("object", "mesh", "codebook", "init_mode", "seed"),
-            *declare("arm", "robot_ip", "ur_type", "use_mock_hardware", "tf_prefix", "frames_file", "tool_frame"),
-            *declare("sensor_prefix", "use_rviz", "rviz_config"),
-            ur_driver,
-            start("midastouch_bringup", "ur_tf", condition=rtde),
-            include("mount"),
-            include("driver"),
-            include("localization"),
-            include("rviz", condition=IfCondition(LaunchConfiguration("use_rviz"))),
-        ]
-    )
+    return LaunchDescription([*declare("live_ur"), ur_driver, *start("live_ur")])

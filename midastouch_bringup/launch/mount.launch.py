@@ -5,7 +5,8 @@ from launch.substitutions import Command, LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import SHARE, declare
+from midastouch_bringup.ros.launch_arguments import SHARE
+from midastouch_bringup.ros.launch_parts import declare
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -21,7 +22,7 @@ def generate_launch_description() -> LaunchDescription:
     description = ParameterValue(Command(xacro), value_type=str)
     return LaunchDescription(
         [
-            *declare("namespace", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix"),
+            *declare("mount"),
             Node(
                 package="robot_state_publisher",
                 executable="robot_state_publisher",
@@ -29,6 +30,9 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 parameters=[{"robot_description": description}],
                 remappings=[("robot_description", "digit_description")],
+                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+                respawn=LaunchConfiguration("use_respawn"),
+                respawn_delay=2.0,
             ),
         ]
     )

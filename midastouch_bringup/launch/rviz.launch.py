@@ -12,7 +12,7 @@ def generate_launch_description() -> LaunchDescription:
     """RViz in the namespace, so that the relative topics of the configuration are the namespace's."""
     return LaunchDescription(
         [
-            *declare("namespace", "use_sim_time", "rviz_config"),
+            *declare("rviz"),
             Node(
                 package="rviz2",
                 executable="rviz2",

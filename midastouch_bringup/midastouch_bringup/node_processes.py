@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
 _GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
 _TAIL_LINES = 15
+_PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
 
 
 class NodeFailed(RuntimeError):
@@ -92,17 +95,8 @@ class NodeProcesses:
                 raise NodeFailed(f"{executable} ended too early; the end of its log:\n{self._tail(executable)}")
 
     def stop(self) -> None:
-        """End all processes: SIGINT first, stronger signals for those that do not go."""
-        for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), _GRACE_S, strict=True):
-            left = [process for process in self._processes.values() if process.poll() is None]
-            for process in left:
-                process.send_signal(number)
-            deadline = time.monotonic() + grace
-            for process in left:
-                try:
-                    process.wait(max(0.0, deadline - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    continue
+        """End all processes."""
+        end(self._processes.values())
 
     def _log(self, executable: str) -> Path:
         return self._folder / f"{executable}.log"
@@ -112,9 +106,38 @@ class NodeProcesses:
         return "\n".join("  " + line for line in lines[-_TAIL_LINES:]) or "  (empty)"
 
 
+def end(
+    processes: Iterable[subprocess.Popen],
+    await_ends: Callable[[list[subprocess.Popen], float], None] | None = None,
+) -> None:
+    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go.
+
+    await_ends(processes, seconds) returns once all of them have ended, or after so long.
+    """
+    processes = list(processes)
+    for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), _GRACE_S, strict=True):
+        left = [process for process in processes if process.poll() is None]
+        for process in left:
+            process.send_signal(number)
+        if left:
+            (await_ends or _await_ends)(left, grace)
+
+
+def _await_ends(processes: list[subprocess.Popen], seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    for process in processes:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(max(0.0, deadline - time.monotonic()))
+
+
 def find_executable(name: str) -> str:
-    """Path of one of our executables: beside this Python or on PATH; InputError with the mend otherwise."""
-    beside = shutil.which(name, path=str(Path(sys.executable).parent))
-    if found := beside or shutil.which(name):
+    """Path of one of our executables: in a colcon install, beside this Python, or on PATH.
+
+    Raises InputError with the mend when there is none.
+    """
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    installed = [str(Path(prefix, "lib", package)) for prefix in prefixes for package in _PACKAGES]
+    ours = [*installed, str(Path(sys.executable).parent)]
+    if found := shutil.which(name, path=os.pathsep.join(ours)) or shutil.which(name):
         return found
     raise InputError(f"executable '{name}' is not installed; run make, or build and source the workspace")

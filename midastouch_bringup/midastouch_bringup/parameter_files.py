@@ -45,9 +45,7 @@ def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:
 def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
     """The parameter file of nodes in `namespace`: keys are full names, as rclpy wants them there."""
     prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
-    return yaml.safe_dump(
-        {prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
-    )
+    return yaml.safe_dump({prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()})
 
 
 def _flat(values: Mapping, prefix: str = "") -> dict:

@@ -125,6 +125,7 @@ def make_trial():
             "hz_mean": 50.0,
             "hz_p05": 40.0,
             "ms": {"tdn": 2.0, "tcn": 1.0, "filter": filter_ms},
+            "filter_cpu_ms": filter_ms,
             "filter_stages_ms": {"motion": 1.0},
             "coverage": dict.fromkeys(KINDS, counts),
         } | changes

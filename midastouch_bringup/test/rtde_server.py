@@ -21,8 +21,8 @@ TYPES = {
 POSE = [0.3, -0.2, 0.4, 0.1, 2.6, -0.2]
 RECIPE = 1
 PERIOD = 0.008
-# Packages. ur-rtde returns from its constructor up to 0.55 s after the start: a connection shorter than that would never
-# be seen alive.
+# Packages. ur-rtde returns from its constructor up to 0.55 s after the start: a connection shorter than that would
+# never be seen alive.
 FAULTY_AFTER = 125
 FAULTS = ("old protocol", "unknown output", "refused start", "drop", "cut", "stall", "bursts")
 

@@ -142,7 +142,7 @@ def _carry_out(name, given, started, ran):
                 started[package.args[0], "/".join(inside)] = arguments
         elif kind == "ExecuteProcess":
             program, *arguments = action.kwargs["cmd"]
-            assert (program.args[1], program.args[0]) in executables()
+            assert (program.args[1], program.args[0]) in executables_of_setup_py()
             ran.append(arguments)
         elif kind == "RegisterEventHandler":
             # as if the process it waits for had ended well
@@ -155,7 +155,7 @@ def _carry_out(name, given, started, ran):
             raise AssertionError(f"{kind} is not known to this test")
 
 
-def executables():
+def executables_of_setup_py():
     """(package, executable) of every entry point in the setup.py files."""
     found = set()
     for package in OURS:
@@ -210,8 +210,8 @@ def test_a_launch_file_declares_whatever_its_includes_need(name):
 def test_our_nodes_have_entry_points_and_parameters_of_existing_nodes(name):
     started = carry_out(name, bag="/somewhere", arm="rtde") if name == "live_ur" else carry_out(name)
     ours = {key: kwargs for key, kwargs in started.items() if key[0] in OURS}
-    assert set(ours) <= executables()
-    nodes = {f"/{executable}" for _, executable in executables()}
+    assert set(ours) <= executables_of_setup_py()
+    nodes = {f"/{executable}" for _, executable in executables_of_setup_py()}
     for kwargs in ours.values():
         assert set(parameters(kwargs)) <= nodes
 
@@ -235,6 +235,25 @@ def test_live_starts_the_chain_and_no_arm_unless_asked():
     assert arguments["robot_ip"] == "10.0.0.7"
     assert arguments["ur_type"] == "ur10e"
     assert arguments["launch_rviz"] == "false"
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize("arm", ["running", "rtde"])
+@pytest.mark.parametrize("name", FILES)
+def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, monkeypatch):
+    from midastouch_bringup.ros.setups import SETUPS, executables
+
+    monkeypatch.chdir(tmp_path)
+    setup = SETUPS[name]
+    given = setup.values() | {"composed": composed, "arm": arm}
+    started = carry_out(name, **{key: value for key, value in given.items() if key in setup.arguments})
+    # PyPI has neither: a node of ours has the same TF, and midastouch view shows the same
+    instead = {"robot_state_publisher": {"mount_tf"}, "rviz2": set()}
+    expected = set().union(*(instead.get(one, {one}) for one in names(started)))
+    ran = list(executables(name, given))
+    assert {one.name for one in ran} == expected
+    assert {(one.package, one.name) for one in ran} <= executables_of_setup_py()
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -370,6 +389,15 @@ def test_respawn_and_log_level():
     assert kwargs["respawn"] is True
     assert kwargs["arguments"] == ["--ros-args", "--log-level", "debug"]
     assert carry_out("driver")["digit_driver", "digit_driver"]["respawn"] is False
+    # a recording that has ended has not died
+    assert carry_out("replay", use_respawn="true")["midastouch_bringup", "replay"]["respawn"] is False
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize(("argument", "value"), [("rate", "fast"), ("seed", "1.5"), ("seed", "[1]")])
+def test_values_of_the_wrong_type_are_refused(argument, value):
+    with pytest.raises(InputError, match=f"{argument}:=.*: not of type"):
+        carry_out("replay", **{argument: value})
 
 
 @pytest.mark.skipif(not REAL_LAUNCH, reason="ROS 2's launch and launch_ros are not installed")

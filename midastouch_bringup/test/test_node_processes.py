@@ -99,5 +99,14 @@ def test_a_missing_executable_names_the_mend(tmp_path):
         NodeProcesses(tmp_path, 37).start("no_such_node", Path("p.yaml"))
 
 
+def test_those_of_a_sourced_workspace_come_first(tmp_path, monkeypatch):
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
+    ours = tmp_path / "lib" / "midastouch_filter" / "python3"
+    ours.parent.mkdir(parents=True)
+    ours.write_text("#!/bin/sh\n")
+    ours.chmod(0o755)
+    assert find_executable("python3") == str(ours)
+
+
 def test_executables_beside_python_are_found():
     assert Path(find_executable("python3")).exists()

@@ -25,6 +25,7 @@ _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is
 # a start a millimetre off is not all outliers (graduated non-convexity, Blake and Zisserman 1987)
 _OUTLIER = (2e-3, 2e-3, 1e-3, 1e-3, 5e-4, 5e-4, 3e-4, 3e-4)
 _SMALL_STEP = 5e-5, 2e-3  # m, rad: no second iteration at the same width after one this small
+_NEAR = 0.9  # fit at a width, beyond which a second iteration at the same tells no more
 _STEEPEST = 3.0  # slope beyond which a finite difference across a silhouette says nothing
 
 
@@ -105,6 +106,8 @@ def _descend(pose, prior, relief, information, widths, scene, tangents, gel_dept
         hessian, gradient, cost, fit = _accumulate(
             rendered[0], relief, tangents[0], tangents[1], gel_depth, distance, _MARGIN, outlier
         )
+        if fit > _NEAR and not last:
+            settled = outlier
         hessian *= information
         gradient *= information
         if last:

@@ -38,20 +38,21 @@ class Mode:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Answer of one step: modes, heaviest first (none while uninitialised), and status."""
+    """Answer of one step.
+
+    modes, heaviest first (none while uninitialised); status; covariance (6, 6) of the whole belief about the dominant
+    mode's pose, in the order and axes of `Mode.covariance`: while several places compete, the distance between them is
+    part of it. None while uninitialised.
+    """
 
     modes: list[Mode]
     status: Status
+    covariance: np.ndarray | None = None
 
     @property
     def pose(self) -> np.ndarray | None:
         """`T_obj_gel` (4, 4) of the dominant mode; None while uninitialised."""
         return self.modes[0].pose if self.modes else None
-
-    @property
-    def covariance(self) -> np.ndarray | None:
-        """Covariance (6, 6) of the dominant mode, as `Mode.covariance`; None while uninitialised."""
-        return self.modes[0].covariance if self.modes else None
 
 
 def modes_from_moments(m: Moments) -> list[Mode]:

@@ -19,6 +19,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from . import gates, initialisation, kld, resampling
+from .belief import covariance_about
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
 from .fingers import Evidence as FingerEvidence
@@ -101,6 +102,7 @@ class ParticleFilter:
             "whole_book": gates.OccupiedGate(),
             "unmoved_modes": gates.UnmovedGate(),
             "wide_modes": gates.WideGate(),
+            "unrivalled": gates.UnrivalledGate(),
         }
         self._refused: Counter[str] = Counter()
         self._state = StateMachine(c)
@@ -440,6 +442,8 @@ class ParticleFilter:
         narrow = [mode for mode in self._modes if self._refinement.is_narrow(mode)]
         if not narrow or narrow[0] is not self._modes[0]:
             return
+        if self._gates["unrivalled"].skips(len(narrow) == 1 and self._hindsight.rests):
+            return
         comparison = self._hindsight.compare([mode.pose for mode in narrow[: self.config.refined_modes]])
         if comparison is not None:
             self._believe(comparison)
@@ -515,7 +519,12 @@ class ParticleFilter:
                 spread_r=dominant.spread_rotation,
             )
         )
-        return Estimate(self._answers, self._status())
+        return Estimate(self._answers, self._status(), self._covariance())
+
+    def _covariance(self) -> np.ndarray:
+        """Of the whole belief about the published pose."""
+        others = self._mode_finder.members(self._particles) != 0
+        return covariance_about(self._answers[0], others, self._particles, self._weights)
 
     def _status(self) -> Status:
         skipped = {name: gate.skipped for name, gate in self._gates.items()} | dict(self._refused)

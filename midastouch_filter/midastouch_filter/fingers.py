@@ -125,7 +125,7 @@ class Fingers:
 
     @staticmethod
     def count(used: Sequence[Evidence]) -> float:
-        """Their evidence was used: the paths to the next touches start here. Returns the largest share of those that touch."""
+        """Their evidence was used: the paths to the next touches start here; the largest share of those that touch."""
         for each in used:
             each.finger.count()
         return max((each.share for each in used if each.code is not None), default=0.0)

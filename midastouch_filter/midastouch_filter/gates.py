@@ -99,3 +99,10 @@ class WideGate(Gate):
 
     def skips(self, none_narrow: bool) -> bool:
         return self.count(none_narrow)
+
+
+class UnrivalledGate(Gate):
+    """The last replays refuted every rival of the one mode: the next can wait longer."""
+
+    def skips(self, unrivalled: bool) -> bool:
+        return self.count(unrivalled)

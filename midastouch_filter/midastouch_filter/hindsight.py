@@ -25,7 +25,7 @@ from .joint_alignment import FeltRelief, align_in_turn, carried
 from .lookup import ROTATION_SCALE, PoseLookup
 
 _FEWEST = 6  # touches that a replay needs to say anything
-_ANEW = 3  # further touches after which it is worth another one
+_ANEW, _RARELY = 3, 12  # further touches after which it is worth another one; after some that all found no rival
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _SHORTLIST = 150  # best entries of each touch, of all fingers, that are carried to the present as candidates
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
@@ -56,6 +56,11 @@ class Comparison:
 
     places: list[Place]
     exhaustive: bool
+
+    @property
+    def unrivalled(self) -> bool:
+        """Whether all places but the best are refuted."""
+        return self.exhaustive and all(place.log_odds <= -_HOPELESS for place in self.places[1:])
 
 
 @dataclass(frozen=True)
@@ -112,13 +117,18 @@ class Hindsight:
         self._motion = np.eye(4)
         self._path = np.inf
         self._touches: deque[_Kept] = deque(maxlen=self._config.hindsight_touches)
-        self._since_replay = _FEWEST
+        self._since_replay, self._patience = _FEWEST, _ANEW
         self._replay: Iterator[Comparison | None] | None = None
 
     def moved(self, transform: np.ndarray, path: float) -> None:
         """The sensor moved by `transform` (4, 4), which counts as `path` [m]."""
         self._motion = self._motion @ transform
         self._path += path
+
+    @property
+    def rests(self) -> bool:
+        """Whether no replay is under way, and none is worth it yet because the last ones found no rival."""
+        return self._replay is None and _ANEW <= self._since_replay < self._patience
 
     @property
     def due(self) -> bool:
@@ -138,14 +148,17 @@ class Hindsight:
         modes: poses (4, 4) of the filter's own modes at present. All of them are among the places, the refuted ones
         with odds of -12 or less; the others are their rivals.
         """
+        if len(modes) > 1:
+            self._patience = _ANEW
         if self._replay is None:
-            if len(self._touches) < _FEWEST or self._since_replay < _ANEW:
+            if self.rests or len(self._touches) < _FEWEST or self._since_replay < _ANEW:
                 return None
             self._since_replay = 0
             self._replay = self._replayed(modes)
         found = next(self._replay)
         if found is not None:
             self._replay = None
+            self._patience = min(2 * self._patience, _RARELY) if found.unrivalled else _ANEW
         return found
 
     # ------------------------------------------------------------------ replay

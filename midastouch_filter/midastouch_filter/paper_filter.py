@@ -210,7 +210,7 @@ class PaperFilter:
         )
         n = len(self._particles)
         status = Status(state, reason, n, float(n), len(self._modes), mass, spread_t, spread_r, ms=watch.ms)
-        return Estimate(self._modes, status)
+        return Estimate(self._modes, status, dominant.covariance if dominant else None)
 
 
 def _six_vectors(particles: Particles) -> np.ndarray:

@@ -52,7 +52,7 @@ class Insertion(enum.Enum):
 
     ADDED = "added"
     DUPLICATE = "duplicate"  # the edge already has one at this stamp: the first is kept, as in tf2
-    TIME_JUMP = "time jump"  # time ran backwards (a looped bag): all moving edges were forgotten first
+    TIME_JUMP = "time jump"  # its edge's time ran backwards (a looped bag): what came before was forgotten
 
 
 class _Edge:
@@ -105,8 +105,9 @@ class TransformBuffer:
         """Store T_parent_child, a (4, 4) matrix or [x y z qx qy qz qw], metres.
 
         A static transform holds at every stamp and replaces the one before it. A child that changes its
-        parent starts a new history. Raises InvalidTransformError on non-finite values, on a quaternion whose
-        norm is not 1 (zero included), on empty or equal frame names and on what would close a loop.
+        parent, or whose time jumps back, starts a new history. Raises InvalidTransformError on non-finite
+        values, on a quaternion whose norm is not 1 (zero included), on empty or equal frame names and on what
+        would close a loop.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
         if not parent or not child or parent == child:
@@ -124,7 +125,6 @@ class TransformBuffer:
                 edge = self._edges[child] = _Edge(parent, static)
             outcome = Insertion.ADDED
             if edge.stamps and stamp_ns < edge.stamps[-1] - self._jump:
-                self._forget_moving_edges()
                 edge = self._edges[child] = _Edge(parent, static)
                 outcome = Insertion.TIME_JUMP
             return outcome if edge.insert(stamp_ns, pose, self._history) else Insertion.DUPLICATE
@@ -155,10 +155,7 @@ class TransformBuffer:
     def clear(self) -> None:
         """Forget the moving transforms; static ones are sent only once and are kept."""
         with self._lock:
-            self._forget_moving_edges()
-
-    def _forget_moving_edges(self) -> None:
-        self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+            self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, ... up to its root; finite because `insert` refuses loops."""

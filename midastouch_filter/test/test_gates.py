@@ -64,3 +64,10 @@ def test_unmoved():
     gate = gates.UnmovedGate()
     assert gate.skips(touched=False)
     assert not gate.skips(touched=True)
+
+
+def test_unrivalled():
+    gate = gates.UnrivalledGate()
+    assert gate.skips(unrivalled=True)
+    assert not gate.skips(unrivalled=False)
+    assert gate.skipped == 1

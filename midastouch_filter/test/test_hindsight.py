@@ -34,7 +34,7 @@ class Slide:
 
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
-        hindsight = Hindsight(self.lookup, self.book, self.alignment, CONFIG)
+        self.hindsight = hindsight = Hindsight(self.lookup, self.book, self.alignment, CONFIG)
         hindsight.restart(prior)
         self.answered = 0
         for k, relief in enumerate(self.reliefs):
@@ -137,3 +137,26 @@ def test_distances_are_continuous_at_half_turns():
     poses = [se3.exp(np.array([0, 0, 0, 0, 0, angle])) for angle in (np.pi - 0.01, np.pi, np.pi + 0.01)]
     for a, b in pairwise(poses):
         assert pose_distance(a, b) < 2e-4
+
+
+def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
+    truth = uneven.truth[-1]
+    uneven.run([np.eye(4)], [truth])
+    log_ratio = np.zeros(len(uneven.book))
+    rested = []
+    for _ in range(6):
+        uneven.hindsight.keep(log_ratio, uneven.reliefs[-1])
+        rested.append(uneven.hindsight.rests)
+    assert rested == [False, False, True, True, True, False]
+    uneven.hindsight.compare([truth])
+    assert not uneven.hindsight.rests
+
+
+def test_a_rival_ends_the_wait(uneven):
+    truth = uneven.truth[-1]
+    uneven.run([np.eye(4)], [truth])
+    for _ in range(3):
+        uneven.hindsight.keep(np.zeros(len(uneven.book)), uneven.reliefs[-1])
+    assert uneven.hindsight.rests
+    uneven.hindsight.compare([truth, HALF_TURN @ truth])
+    assert not uneven.hindsight.rests

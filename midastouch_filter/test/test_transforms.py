@@ -146,17 +146,28 @@ def test_duplicates_keep_the_first_and_late_ones_are_sorted_in():
     np.testing.assert_allclose(buffer.lookup("base", "gel", 5 * SECOND // 4), middle, atol=1e-12)
 
 
-def test_backward_jump_of_time_forgets_moving_edges_only():
+def test_backward_jump_of_time_begins_the_history_of_that_edge_anew():
+    buffer = TransformBuffer()
+    mount = random_transforms(1, 1)[0]
+    moving(buffer, "base", "gel", [IDENTITY] * 30)
+    moving(buffer, "base", "other", [IDENTITY] * 30)
+    newest = buffer.latest_common_stamp("base", "other")
+    assert buffer.insert("base", "gel", SECOND, mount) is Insertion.TIME_JUMP
+    np.testing.assert_allclose(buffer.lookup("base", "gel", SECOND), mount, atol=1e-12)
+    with pytest.raises(FutureExtrapolationError):
+        buffer.lookup("base", "gel", newest)
+    np.testing.assert_array_equal(buffer.lookup("base", "other", newest), IDENTITY)
+
+
+def test_clearing_keeps_what_is_static():
     buffer = TransformBuffer()
     mount = random_transforms(1, 1)[0]
     buffer.insert("gel", "camera", 0, mount, static=True)
     moving(buffer, "base", "gel", [IDENTITY] * 30)
-    moving(buffer, "base", "other", [IDENTITY] * 30)
-    assert buffer.insert("base", "gel", SECOND, mount) is Insertion.TIME_JUMP
-    np.testing.assert_allclose(buffer.lookup("base", "gel", SECOND), mount, atol=1e-12)
+    buffer.clear()
     np.testing.assert_allclose(buffer.lookup("gel", "camera", SECOND), mount, atol=1e-12)
     with pytest.raises(UnknownFrameError):
-        buffer.lookup("base", "other", SECOND)
+        buffer.lookup("base", "gel", SECOND)
 
 
 MS = 1_000_000

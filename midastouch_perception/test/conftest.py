@@ -10,7 +10,7 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
 from midastouch_perception.state_dict import random_state
-from midastouch_perception.tcn import minkloc3d_network
+from midastouch_perception.tcn import TactileCodeNet, load_tcn, minkloc3d_network
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +33,8 @@ def block() -> ObjectMesh:
 def minkloc_state() -> dict[str, np.ndarray]:
     """Random weights of MinkLoc3D under their official names."""
     return random_state(minkloc3d_network.expected_shapes(), np.random.default_rng(0))
+
+
+@pytest.fixture(scope="session")
+def tcn() -> TactileCodeNet:
+    return load_tcn("fast")

@@ -7,12 +7,6 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.errors import InputError
-from midastouch_perception.tcn import load_tcn
-
-
-@pytest.fixture(scope="module")
-def tcn():
-    return load_tcn("fast")
 
 
 @pytest.fixture(scope="module")

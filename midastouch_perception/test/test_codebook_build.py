@@ -7,18 +7,12 @@ import pytest
 from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.tcn import load_tcn
 
 SIZE = 2 * CHUNK + 40  # three chunks, the last one short
 
 
 def digest(book):
     return hashlib.sha256(book.poses.tobytes() + book.codes.tobytes() + json.dumps(book.meta).encode()).hexdigest()
-
-
-@pytest.fixture(scope="module")
-def tcn():
-    return load_tcn("fast")
 
 
 @pytest.fixture(scope="module")

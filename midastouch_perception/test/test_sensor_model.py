@@ -17,9 +17,7 @@ def test_tacto_gel_has_the_known_depths(sensor):
 def test_gel_depth_lies_on_the_dome(sensor):
     tangent_x, tangent_y = sensor.rays
     depth = sensor.gel_depth
-    np.testing.assert_allclose(
-        sensor.gel_distance - sensor.sag(tangent_x * depth, tangent_y * depth), depth, atol=1e-9
-    )
+    np.testing.assert_allclose(sensor.gel_distance - sensor.sag(tangent_x * depth, tangent_y * depth), depth, atol=1e-9)
 
 
 def test_real_digit_sees_a_smaller_patch():

@@ -176,7 +176,9 @@ class DigitDriver(RobustLifecycleNode):
         hardware_id = (status.info.serial or status.info.name) if status.info else self._values["serial"]
         name = f"{self.get_fully_qualified_name().lstrip('/')}: stream"
         stamp = self.get_clock().now().to_msg()
-        report = self._monitor.report(status)
+        report = self._monitor.report(status, self._values["stamp_jitter_limit"])
+        if report.uneven:
+            self.get_logger().warning(report.uneven, throttle_duration_sec=30.0)
         self._diagnostics_pub.publish(messages.diagnostics_message(report, name, hardware_id, stamp))
 
     def _on_set_capture(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -60,6 +60,7 @@ PARAMETERS = (
     Parameter("stall_timeout", 1.0, "open the DIGIT anew after so long without a good frame, s", (0.2, 60.0)),
     Parameter("use_buffer_timestamps", True, "stamp with the kernel's acquisition time, not that of reading"),
     Parameter("timestamp_offset", 0, "added to every stamp, ns", (-_SECOND_NS, _SECOND_NS), run_time=True),
+    Parameter("stamp_jitter_limit", 0.005, "warn of stamps less even than this, s", (1e-4, 1.0), run_time=True),
     Parameter("jpeg_quality", 95, "quality of the compressed images", (1, 100), run_time=True),
     Parameter("diagnostics_period", 1.0, "time between diagnostics, s", (0.1, 60.0)),
     Parameter("autostart", True, "configure and activate at start, without a lifecycle manager"),

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from fake_kernel import FakeDigit
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Log
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool
@@ -106,7 +107,8 @@ def test_set_capture_stops_and_starts(peer, camera) -> None:
 
 
 def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) -> None:
-    it = peer(reconnect_timeout=0.1, diagnostics_period=0.1, fps=60)
+    # the fake stamps when it is read, which a busy machine does unevenly
+    it = peer(reconnect_timeout=0.1, diagnostics_period=0.1, fps=60, stamp_jitter_limit=1.0)
     it.subscribe(DiagnosticArray, "/diagnostics")
 
     def wait_for(words: str):
@@ -128,6 +130,21 @@ def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) ->
     assert (values["reconnects"], values["source"]) == ("1", "/dev/video6")
     it.subscribe(Image, "image_raw")
     it.wait("image_raw")
+
+
+def test_uneven_stamps_are_a_warning_in_diagnostics_and_log(peer, camera) -> None:
+    camera.uneven_ns = 200_000_000
+    it = peer(diagnostics_period=0.1)
+    it.subscribe(DiagnosticArray, "/diagnostics")
+    it.subscribe(Log, "/rosout")
+    received = it.wait("/diagnostics", lambda got: got and "uneven" in got[-1].status[0].message)
+    status = received[-1].status[0]
+    assert status.level == b"\x01"
+    assert float({pair.key: pair.value for pair in status.values}["stamp_jitter_s"]) > 0.05
+    it.wait("/rosout", lambda got: any("uneven" in entry.msg for entry in got))
+    assert it.set_parameter("stamp_jitter_limit", 1.0).successful
+    it.wait("/diagnostics", lambda got: "uneven" not in got[-1].status[0].message)
+    assert sum("uneven" in entry.msg for entry in it.received["/rosout"]) == 1
 
 
 def test_late_sensor_is_waited_for(peer, camera, kernel) -> None:

@@ -50,10 +50,10 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--protocol",
-        choices=("plain", "tool_bias", "time_offset", "lift", "kidnap"),
+        choices=("plain", "tool_bias", "time_offset", "rest", "slow_camera", "lift", "kidnap"),
         default="plain",
-        help="what is done to the slides: a tool 2 mm, 2 deg off; poses 50 ms late; lifted and put down 50 mm away; "
-        "the same, untold (default plain)",
+        help="what is done to the slides: a tool 2 mm, 2 deg off; poses 50 ms late; stops of 1 s; every image twice; "
+        "lifted and put down 50 mm away; the same, untold (default plain)",
     )
     parser.add_argument("--config", metavar="YAML", help="filter settings of the default, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")

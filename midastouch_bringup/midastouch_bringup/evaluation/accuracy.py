@@ -165,7 +165,7 @@ def accuracy_text(result: dict) -> str:
             parts.append(recovery_text(summary["recovery"]))
     for init, rows in rows_by_init(result["comparison"]).items():
         if len(rows) > 1:
-            table = text_table(*comparison_table(rows, result["variants"]), left=2)
+            table = text_table(*comparison_table(rows, result["variants"]))
             parts.append(f"variants, init {init}, all on the same trials\n{table}\n{front_text(rows)}")
     parts.append(
         "final errors: particles (Eq. 3) mean, closest mode (Eq. 4) and published pose median over trials; "

@@ -22,11 +22,12 @@ from .disturbances import DISTURBANCES, PLAIN
 from .protocol import Protocol
 from .short_codes import ShortCodes
 from .stock import Stock
-from .trial import TrialFrame, run_trial
+from .trial import RECORD, TrialFrame, run_trial
 from .trial_log import TrialLog, key_of, source_digest
 from .variants import VARIANTS
 
 _WARM_UP_FRAMES = 3
+_WARM_UP_SIGMA = 1e-3, np.radians(3)  # m, rad: so narrow that modes are aligned from the first touch on
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,10 +88,9 @@ class Plan:
             "codebook": codebook_digest,
             "networks": self.stock.networks.describe(),
             "filter_code": _filter_code(),
+            "record": RECORD,
         }
-        if variant.code_length:
-            depends_on["code_length"] = variant.code_length
-        return key_of(labels | depends_on)
+        return key_of(labels | depends_on | variant.inputs)
 
     def codebook_sizes(self) -> list[int | None]:
         """Of all variants; None is the stock's own."""
@@ -210,6 +210,13 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
         plain = _frames(plan, mesh, slide)
         return [short.frame(frame) for frame in plain] if short else plain
 
+    def warm_up(frames: list[TrialFrame]) -> None:
+        """Compile or load what is compiled on first use: the steps of a start, and those of a convergence."""
+        for sigma in (mesh.diagonal / 3, np.radians(60)), _WARM_UP_SIGMA:
+            particle_filter.reset(0)
+            particle_filter.initialise_gaussian(frames[0].truth, *sigma)
+            run_trial(frames, particle_filter, series=False)
+
     def trial(frames: list[TrialFrame], labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
         Protocol(labels["init"], plan.beta).start(particle_filter, mesh, frames[0].truth)
@@ -221,7 +228,7 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
             return
         slide = labels["slide"]
         if not frames_of:
-            trial(frames(slide)[:_WARM_UP_FRAMES], labels)  # compiles what compiles on first use
+            warm_up(frames(slide)[:_WARM_UP_FRAMES])
         if slide not in frames_of:
             frames_of[slide] = frames(slide)
         yield key, trial(frames_of[slide], labels)

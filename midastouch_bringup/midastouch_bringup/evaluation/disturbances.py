@@ -1,13 +1,14 @@
 """Test protocols beside the plain one: what real arms and real work do to a slide.
 
 Each takes the frames of a trial and returns those of the disturbed one; only what the filter is told differs, except
-for a kidnapping, which also leaves frames out.
+for rests and slow cameras, which repeat frames, and a kidnapping, which also leaves frames out.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +25,9 @@ _BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
 _DELAY = 0.05  # s
 _KIDNAP = 0.05  # m
 _LIFTED = 10  # frames
+_MOVING, _RESTING = 40, 20  # frames
+_REST_T, _REST_R = 2e-5, np.radians(0.02)  # sigma per axis of an arm's joints at rest
+_CODE_NOISE = 0.01  # length of a code's change by the camera's noise
 
 Disturbance = Callable[[list[TrialFrame], np.random.Generator], list[TrialFrame]]
 
@@ -57,6 +61,36 @@ def kidnap(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFram
     return _moved_away(frames, told=False)
 
 
+def rest(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Every 2 s the arm stops for one: poses and codes then differ by the noise of joints and camera only."""
+    out = []
+    for i, frame in enumerate(frames, start=1):
+        out.append(frame)
+        if i % _MOVING == 0:
+            out += [_at_rest(frame, rng) for _ in range(_RESTING)]
+    return out
+
+
+def slow_camera(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """Every image comes twice, the second time half-way to where the next one is taken."""
+    out = [frames[0]]
+    for frame, following in pairwise(frames):
+        half = {
+            name: getattr(frame, name) @ se3.exp(0.5 * se3.log(se3.inverse(getattr(frame, name)) @ pose))
+            for name, pose in (("measured", following.measured), ("truth", following.truth))
+        }
+        out += [dataclasses.replace(frame, ms={}, **half), following]
+    return out
+
+
+def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
+    felt, noise = frame.felt, rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
+    if felt.code is not None:
+        change = rng.standard_normal(len(felt.code)) * _CODE_NOISE / np.sqrt(len(felt.code))
+        felt = dataclasses.replace(felt, code=(felt.code + change).astype(np.float32))
+    return dataclasses.replace(frame, felt=felt, measured=frame.measured @ se3.exp(noise))
+
+
 def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
     """The first half, frames without contact, and the rest from the first frame 50 mm away; without one, the
     farthest."""
@@ -80,6 +114,8 @@ def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
 DISTURBANCES: dict[str, Disturbance] = {
     "tool_bias": tool_bias,
     "time_offset": time_offset,
+    "rest": rest,
+    "slow_camera": slow_camera,
     "lift": lift,
     "kidnap": kidnap,
 }

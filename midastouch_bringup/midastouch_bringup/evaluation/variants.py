@@ -38,11 +38,15 @@ class Variant:
         """Whether this is the paper's filter."""
         return self.group == PAPER
 
+    @property
+    def inputs(self) -> dict[str, object]:
+        """What differs beside the settings, by name."""
+        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
+        return {key: value for key, value in inputs.items() if value}
+
     def describe(self) -> dict:
         """For the JSON: all but what is as in the default."""
-        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
-        known = {key: value for key, value in inputs.items() if value is not None}
-        return {"summary": self.summary, "group": self.group} | self.settings | known
+        return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
     def config(self, base: FilterConfig, threads: int) -> FilterConfig | PaperConfig:
         """Settings of the filter: the variant's laid over `base`."""
@@ -111,12 +115,13 @@ def _group(*groups: str) -> tuple[str, ...]:
 
 
 _FINE_STAGE = ("no_refinement", "no_hindsight")
+_GATES_IN_MOTION = ("no_size_gate", "no_wide_gate")
 SETS = {
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": ("paper", *_FINE_STAGE, *_group(GATE, COUNT, INPUT)),
+    "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT)),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""
 

@@ -34,9 +34,7 @@ PARAMETERS = (
         "Tool centre point set on the teach pendant, [x y z rx ry rz] with a rotation vector",
         "m, rad",
     ),
-    Parameter(
-        "timeout", 0.5, "Connect again after this long without a sample", "s", minimum=0.05, maximum=60.0
-    ),
+    Parameter("timeout", 0.5, "Connect again after this long without a sample", "s", minimum=0.05, maximum=60.0),
     Parameter("reconnect_period", 2.0, "Pause between attempts to connect", "s", minimum=0.1, maximum=600.0),
 )
 

@@ -28,10 +28,11 @@ def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
     for k, content in enumerate(contents):
         config = content["config"]
         page.heading(f"Accuracy over {len(content['objects'])} objects, protocol {config['protocol']}")
+        threads = " of one thread each" if config["jobs"] > 1 else ""
         page.note(
             f"{len(config['slides'])} slides of {config['slide_length_m']:g} m each, {len(config['seeds'])} seeds, "
             f"beta {config['beta']:g}, stride {config['stride']}, codebooks of {config['codebook_size']} poses, "
-            f"{config['jobs']} processes; networks {config['networks']['tdn']}, {config['networks']['tcn']}; "
+            f"{config['jobs']} processes{threads}; networks {config['networks']['tdn']}, {config['networks']['tcn']}; "
             f"{content['missing_trials']} trials missing"
         )
         for init, summary in content["summary"].get(DEFAULT, {}).items():
@@ -65,7 +66,7 @@ def _variants(page: Page, content: dict, path: Path) -> None:
     if len(content["variants"]) < 2 or not comparison:
         return
     page.heading("Run time against error")
-    caption = "Error against the filter's time per frame; the line joins what no other variant beats in both"
+    caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
     page.picture(save(front_figure(comparison, content["variants"]), path), caption)
     for init, rows in rows_by_init(comparison).items():
         page.heading(f"Variants, start: {init}")

@@ -24,7 +24,7 @@ _ERRORS = {"e_trans_mm": "particles [mm]", "symmetric_e_trans_mm": "particles, m
 
 
 def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
-    """Mean final error over the filter's milliseconds per frame: a column per init, a row per error; the one modulo
+    """Mean final error over the filter's CPU milliseconds per frame: a column per init, a row per error; the one modulo
     symmetry only where it differs. `comparison` as of `compare_variants`, `variants` their descriptions by name."""
     columns = rows_by_init(comparison)
     errors = [key for key in _ERRORS if key == "e_trans_mm" or any(row[key] != row["e_trans_mm"] for row in comparison)]
@@ -38,27 +38,27 @@ def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
     figure.draw_without_rendering()  # where things lie is known only then
     for axes_of_error, error in zip(grid, errors, strict=True):
         for axes, rows in zip(axes_of_error, columns.values(), strict=True):
-            label_points(axes, [(row["ms_filter"], row[error]) for row in rows], [row["variant"] for row in rows])
+            label_points(axes, [(row["cpu_ms_filter"], row[error]) for row in rows], [row["variant"] for row in rows])
     return figure
 
 
 def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -> None:
     front = pareto_front(rows, error)
-    corners = [(row["ms_filter"], row[error]) for row in front]
+    corners = [(row["cpu_ms_filter"], row[error]) for row in front]
     axes.plot(*zip(*corners, strict=True), color="#9aa1ab", lw=1.2, zorder=1, label="Pareto front")
     for group, (label, colour, marker) in _GROUPS.items():
         own = [row for row in rows if variants[row["variant"]]["group"] == group]
         if own:
-            place = [row["ms_filter"] for row in own], [row[error] for row in own]
+            place = [row["cpu_ms_filter"] for row in own], [row[error] for row in own]
             axes.plot(
                 *place,
                 marker,
                 color=colour,
-                ms=15 if group == DEFAULT else 6,
+                ms=13 if group == DEFAULT else 6,
                 label=label,
                 zorder=2 + (group == DEFAULT),
             )
-    style_error_axes(axes, f"mean final error of the {_ERRORS[error]}", "filter, ms per frame")
+    style_error_axes(axes, f"mean final error of the {_ERRORS[error]}", "filter, CPU ms per frame")
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")

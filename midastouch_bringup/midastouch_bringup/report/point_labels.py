@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
 _POINT = 5.0  # pt, half of what a marker takes
-_NEXT = 8.0  # pt, of a label beside its point
+_NEXT = 9.0  # pt, of a label beside its point
 _DISTANCES, _ANGLES = np.arange(_NEXT, 160, 8), np.radians(np.arange(0, 360, 15))
 
 
@@ -30,6 +30,7 @@ def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str
             offset,
             textcoords="offset points",
             fontsize=_SIZE,
+            va="bottom",
             arrowprops=line if distance > _NEXT else None,
         )
 

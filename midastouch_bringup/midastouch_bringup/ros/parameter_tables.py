@@ -10,6 +10,8 @@ from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FIL
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
+from ..nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
+from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
 from ..nodes.replay_parameters import PARAMETERS as REPLAY
 from ..nodes.ur_tf import PARAMETERS as UR_TF
 from ..nodes.view import PARAMETERS as VIEW
@@ -21,6 +23,8 @@ TABLES = {
     "particle_filter": PARTICLE_FILTER,
     "replay": REPLAY,
     "ur_tf": UR_TF,
+    "mount_tf": MOUNT_TF,
+    "detection_prior": DETECTION_PRIOR,
     "view": VIEW,
 }
 

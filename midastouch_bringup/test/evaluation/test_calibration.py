@@ -11,7 +11,8 @@ from midastouch_perception.codebook import Codebook
 
 
 def estimate_of(pose: np.ndarray, covariance: np.ndarray, n_modes: int = 1, state: str = "converged") -> Estimate:
-    return Estimate([Mode(1.0, pose, covariance, 10)] * n_modes, Status(state, "", n_modes=n_modes))
+    modes = [Mode(1.0, pose, covariance, 10)] * n_modes
+    return Estimate(modes, Status(state, "", n_modes=n_modes), covariance)
 
 
 def draws(n: int, scale: float = 1.0):

@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.disturbances import DISTURBANCES, kidnap, lift, time_offset, tool_bias
+from midastouch_bringup.evaluation.disturbances import (
+    DISTURBANCES,
+    kidnap,
+    lift,
+    rest,
+    slow_camera,
+    time_offset,
+    tool_bias,
+)
 from midastouch_bringup.evaluation.trial import TrialFrame
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
@@ -27,6 +35,8 @@ def test_the_first_pose_and_the_truth_stay(frames, name):
     disturbed = DISTURBANCES[name](frames, np.random.default_rng(0))
     assert disturbed[0].index == 0
     by_index = {frame.index: frame.truth for frame in frames}
+    if name == "slow_camera":
+        disturbed = disturbed[::2]  # what lies between is new
     assert all((frame.truth == by_index[frame.index]).all() for frame in disturbed)
 
 
@@ -41,6 +51,32 @@ def test_a_tool_bias_is_one_error_of_2_mm_and_2_deg(frames):
 def test_a_time_offset_hands_out_poses_of_50_ms_before(frames):
     disturbed = time_offset(frames, np.random.default_rng(0))
     assert disturbed[10].measured == pytest.approx(frames[9].measured, abs=1e-9)
+
+
+def test_a_rest_repeats_a_frame_but_for_noise(frames):
+    disturbed = rest(frames, np.random.default_rng(0))
+    assert [frame.index for frame in disturbed[38:62]] == [38, *[39] * 21, 40, 41]
+    assert len(disturbed) == len(frames) + 2 * 20
+    still, at_rest = disturbed[39], disturbed[40:60]
+    moved = [se3.log(se3.inverse(still.measured) @ frame.measured) for frame in at_rest]
+    assert 0 < np.abs(np.array(moved)[:, :3]).max() < 1e-4
+    changed = [np.linalg.norm(frame.felt.code - still.felt.code) for frame in at_rest]
+    assert min(changed) > 0
+    assert np.mean(changed) == pytest.approx(0.01, rel=0.5)
+    assert all((frame.truth == still.truth).all() for frame in at_rest)
+    assert frames[38:40] == disturbed[38:40]
+
+
+def test_a_slow_camera_shows_every_image_twice_on_the_same_path(frames):
+    disturbed = slow_camera(frames, np.random.default_rng(0))
+    assert [frame.index for frame in disturbed[:5]] == [0, 0, 1, 1, 2]
+    assert len(disturbed) == 199
+    assert disturbed[1].felt is frames[0].felt
+    assert disturbed[1].ms == {}
+    steps = odometry(disturbed)
+    assert steps[0] @ steps[1] == pytest.approx(odometry(frames)[0], abs=1e-12)
+    assert steps[0] == pytest.approx(steps[1], abs=1e-9)
+    assert se3.inverse(disturbed[1].truth) @ frames[1].truth == pytest.approx(steps[1], abs=1e-9)
 
 
 def test_a_lift_is_told_and_a_kidnapping_is_not(frames):

@@ -29,6 +29,7 @@ def test_trials_have_the_keys_of_the_design(evaluated):
         assert set(trial) >= DESIGN_KEYS
         assert set(trial["final"]) >= DESIGN_FINAL_KEYS
         assert set(trial["ms"]) == {"tdn", "tcn", "filter"}
+        assert trial["filter_cpu_ms"] > 0
         assert sum(trial["filter_stages_ms"].values()) == pytest.approx(trial["ms"]["filter"], rel=0.5)
         assert all(len(column) == trial["frames"] == 30 for column in trial["per_frame"].values())
     json.dumps(to_json(evaluated), allow_nan=False)

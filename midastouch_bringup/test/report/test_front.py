@@ -10,7 +10,7 @@ DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper",
 def comparison() -> list[dict]:
     points = {"default": (8, 3), "paper": (100, 30), "1k": (2, 9)}
     return [
-        {"init": init, "variant": name, "trials": 5, "ms_filter": ms, "e_trans_mm": e, "symmetric_e_trans_mm": e}
+        {"init": init, "variant": name, "trials": 5, "cpu_ms_filter": ms, "e_trans_mm": e, "symmetric_e_trans_mm": e}
         for init in ("paper", "uniform")
         for name, (ms, e) in points.items()
     ]

@@ -24,7 +24,7 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.parameters import Parameters
 
-from ..estimate import Estimate, Mode
+from ..estimate import Estimate
 from ..filter import ParticleFilter
 from ..state import LOST, Status
 from . import markers
@@ -72,9 +72,9 @@ class EstimatePublisher:
             self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
             return
         if estimate.modes:
-            pose = _pose_to_msg(estimate.modes[0])
+            pose = _pose_to_msg(estimate.pose, estimate.covariance)
             self._pose.publish(PoseWithCovarianceStamped(header=header, pose=pose))
-        modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m)) for m in estimate.modes]
+        modes = [PoseMode(weight=float(m.weight), pose=_pose_to_msg(m.pose, m.covariance)) for m in estimate.modes]
         self._modes.publish(PoseModes(header=header, modes=modes))
         if T_base_obj is not None and self._parameters["tf_broadcast"]:
             self._broadcast(stamp, T_base_obj)
@@ -120,14 +120,15 @@ class EstimatePublisher:
 
 
 def _finite(estimate: Estimate) -> bool:
-    return all(
+    whole = estimate.covariance is None or np.isfinite(estimate.covariance).all()
+    return bool(whole) and all(
         math.isfinite(m.weight) and np.isfinite(m.pose).all() and np.isfinite(m.covariance).all()
         for m in estimate.modes
     )
 
 
-def _pose_to_msg(mode: Mode) -> PoseWithCovariance:
-    return PoseWithCovariance(pose=pose_to_msg(mode.pose), covariance=mode.covariance.ravel().tolist())
+def _pose_to_msg(pose: np.ndarray, covariance: np.ndarray) -> PoseWithCovariance:
+    return PoseWithCovariance(pose=pose_to_msg(pose), covariance=covariance.ravel().tolist())
 
 
 def _status_to_msg(status: Status, header: Header) -> FilterStatus:

@@ -65,13 +65,14 @@ class ParticleFilterNode(PipelineNode):
         self._out = EstimatePublisher(self, self.parameters, self._now)
         self.diagnostics = diagnostics.Diagnostics(self, self._describe)
         self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
+        base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         self._transforms = TransformSource(
             self,
+            frames=(base, sensor),
             on_update=self._process_queue,
             on_jump=self._reset,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
-        base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         self._reliefs: ReliefSource | None = None
         self._queue = TransformQueue(
             lambda stamp: self._transforms.lookup(base, sensor, stamp),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,14 +53,17 @@ class Tf2Buffer:
         self._newest: dict[str, int] = {}
 
     def insert(self, transform) -> Insertion:
-        """Store a moving TransformStamped; forgets all of them first when time ran backwards."""
+        """Store a moving TransformStamped, but for one whose time jumped back; raises InputError.
+
+        tf2 cannot forget a single frame, only all of them: `clear`, and insert it again.
+        """
+        transform_from_msg(transform.transform)  # tf2 itself only logs what is not finite
         stamp, child = stamp_ns(transform.header.stamp), transform.child_frame_id
-        jumped = stamp < self._newest.get(child, stamp) - _JUMP_NS
-        if jumped:
-            self.clear()
+        if stamp < self._newest.get(child, stamp) - _JUMP_NS:
+            return Insertion.TIME_JUMP
         self._newest[child] = max(stamp, self._newest.get(child, stamp))
         self._buffer.set_transform(transform, "midastouch")
-        return Insertion.TIME_JUMP if jumped else Insertion.ADDED
+        return Insertion.ADDED
 
     def insert_static(self, transform) -> None:
         """Store a static TransformStamped."""
@@ -129,20 +132,26 @@ def _values(transform) -> np.ndarray:
 class TransformSource:
     """Listens to TF and answers `lookup`.
 
+    `frames` are those whose places relative to each other are asked for: when a transform between them jumps back in
+    time, so has the recording, and all moving transforms are forgotten. Other frames may have clocks of their own.
+
     `on_update` is called after every TF message, so that whoever waits can ask again; `on_jump` before it,
-    once per jump, when the stamps ran backwards; `on_bad` with a reason for each transform that was refused.
+    once per jump between `frames`; `on_bad` with a reason for each transform that was refused.
     """
 
     def __init__(
         self,
         node: Node,
+        frames: Collection[str],
         on_update: Callable[[], None],
         on_jump: Callable[[], None],
         on_bad: Callable[[str], None],
     ):
         self._buffer = Tf2Buffer() if tf2_ros is not None else OwnBuffer()
         self._on_update, self._on_jump, self._on_bad = on_update, on_jump, on_bad
-        self._newest: int | None = None
+        self._frames = [frame.lstrip("/") for frame in frames]
+        self._parents: dict[str, str] = {}
+        self._newest: dict[str, int] = {}  # stamp of the last transform of each moving frame
         node.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
         node.create_subscription(TFMessage, "/tf_static", self._on_tf_static, qos.TF_STATIC_SUBSCRIBER)
 
@@ -160,16 +169,14 @@ class TransformSource:
 
     def rewind(self, stamp: int) -> None:
         """The images' time ran back to `stamp` [ns]: forget transforms that come from before the jump."""
-        if self._newest is not None and self._newest > stamp + _JUMP_NS:
-            self._buffer.clear()
-            self._newest = None
+        if any(self._newest.get(frame, stamp) > stamp + _JUMP_NS for frame in self._between()):
+            self._forget()
 
     def _on_tf(self, msg: TFMessage) -> None:
         jumped = False
         for transform in msg.transforms:
             try:
-                jumped |= self._buffer.insert(transform) is Insertion.TIME_JUMP
-                self._newest = stamp_ns(transform.header.stamp)
+                jumped |= self._insert(transform)
             except (InvalidTransformError, InputError) as error:
                 self._on_bad(f"/tf: {error}")
         if jumped:
@@ -182,4 +189,37 @@ class TransformSource:
                 self._buffer.insert_static(transform)
             except (InvalidTransformError, InputError) as error:
                 self._on_bad(f"/tf_static: {error}")
+            else:
+                self._name(transform)
         self._on_update()
+
+    def _insert(self, transform) -> bool:
+        """Store a moving transform; whether time jumped back between `frames`."""
+        outcome = self._buffer.insert(transform)
+        jumped = outcome is Insertion.TIME_JUMP and self._name(transform) in self._between()
+        if jumped:
+            self._forget()
+            self._buffer.insert(transform)
+        self._newest[self._name(transform)] = stamp_ns(transform.header.stamp)
+        return jumped
+
+    def _forget(self) -> None:
+        self._buffer.clear()
+        self._newest.clear()
+
+    def _name(self, transform) -> str:
+        """Its frame, which is from now on known to hang below its parent."""
+        child = transform.child_frame_id.lstrip("/")
+        self._parents[child] = transform.header.frame_id.lstrip("/")
+        return child
+
+    def _between(self) -> set[str]:
+        """The frames whose transforms to their parents link `frames`; while these are not linked, all above them."""
+        chains = [self._chain(frame) for frame in self._frames]
+        return set.union(*chains) - set.intersection(*chains)
+
+    def _chain(self, frame: str) -> set[str]:
+        chain = {frame}
+        while (frame := self._parents.get(frame, frame)) not in chain:
+            chain.add(frame)
+        return chain

@@ -71,7 +71,7 @@ class FakeFilter:
         pose = np.full((4, 4), np.nan) if self.spoil else self._pose
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
-        return Estimate(modes, status)
+        return Estimate(modes, status, covariance)
 
     @property
     def poses(self) -> np.ndarray:

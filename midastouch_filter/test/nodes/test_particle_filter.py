@@ -159,6 +159,22 @@ def test_looped_bag_restarts_once_per_loop(graph):
     assert dict(zip(status.skipped_names, status.skipped_counts, strict=True))["time_jumps"] == 2
 
 
+def test_other_frames_may_have_clocks_of_their_own(graph):
+    """A camera that starts its clock again, a robot beside this one: nothing that the filter asks for."""
+    bench = Bench(graph, **OBJECT)
+    for stamp in (100, 101):
+        bench.frame(stamp * SECOND, translation(0.01 * stamp))
+    for other in (5000, 3, 4000, 2):
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "base_link", "camera"))
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "map", "base_link"))
+    for stamp in (102, 103):
+        assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
+    assert bench.filter.starts == ["uniform"]
+    assert len(bench.filter.odometry) == 4
+    status = bench.statuses[-1]
+    assert dict(zip(status.skipped_names, status.skipped_counts, strict=True))["time_jumps"] == 0
+
+
 def test_looped_bag_whose_code_overtakes_its_transform(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(100 * SECOND, translation(1.0))

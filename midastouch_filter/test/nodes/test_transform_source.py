@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 import sys
 import types
 from pathlib import Path
@@ -19,9 +20,13 @@ from midastouch_filter.transforms import (
     DisconnectedError,
     FutureExtrapolationError,
     Insertion,
+    InvalidTransformError,
     PastExtrapolationError,
     UnknownFrameError,
 )
+from midastouch_perception.errors import InputError
+
+FRAMES = "base_link", "digit_gel_frame"
 
 
 def stamped(stamp: int, x: float, parent: str = "base_link", child: str = "digit_gel_frame"):
@@ -101,10 +106,19 @@ def test_both_buffers_see_time_run_backwards(buffer):
     buffer.insert(stamped(100 * SECOND, 0.1))
     buffer.insert_static(stamped(0, 0.5, "c", "d"))
     assert buffer.insert(stamped(1 * SECOND, 0.2)) is Insertion.TIME_JUMP
+    buffer.clear()
+    assert buffer.insert(stamped(1 * SECOND, 0.2)) is Insertion.ADDED
     with pytest.raises(FutureExtrapolationError):
         buffer.lookup("base_link", "digit_gel_frame", 100 * SECOND)
     np.testing.assert_allclose(buffer.lookup("c", "d", SECOND), translation(0.5))
     assert buffer.insert(stamped(2 * SECOND, 0.2)) is Insertion.ADDED
+
+
+def test_both_buffers_refuse_what_is_not_finite_before_they_look_at_its_time(buffer):
+    buffer.insert(stamped(100 * SECOND, 0.1))
+    with pytest.raises((InputError, InvalidTransformError)):
+        buffer.insert(stamped(1 * SECOND, math.nan))
+    assert buffer.insert(stamped(101 * SECOND, 0.1)) is Insertion.ADDED
 
 
 def test_tf2_never_takes_a_stamp_for_the_newest_one(monkeypatch):
@@ -132,7 +146,7 @@ def test_tf2_without_a_common_time_has_no_newest_transform(monkeypatch):
 def test_tf2_is_used_where_it_is_installed(monkeypatch):
     node = types.SimpleNamespace(create_subscription=lambda *_: None)
     monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
-    source = TransformSource(node, *[lambda *_: None] * 3)
+    source = TransformSource(node, FRAMES, *[lambda *_: None] * 3)
     assert isinstance(source._buffer, Tf2Buffer)
 
 
@@ -141,7 +155,7 @@ class Listening:
 
     def __init__(self, graph):
         self.updates, self.jumps, self.bad = 0, 0, []
-        self.source = TransformSource(graph.companion, self._update, self._jump, self.bad.append)
+        self.source = TransformSource(graph.companion, FRAMES, self._update, self._jump, self.bad.append)
 
     def _update(self):
         self.updates += 1
@@ -192,6 +206,49 @@ def test_source_reports_a_jump_and_can_be_rewound(graph):
     assert not isinstance(listening.lookup(SECOND), Wait), "these transforms come from after the jump"
     listening.source.rewind(-10 * SECOND)
     assert isinstance(listening.lookup(SECOND), Wait)
+
+
+@pytest.fixture(params=["own", "tf2"])
+def tree(request, graph, monkeypatch):
+    """A source, and a publisher that feeds it world -> base_link -> tool -> digit_gel_frame and what hangs on these."""
+    if request.param == "tf2":
+        monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    listening = Listening(graph)
+    tf, static = graph.publisher(TFMessage, "/tf"), graph.publisher(TFMessage, "/tf_static", latched=True)
+    static.publish(tf_msg(0, translation(0.0), "tool", "digit_gel_frame"))
+    graph.spin_until(lambda: listening.updates == 1)
+    sent = []
+
+    def send(stamp: int, *edges: tuple[str, str]) -> None:
+        sent.append(TFMessage(transforms=[stamped(stamp * SECOND, 0.1, *edge) for edge in edges]))
+        tf.publish(sent[-1])
+        graph.spin_until(lambda: listening.updates == 1 + len(sent))
+
+    for stamp in (50, 51):
+        send(stamp, ("world", "base_link"), ("base_link", "tool"), ("tool", "finger"), ("map", "camera"))
+    return listening, send
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize("edge", [("world", "base_link"), ("tool", "finger"), ("map", "camera"), ("map", "new")])
+def test_the_time_of_other_frames_is_their_own(tree, edge):
+    listening, send = tree
+    for stamp in (1, 2000, 1):
+        send(stamp, edge)
+    assert listening.jumps == 0
+    assert not isinstance(listening.source.lookup("base_link", "tool", 51 * SECOND), Wait)
+    listening.source.rewind(51 * SECOND)  # these are not from before a jump: their newest is of 51 s
+    assert not isinstance(listening.source.lookup("base_link", "tool", 51 * SECOND), Wait)
+
+
+@pytest.mark.dds
+def test_the_time_of_any_frame_in_between_is_the_recordings(tree):
+    listening, send = tree
+    send(1, ("tool", "finger"), ("base_link", "tool"), ("map", "camera"))
+    assert listening.jumps == 1
+    assert isinstance(listening.source.lookup("base_link", "tool", 51 * SECOND), Wait)
+    assert not isinstance(listening.source.lookup("base_link", "tool", 1 * SECOND), Wait)
+    assert isinstance(listening.source.lookup("world", "base_link", 51 * SECOND), Wait)
 
 
 @pytest.mark.dds

@@ -26,7 +26,7 @@ from ..simulation.renderer import PenetrationRenderer
 from ..tdn.inference import TactileDepthNet
 from ..training.export import export_onnx
 from ..training.loading import rendered_batches, rendering_process
-from ..training.run import TrainingRun, plot_log
+from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from .inputs import code_input
 from .network import CodeNet
@@ -249,24 +249,20 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     run = TrainingRun(model, options, 2e-3)
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, tdn, options.seed + 7919 * run.step)
     batches = rendered_batches(stream, options, ahead=4)
-    recent: list[float] = []
-    model.train()
-    for touched, entries in batches:
-        both = torch.cat([touched, entries]).to(options.device).to(memory_format=torch.channels_last)
+
+    def loss_of(batch: tuple[torch.Tensor, torch.Tensor]) -> torch.Tensor:
+        touched, _ = batch
+        both = torch.cat(batch).to(options.device).to(memory_format=torch.channels_last)
         with torch.autocast(options.device, torch.bfloat16):
             codes = model(both)
         codes = codes.float()
-        loss = contrastive_loss(codes[: len(touched)], codes[len(touched) :], model.log_temperature)
-        run.update(loss)
-        recent.append(float(loss.detach()))
-        done = run.progress >= 1
-        if run.step % 100 == 0 or done:
-            figures, _ = validate(run.averaged(CodeNet), objects)
-            run.record(loss=float(np.mean(recent)), temperature=float(torch.exp(model.log_temperature)), **figures)
-            recent.clear()
-        if done:
-            break
-    plot_log(run.rows, options.out / "log.png")
+        return contrastive_loss(codes[: len(touched)], codes[len(touched) :], model.log_temperature)
+
+    def figures() -> dict[str, float]:
+        quality, _ = validate(run.averaged(CodeNet), objects)
+        return {"temperature": float(torch.exp(model.log_temperature)), **quality}
+
+    run.fit(batches, loss_of, figures, every=100)
     final = run.averaged(CodeNet)
     _, scores = validate(final, objects)
     card = {
@@ -275,10 +271,6 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
         "calibration": calibrate(scores),
         "tdn": depth.network_id,
         "data": {"meshes": len(data.meshes), "steps": run.step, "touches_a_step": _GROUP},
-        "minutes": round(run.minutes, 1),
-        "seed": options.seed,
-        "commands": options.commands("tcn"),
-        "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
-        "licence": "MIT",
+        **run.card("tcn"),
     }
     return export_onnx(final, {"maps": torch.zeros(1, 4, 80, 60)}, ["codes"], card, options.out / "tcn_fast.onnx")

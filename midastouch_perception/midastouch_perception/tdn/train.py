@@ -15,7 +15,7 @@ from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange
 from ..training.export import export_onnx
 from ..training.loading import rendered_batches, rendering_process
-from ..training.run import TrainingRun, plot_log
+from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from ..training.touches import shuffled, touches
 from .inputs import SCALE, difference_input, geometry_input
@@ -38,9 +38,7 @@ def training_sensors() -> list[SensorModel]:
 class _Batches(torch.utils.data.IterableDataset):
     """Batches (difference, geometry, penetration mm) of a worker's own seeded stream."""
 
-    def __init__(
-        self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, seed: int
-    ):
+    def __init__(self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, seed: int):
         self.meshes, self.backgrounds, self.ranges, self.seed = meshes, backgrounds, ranges, seed
 
     def __iter__(self):
@@ -97,23 +95,15 @@ def train(options: TrainingOptions) -> Path:
     checks = list(itertools.islice(iter(validation), _CHECKS))
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.seed + 7919 * run.step)
     batches = rendered_batches(stream, options, ahead=8)
-    recent: list[float] = []
-    model.train()
-    for difference, geometry, penetration in batches:
+
+    def loss_of(batch: tuple[torch.Tensor, ...]) -> torch.Tensor:
+        difference, geometry, penetration = batch
         difference = difference.to(options.device).to(memory_format=torch.channels_last)
         with torch.autocast(options.device, torch.bfloat16):
             output = model(difference, geometry.to(options.device))
-        loss = loss_function(output.float(), penetration.to(options.device))
-        run.update(loss)
-        recent.append(float(loss.detach()))
-        done = run.progress >= 1
-        if run.step % 250 == 0 or done:
-            figures = validate(run.averaged(UNet), checks)
-            run.record(loss=float(np.mean(recent)), **figures)
-            recent.clear()
-        if done:
-            break
-    plot_log(run.rows, options.out / "log.png")
+        return loss_function(output.float(), penetration.to(options.device))
+
+    run.fit(batches, loss_of, lambda: validate(run.averaged(UNet), checks), every=250)
     card = {
         "network": "tdn_fast",
         "data": {
@@ -122,11 +112,7 @@ def train(options: TrainingOptions) -> Path:
             "backgrounds": len(data.backgrounds),
             "real_colour_table": options.colour_table is not None,
         },
-        "minutes": round(run.minutes, 1),
-        "seed": options.seed,
-        "commands": options.commands("tdn"),
-        "validation": {k: round(v, 4) for k, v in run.rows[-1].items()},
-        "licence": "MIT",
+        **run.card("tdn"),
     }
     return export(run.averaged(UNet), card, options.out / "tdn_fast.onnx")
 

@@ -19,9 +19,7 @@ def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.nd
     """
     paths = [p for p in sorted(Path(folder).glob("*")) if p.suffix.lower() in (".jpg", ".png")]
     images = [cv2.imread(str(path)) for path in paths]
-    images = [
-        cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images if i is not None
-    ]
+    images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images if i is not None]
     if len(images) < 8:
         raise InputError(f"{folder}: {len(images)} readable no-contact images; training needs at least 8")
     return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])

@@ -16,9 +16,7 @@ TEST_OBJECTS = ("004_", "005_", "006_", "021_", "025_", "035_", "037_", "042_", 
 VALIDATION_OBJECTS = ("019_", "032_", "043_", "052_", "065-c_", "072-b_", "073-a_")
 
 
-def load_objects(
-    folder: str | Path, procedural: int, seed: int
-) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
+def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
     """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes.
 
     Raises InputError if the folder holds no usable mesh.

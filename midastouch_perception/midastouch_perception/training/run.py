@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
 
@@ -29,7 +31,7 @@ class TrainingRun:
     def __init__(self, model: torch.nn.Module, options: TrainingOptions, rate: float):
         self.model, self.rate, self.folder = model, rate, Path(options.out)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._minutes, self._steps, self.started = options.minutes, options.steps, time.monotonic()
+        self._options, self.started = options, time.monotonic()
         self.optimiser = torch.optim.AdamW(model.parameters(), rate, weight_decay=1e-4)
         self.average = {k: v.detach().clone() for k, v in model.state_dict().items()}
         self.step = 0
@@ -42,14 +44,49 @@ class TrainingRun:
     @property
     def progress(self) -> float:
         """Share of the budget used, 0 ... 1."""
-        if self._steps:
-            return min((self.step - self._first_step) / self._steps, 1.0)
-        return min((time.monotonic() - self.started) / (60 * self._minutes), 1.0)
+        if self._options.steps:
+            return min((self.step - self._first_step) / self._options.steps, 1.0)
+        return min((time.monotonic() - self.started) / (60 * self._options.minutes), 1.0)
 
     @property
     def minutes(self) -> float:
         """Minutes of training so far, earlier runs included."""
         return self.minutes_before + (time.monotonic() - self.started) / 60
+
+    def fit(
+        self,
+        batches: Iterable[Any],
+        loss_of: Callable[[Any], torch.Tensor],
+        validate: Callable[[], dict[str, float]],
+        every: int,
+    ) -> None:
+        """Train until the budget is used, then plot the log.
+
+        loss_of: the loss of a batch; validate: figures for the log, asked for every `every` steps and at the end.
+        """
+        recent: list[float] = []
+        self.model.train()
+        for batch in batches:
+            loss = loss_of(batch)
+            self.update(loss)
+            recent.append(float(loss.detach()))
+            done = self.progress >= 1
+            if self.step % every == 0 or done:
+                self.record(loss=float(np.mean(recent)), **validate())
+                recent.clear()
+            if done:
+                break
+        _plot_log(self.rows, self.folder / "log.png")
+
+    def card(self, network: str) -> dict:
+        """What the model card of `network` (tdn or tcn) says about its training."""
+        return {
+            "minutes": round(self.minutes, 1),
+            "seed": self._options.seed,
+            "commands": self._options.commands(network),
+            "validation": {k: round(v, 4) for k, v in self.rows[-1].items()},
+            "licence": "MIT",
+        }
 
     def update(self, loss: torch.Tensor) -> None:
         """One optimiser step down the gradient of `loss`; a non-finite loss is skipped."""
@@ -109,7 +146,7 @@ class TrainingRun:
             raise InputError(f"{folder}: cannot resume from here ({error}); name the folder of a run") from error
 
 
-def plot_log(rows: list[dict], path: Path) -> None:
+def _plot_log(rows: list[dict], path: Path) -> None:
     """Curves of every logged figure over minutes, as PNG."""
     import matplotlib
 

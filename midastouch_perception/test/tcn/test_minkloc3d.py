@@ -11,63 +11,41 @@ from midastouch_perception.tcn.minkloc3d import save_minkloc3d
 
 
 @pytest.fixture(scope="module")
-def network_file(minkloc_state, tmp_path_factory):
-    card = {"network": "tcn_minkloc3d"}
-    return save_minkloc3d(minkloc_state, card, tmp_path_factory.mktemp("weights"), voxel_size=0.01)
+def maps(minkloc, tool):
+    poses = sample_contact_poses(tool, 4, np.random.default_rng(0), minkloc.sensor)
+    return PenetrationRenderer(tool, minkloc.sensor).render(poses)
 
 
-@pytest.fixture(scope="module")
-def tcn(network_file):
-    return load_tcn(network_file)
-
-
-@pytest.fixture(scope="module")
-def maps(tcn, tool):
-    poses = sample_contact_poses(tool, 4, np.random.default_rng(0), tcn.sensor)
-    return PenetrationRenderer(tool, tcn.sensor).render(poses)
-
-
-def test_codes_are_unit_and_do_not_depend_on_their_company(tcn, maps):
-    codes = tcn.encode(maps)
-    assert codes.shape == (4, tcn.dim) == (4, 256)
+def test_codes_are_unit_and_do_not_depend_on_their_company(minkloc, maps):
+    codes = minkloc.encode(maps)
+    assert codes.shape == (4, minkloc.dim) == (4, 256)
     np.testing.assert_allclose(np.linalg.norm(codes, axis=1), 1, atol=1e-6)
-    np.testing.assert_array_equal(tcn.encode(maps[2]), codes[2])
+    np.testing.assert_array_equal(minkloc.encode(maps[2]), codes[2])
     assert np.abs(codes[0] - codes[1]).max() > 1e-3
 
 
-def test_no_maps_no_codes(tcn):
-    assert tcn.encode(np.empty((0, 160, 120), np.float32)).shape == (0, tcn.dim)
-
-
-@pytest.mark.parametrize("pixels", [0, 1])
-def test_empty_and_one_point_maps_have_finite_codes(tcn, pixels):
-    penetration = np.zeros((160, 120), np.float32)
-    penetration.ravel()[:pixels] = 1e-3
-    assert np.linalg.norm(tcn.encode(penetration)) == pytest.approx(1, abs=1e-6)
-
-
-def test_non_finite_maps_are_refused(tcn):
+def test_non_finite_maps_are_refused(minkloc):
     with pytest.raises(InputError, match="penetration map: non-finite"):
-        tcn.encode(np.full((160, 120), np.nan, np.float32))
+        minkloc.encode(np.full((160, 120), np.nan, np.float32))
 
 
-def test_a_codebook_is_built_and_found_again(tcn, tool, sensor, tmp_path):
-    build_codebook(tool, tcn, sensor, size=20).save(tmp_path / "book.npz")
-    book = Codebook.load(tmp_path / "book.npz", mesh=tool, tcn=tcn.network_id)
-    assert book.codes.shape == (20, tcn.dim)
+def test_a_codebook_is_built_and_found_again(minkloc, tool, sensor, tmp_path):
+    build_codebook(tool, minkloc, sensor, size=20).save(tmp_path / "book.npz")
+    book = Codebook.load(tmp_path / "book.npz", mesh=tool, tcn=minkloc.network_id)
+    assert book.codes.shape == (20, minkloc.dim)
     assert book.meta["temperature"] == 1.0
     with pytest.raises(InputError, match="built with the network tcn_minkloc3d-"):
         Codebook.load(tmp_path / "book.npz", tcn=load_tcn("fast").network_id)
 
 
-def test_the_voxel_size_belongs_to_the_identity(tcn, minkloc_state, tmp_path):
+def test_the_voxel_size_belongs_to_the_identity(minkloc, minkloc_state, tmp_path):
     other = load_tcn(save_minkloc3d(minkloc_state, {"network": "tcn_minkloc3d"}, tmp_path, voxel_size=0.02))
-    assert other.network_id != tcn.network_id
+    assert other.network_id != minkloc.network_id
 
 
-def test_same_weights_same_identity(tcn, minkloc_state, tmp_path):
+def test_same_weights_same_identity(minkloc, minkloc_state, tmp_path):
     again = load_tcn(save_minkloc3d(minkloc_state, {"network": "tcn_minkloc3d"}, tmp_path, voxel_size=0.01))
-    assert again.network_id == tcn.network_id
+    assert again.network_id == minkloc.network_id
 
 
 def test_a_file_that_is_not_there_is_named():
@@ -81,15 +59,15 @@ def test_other_archives_are_refused(tmp_path):
         load_tcn(tmp_path / "other.npz")
 
 
-def test_a_cut_file_is_refused(network_file, tmp_path):
+def test_a_cut_file_is_refused(minkloc_file, tmp_path):
     path = tmp_path / "cut.npz"
-    path.write_bytes(network_file.read_bytes()[:100_000])
+    path.write_bytes(minkloc_file.read_bytes()[:100_000])
     with pytest.raises(InputError, match=r"cut.npz: not a MinkLoc3D network"):
         load_tcn(path)
 
 
-def test_a_missing_card_is_named(network_file, tmp_path):
+def test_a_missing_card_is_named(minkloc_file, tmp_path):
     path = tmp_path / "alone.npz"
-    path.write_bytes(network_file.read_bytes())
+    path.write_bytes(minkloc_file.read_bytes())
     with pytest.raises(InputError, match=r"alone.json: no readable model card"):
         load_tcn(path)

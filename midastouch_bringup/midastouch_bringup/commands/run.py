@@ -1,0 +1,43 @@
+"""`midastouch run`: what the launch files start, without `ros2 launch`."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "run",
+        run,
+        "start the nodes of a launch file, without ros2 launch",
+        "midastouch run replay bag:=out/slide object:=handle_tool rate:=0",
+        "SETUP is the name of a launch file (live_ur, replay, demo, driver, ...), the arguments are those of ros2\n"
+        "launch: --show-args lists them. Same nodes, same parameter files. What needs ros2 launch is left out: RViz\n"
+        "(midastouch view shows the same in a browser) and the driver of the arm (arm:=rtde does without).\n"
+        "Ctrl-C ends all nodes. One that dies is reported; with use_respawn:=true it is started again after 2 s,\n"
+        "after twice as long each time that it dies again.",
+    )
+    parser.add_argument("setup", metavar="SETUP", help="what to start")
+    parser.add_argument("arguments", nargs="*", metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
+    parser.add_argument("-s", "--show-args", action="store_true", help="list the arguments of SETUP and end")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_perception.errors import InputError
+
+    try:
+        from ..ros.run import manual, run_setup
+    except ImportError as error:
+        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+
+    if args.show_args:
+        print(manual(args.setup))
+        return 0
+    from ..cli import main
+
+    return run_setup(args.setup, args.arguments, main)

@@ -1,0 +1,47 @@
+"""The sensor's fixed frames, as `config/frames.yaml` has them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+_ENTRIES = ("hand_eye", "gel", "optical")
+
+
+def read_mount(
+    path: str | os.PathLike, sensor_prefix: str = "", tool_frame: str = "", tf_prefix: str = ""
+) -> list[tuple[str, str, np.ndarray]]:
+    """(parent, child, T_parent_child (4, 4)) of every entry of a frames file.
+
+    sensor_prefix is put before the sensor's frames, tf_prefix before the arm's; tool_frame replaces the frame that the
+    sensor is mounted on. Raises InputError, naming file and entry, for a file that does not say where the sensor is.
+    """
+    try:
+        entries = yaml.safe_load(Path(path).read_text())
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; check frames_file") from error
+    except (UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: not YAML: {error}") from error
+    if not isinstance(entries, dict) or set(entries) != set(_ENTRIES):
+        raise InputError(f"{path}: must hold {', '.join(_ENTRIES)} and nothing else; see config/frames.yaml")
+    mount = []
+    for name in _ENTRIES:
+        entry = entries[name]
+        try:
+            parent, child = str(entry["parent"]), str(entry["child"])
+            xyz, rpy = (np.array(entry[key], float) for key in ("xyz", "rpy"))
+            if xyz.shape != (3,) or rpy.shape != (3,) or not np.isfinite([xyz, rpy]).all():
+                raise ValueError("xyz and rpy are three finite numbers each")
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: {name}: {error}; wanted are parent, child, xyz (m) and rpy (rad)") from error
+        parent = tf_prefix + (tool_frame or parent) if name == "hand_eye" else sensor_prefix + parent
+        # "xyz" in lower case: about the fixed axes, as in URDF
+        mount.append((parent, sensor_prefix + child, se3.make(Rotation.from_euler("xyz", rpy).as_matrix(), xyz)))
+    return mount

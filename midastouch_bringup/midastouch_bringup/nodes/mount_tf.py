@@ -1,0 +1,64 @@
+"""Node `mount_tf`: static TF of the sensor on the tool, where no robot_state_publisher is installed."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import transform_to_msg
+from midastouch_perception.ros.node import PipelineNode
+from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.ros.spin import run
+
+from ..mount_frames import read_mount
+
+PARAMETERS = (
+    Parameter("frames_file", "", "Hand-eye calibration and mount; empty: the frames.yaml of this package"),
+    Parameter("tool_frame", "", "Frame the sensor is mounted on; empty: as in frames_file"),
+    Parameter("tf_prefix", "", "Put before the tool's frame, as in the UR driver"),
+    Parameter("sensor_prefix", "", "Put before the sensor's frames; for several sensors"),
+)
+
+
+class MountTf(PipelineNode):
+    """Publishes the transforms of a frames file, once, latched."""
+
+    def __init__(self, **kwargs):
+        super().__init__("mount_tf", **kwargs)
+        settings = Parameters(self, PARAMETERS)
+        share = Path(get_package_share_directory("midastouch_bringup"))
+        mount = read_mount(
+            settings["frames_file"] or share / "config" / "frames.yaml",
+            settings["sensor_prefix"],
+            settings["tool_frame"],
+            settings["tf_prefix"],
+        )
+        now = self.get_clock().now().to_msg()
+        self.create_publisher(TFMessage, "/tf_static", qos.latched()).publish(
+            TFMessage(
+                transforms=[
+                    TransformStamped(
+                        header=Header(stamp=now, frame_id=parent),
+                        child_frame_id=child,
+                        transform=transform_to_msg(transform),
+                    )
+                    for parent, child, transform in mount
+                ]
+            )
+        )
+        self.get_logger().info(", ".join(f"{parent} -> {child}" for parent, child, _ in mount))
+
+
+def main() -> int:
+    """Entry point of the executable."""
+    return run(lambda: [MountTf()])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""The arguments of the launch files and of `midastouch run`, and the node parameters that they stand for.
+
+Every argument is described once, in `ARGUMENTS`, and means the same wherever it is taken. An argument that stands for
+a parameter changes it only when it is given; empty leaves what the parameter file says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from ament_index_python.packages import get_package_share_directory
+
+from midastouch_perception.errors import InputError
+
+from ..parameter_files import merged, read_parameters
+
+SHARE = Path(get_package_share_directory("midastouch_bringup"))
+_YES_NO = ("true", "false")
+_STREAM_NODES = ("tdn", "tcn", "particle_filter")
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument. `sets` names the parameters (node, parameter) it stands for, `kind` their type.
+
+    `launch_only`: it is about something that only `ros2 launch` starts.
+    """
+
+    description: str
+    default: str = ""
+    choices: tuple[str, ...] = ()
+    sets: tuple[tuple[str, str], ...] = ()
+    kind: type = str
+    launch_only: bool = False
+
+
+ARGUMENTS = {
+    # of every launch file
+    "namespace": Argument("Namespace of all nodes; one per sensor, e.g. digit_left"),
+    "params_file": Argument("Parameters of all nodes", str(SHARE / "config" / "midastouch.yaml")),
+    "params_overlay": Argument("Parameter file laid over params_file; may hold only what differs"),
+    "use_sim_time": Argument("Take the time from /clock", "false", _YES_NO),
+    "use_respawn": Argument("Start a node again after it died", "false", _YES_NO),
+    "log_level": Argument("What the nodes log", "info", ("debug", "info", "warn", "error", "fatal")),
+    # sensor
+    "serial": Argument(
+        "Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
+        sets=(("digit_driver", "serial"), ("tdn", "serial")),
+    ),
+    "autostart": Argument(
+        "Activate the driver without a lifecycle manager",
+        "true",
+        _YES_NO,
+        (("digit_driver", "autostart"),),
+        bool,
+    ),
+    # perception and filter
+    "background": Argument(
+        "No-contact image of this sensor, or a folder of its images; empty: from the first images, or from bag",
+        sets=(("tdn", "background"),),
+    ),
+    "composed": Argument("Run perception and filter in one process", "false", _YES_NO),
+    "object": Argument(
+        "Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)"
+    ),
+    "mesh": Argument("Mesh of the object, metres: a path or package://...", sets=(("particle_filter", "mesh"),)),
+    "codebook": Argument("Codebook of that mesh", sets=(("particle_filter", "codebook"),)),
+    "init_mode": Argument(
+        "Start: over the whole surface, at initial_pose, or once a pose is given",
+        choices=("", "uniform", "pose", "wait"),
+        sets=(("particle_filter", "init_mode"),),
+    ),
+    "seed": Argument("Seed of the filter", sets=(("particle_filter", "seed"),), kind=int),
+    # arm
+    "arm": Argument(
+        "Where TF of the arm comes from: already running, the UR ROS driver started here, or ur_tf over RTDE",
+        "running",
+        ("running", "ur_driver", "rtde"),
+    ),
+    "robot_ip": Argument("Address of the arm, for arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)),
+    "ur_type": Argument(
+        "Model of the arm, for arm:=ur_driver",
+        "ur5e",
+        ("ur3", "ur3e", "ur5", "ur5e", "ur7e", "ur10", "ur10e", "ur12e", "ur16e", "ur15", "ur20", "ur30"),
+        launch_only=True,
+    ),
+    "use_mock_hardware": Argument("Mock arm, for arm:=ur_driver", "false", _YES_NO, launch_only=True),
+    "tf_prefix": Argument(
+        "Put before the arm's frames and joints, as in the UR driver",
+        sets=(("ur_tf", "tf_prefix"), ("mount_tf", "tf_prefix")),
+    ),
+    # mount
+    "frames_file": Argument(
+        "Hand-eye calibration and mount",
+        str(SHARE / "config" / "frames.yaml"),
+        sets=(("mount_tf", "frames_file"),),
+    ),
+    "sensor_prefix": Argument(
+        "Put before the sensor's frames; for several sensors, e.g. left_", sets=(("mount_tf", "sensor_prefix"),)
+    ),
+    "tool_frame": Argument(
+        "Frame the sensor is mounted on, tool0 or tool0_controller; empty: as in frames_file",
+        sets=(("mount_tf", "tool_frame"),),
+    ),
+    # recording
+    "bag": Argument("YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)", sets=(("replay", "source"),)),
+    "rate": Argument(
+        "Recorded seconds per second; 0: as fast as the filter follows",
+        sets=(("replay", "rate"),),
+        kind=float,
+    ),
+    "loop": Argument("Play again and again", "false", _YES_NO, (("replay", "loop"),), bool),
+    # view
+    "use_rviz": Argument("Start RViz", "true", _YES_NO, launch_only=True),
+    "rviz_config": Argument("RViz configuration", str(SHARE / "rviz" / "midastouch.rviz"), launch_only=True),
+}
+
+
+def parameters(given: Mapping[str, str]) -> dict[str, dict]:
+    """Parameters by node: params_file, params_overlay over it, and the arguments over both.
+
+    given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing.
+    """
+    files = [read_parameters(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
+    overrides: dict[str, dict] = {}
+    for name, argument in ARGUMENTS.items():
+        if given.get(name):
+            value = _converted(name, given[name])
+            for node, parameter in argument.sets:
+                overrides.setdefault(node, {})[parameter] = value
+    for node in _STREAM_NODES:
+        overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
+    if given.get("object"):
+        # here: `--show-args` need not wait for the mesh libraries
+        from midastouch_perception.objects import bundled_objects
+
+        from ..codebooks import codebook_path
+
+        objects, found = bundled_objects(), overrides["particle_filter"]
+        if given["object"] not in objects:
+            raise InputError(
+                f"object:={given['object']}: not bundled; there are {', '.join(objects)}; for another give mesh:= "
+                "and codebook:="
+            )
+        found.setdefault("mesh", str(objects[given["object"]]))
+        found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
+    if given.get("bag") and not given.get("background"):
+        overrides["tdn"] |= _background_of(Path(given["bag"]))
+    if given.get("tf_prefix"):
+        overrides["particle_filter"]["base_frame_id"] = f"{given['tf_prefix']}base_link"
+    if prefix := given.get("sensor_prefix"):
+        overrides.setdefault("digit_driver", {})["frame_id"] = f"{prefix}digit_optical_frame"
+        for node in ("tdn", "particle_filter"):
+            overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
+    return merged([*files, overrides])
+
+
+def _converted(name: str, text: str) -> object:
+    kind = ARGUMENTS[name].kind
+    if kind is str:
+        return text
+    value = yaml.safe_load(text)
+    if type(value) not in (kind, int):  # 2 for 2.0
+        raise InputError(f"{name}:={text}: not of type {kind.__name__}")
+    return kind(value)
+
+
+def _background_of(recording: Path) -> dict[str, str]:
+    """Where a sequence folder holds the sensor's no-contact image, else the images to estimate it from."""
+    for inside in ("background.png", "tactile_images", "frames"):
+        if (recording / inside).exists():
+            return {"background": str((recording / inside).resolve())}
+    return {}

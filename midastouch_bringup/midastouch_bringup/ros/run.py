@@ -1,0 +1,91 @@
+"""Set-ups without `ros2 launch`: their arguments checked, their nodes started and watched."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from midastouch_perception.errors import InputError
+
+from ..node_processes import find_executable
+from ..parameter_files import written
+from ..supervisor import BackOff, Program, Supervisor
+from .launch_arguments import ARGUMENTS, parameters
+from .setups import SETUPS, demo_preparations, demo_slide, executables
+
+
+def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]], int]) -> int:
+    """Start the nodes of a set-up and watch them until they have ended or a signal comes; returns the exit status.
+
+    words: arguments as `ros2 launch` takes them; midastouch: the command, which makes what the demo needs.
+    Raises InputError for arguments that mean nothing and for nodes that are not installed.
+    """
+    given = values(name, words)
+    environment = dict(os.environ)
+    if name == "demo":
+        for preparation in demo_preparations(given["object"]):
+            if status := midastouch(preparation):
+                return status
+        given["bag"] = str(demo_slide(given["object"]))
+        # nobody else on the network sees the demo's nodes, unless the user has said so
+        environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    with tempfile.TemporaryDirectory(prefix="midastouch_") as folder:
+        path = Path(folder) / "parameters.yaml"
+        path.write_text(written(parameters(given), given["namespace"]))
+        respawn = BackOff if given["use_respawn"] == "true" else None
+        return Supervisor(_programs(name, given, path), environment, respawn).run()
+
+
+def values(setup: str, words: Sequence[str]) -> dict[str, str]:
+    """Values of all arguments of a set-up: `words`, NAME:=VALUE each, over the defaults.
+
+    Raises InputError for a set-up that is not known and for what it does not take.
+    """
+    given = _defaults(setup)
+    for word in words:
+        name, separator, value = word.partition(":=")
+        if not separator:
+            raise InputError(f"{word}: write NAME:=VALUE")
+        if name not in given:
+            raise InputError(f"{name}: no argument of {setup}; see midastouch run {setup} --show-args")
+        argument = ARGUMENTS[name]
+        if argument.launch_only:
+            raise InputError(f"{name}: only ros2 launch starts what this is about")
+        if argument.choices and value not in argument.choices:
+            raise InputError(f"{word}: must be one of {_choices(argument.choices)}")
+        given[name] = value
+    if given.get("arm") == "ur_driver":
+        raise InputError("arm:=ur_driver: only ros2 launch starts it; start it yourself (arm:=running), or arm:=rtde")
+    return given
+
+
+def manual(setup: str) -> str:
+    """The arguments of a set-up in words. Raises InputError for one that is not known."""
+    defaults = _defaults(setup)
+    lines = [f"{setup}: {SETUPS[setup].summary}"]
+    for name, default in defaults.items():
+        argument = ARGUMENTS[name]
+        if not argument.launch_only:
+            choices = f". One of: {_choices(argument.choices)}" if argument.choices else ""
+            lines.append(f"  {name}:={default}\n      {argument.description}{choices}")
+    return "\n".join(lines)
+
+
+def _defaults(setup: str) -> dict[str, str]:
+    known = [name for name, one in SETUPS.items() if not one.launch_only]
+    if setup not in known:
+        raise InputError(f"{setup}: nothing of that name can be started; there are {', '.join(known)}")
+    return SETUPS[setup].values()
+
+
+def _choices(choices: Sequence[str]) -> str:
+    return ", ".join(choice or "''" for choice in choices)
+
+
+def _programs(setup: str, given: Mapping[str, str], parameter_file: Path) -> list[Program]:
+    options = ["--ros-args", "--params-file", str(parameter_file), "--log-level", given["log_level"]]
+    if namespace := given["namespace"].strip("/"):
+        options += ["-r", f"__ns:=/{namespace}"]
+    return [Program(one.name, (find_executable(one.name), *options), one.ends) for one in executables(setup, given)]

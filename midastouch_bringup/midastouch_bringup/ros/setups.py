@@ -1,0 +1,151 @@
+"""What each launch file starts: the one table behind the launch files and `midastouch run`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .launch_arguments import ARGUMENTS, SHARE
+
+
+@dataclass(frozen=True)
+class Executable:
+    """A process with nodes of ours. `when`: only if that argument has that value.
+
+    `ends`: by itself, once it has done its work; starting it again would do that twice.
+    """
+
+    package: str
+    name: str
+    when: tuple[str, str] | None = None
+    ends: bool = False
+
+
+@dataclass(frozen=True)
+class Include:
+    """Everything of another set-up."""
+
+    setup: str
+    when: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Processes that are started together. `defaults`: of arguments that have another default here.
+
+    `launch_only`: what it starts is no node of ours, and needs `ros2 launch`.
+    """
+
+    summary: str
+    arguments: tuple[str, ...]
+    parts: tuple[Executable | Include, ...] = ()
+    defaults: Mapping[str, str] = field(default_factory=dict)
+    launch_only: bool = False
+
+    def values(self) -> dict[str, str]:
+        """Every argument with its default."""
+        return {name: self.defaults.get(name, ARGUMENTS[name].default) for name in self.arguments}
+
+
+_COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level")
+_FILTER = ("object", "mesh", "codebook", "init_mode", "seed")
+_PERCEPTION = ("serial", "background")
+_RVIZ = ("use_rviz", "rviz_config")
+_RECORDING = ("bag", "rate", "loop", *_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix", *_RVIZ)
+# a recording has its own time, and no frame of it may be lost
+_OF_RECORDINGS = {"use_sim_time": "true", "params_overlay": str(SHARE / "config" / "replay.yaml")}
+
+SETUPS = {
+    "driver": Setup(
+        "the DIGIT's driver",
+        (*_COMMON, "serial", "autostart", "sensor_prefix"),
+        (Executable("digit_driver", "digit_driver"),),
+    ),
+    "perception": Setup(
+        "from tactile images to codes",
+        (*_COMMON, *_PERCEPTION, "sensor_prefix"),
+        (Executable("midastouch_perception", "tdn"), Executable("midastouch_perception", "tcn")),
+    ),
+    "filter": Setup(
+        "from codes and transforms to the pose of the sensor on the object",
+        (*_COMMON, *_FILTER, "tf_prefix", "sensor_prefix"),
+        (Executable("midastouch_filter", "particle_filter"),),
+    ),
+    "localization": Setup(
+        "perception and filter: in processes of their own, or in one",
+        (*_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix"),
+        (
+            Executable("midastouch_bringup", "all_in_one", when=("composed", "true")),
+            Include("perception", when=("composed", "false")),
+            Include("filter", when=("composed", "false")),
+        ),
+    ),
+    # its launch file has robot_state_publisher do it, which also gives RViz the sensor's shape
+    "mount": Setup(
+        "static TF from the arm's tool to the DIGIT's frames",
+        ("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix"),
+        (Executable("midastouch_bringup", "mount_tf"),),
+    ),
+    "rviz": Setup("RViz with our view", ("namespace", "use_sim_time", "rviz_config"), launch_only=True),
+    "live_ur": Setup(
+        "a DIGIT on a UR arm: driver, mount, localisation",
+        (
+            *(*_COMMON, "autostart", "composed", *_PERCEPTION, *_FILTER),
+            *("arm", "robot_ip", "ur_type", "use_mock_hardware", "tf_prefix", "frames_file", "tool_frame"),
+            *("sensor_prefix", *_RVIZ),
+        ),
+        (
+            Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")),
+            Include("mount"),
+            Include("driver"),
+            Include("localization"),
+            Include("rviz", when=("use_rviz", "true")),
+        ),
+    ),
+    "replay": Setup(
+        "a recording through perception and filter, in its own time, without losing a frame",
+        _RECORDING,
+        (
+            Include("localization"),
+            Include("rviz", when=("use_rviz", "true")),
+            Executable("midastouch_bringup", "replay", ends=True),
+        ),
+        _OF_RECORDINGS,
+    ),
+    "demo": Setup(
+        "a simulated slide over a bundled object, made on the first run, played like a recording",
+        tuple(name for name in _RECORDING if name != "bag"),
+        (Include("replay"),),
+        {**_OF_RECORDINGS, "object": "handle_tool", "loop": "true"},
+    ),
+}
+
+
+def executables(setup: str, given: Mapping[str, str]) -> Iterator[Executable]:
+    """What a set-up starts without `ros2 launch`, with `given`, the values of its arguments."""
+    for part in SETUPS[setup].parts:
+        if part.when is None or given[part.when[0]] == part.when[1]:
+            if isinstance(part, Include):
+                yield from executables(part.setup, given)
+            else:
+                yield part
+
+
+def demo_slide(object_name: str) -> Path:
+    """The slide that the set-up `demo` plays."""
+    return Path("out/slides") / object_name
+
+
+def demo_preparations(object_name: str) -> list[list[str]]:
+    """Calls of `midastouch`, without the name itself, that make what `demo` still lacks in the present folder."""
+    # here: `--show-args` need not wait for the libraries behind it
+    from ..codebooks import codebook_path
+
+    slide, codebook = demo_slide(object_name), codebook_path(object_name)
+    missing = []
+    if not slide.is_dir():
+        missing.append(["simulate", object_name, "--out", str(slide)])
+    if not codebook.is_file():
+        missing.append(["build-codebook", object_name, "--out", str(codebook)])
+    return missing

@@ -1,0 +1,123 @@
+"""What `midastouch run` starts, and how; that it starts the same as the launch files is in test_launch.py."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from tf2_msgs.msg import TFMessage
+
+from midastouch_bringup.ros import run
+from midastouch_bringup.ros.launch_arguments import ARGUMENTS
+from midastouch_bringup.ros.run import manual, run_setup, values
+from midastouch_bringup.ros.setups import SETUPS
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros.testing import open_graph
+
+STARTED = [name for name, setup in SETUPS.items() if not setup.launch_only]
+
+
+def test_arguments_go_over_the_defaults():
+    given = values("replay", ["bag:=out/my:=slide", "seed:=7"])
+    assert (given["bag"], given["seed"], given["use_sim_time"]) == ("out/my:=slide", "7", "true")
+
+
+@pytest.mark.parametrize(
+    ("setup", "word", "reason"),
+    [
+        ("sofa", "", "sofa: nothing of that name can be started; there are driver, "),
+        ("rviz", "", "rviz: nothing of that name"),
+        ("replay", "bag=slide", "bag=slide: write NAME:=VALUE"),
+        ("driver", "bag:=slide", "bag: no argument of driver; see midastouch run driver --show-args"),
+        ("replay", "use_rviz:=true", "use_rviz: only ros2 launch"),
+        ("replay", "loop:=yes", "loop:=yes: must be one of true, false"),
+        ("live_ur", "arm:=ur_driver", "only ros2 launch starts it"),
+    ],
+)
+def test_what_cannot_be_started_is_refused(setup, word, reason):
+    with pytest.raises(InputError, match=reason):
+        values(setup, [word] if word else [])
+
+
+@pytest.mark.parametrize("setup", STARTED)
+def test_the_manual_names_every_argument_that_is_taken(setup):
+    text = manual(setup)
+    for name in SETUPS[setup].arguments:
+        taken = f"  {name}:=" in text
+        assert taken != ARGUMENTS[name].launch_only
+        if taken:
+            assert ARGUMENTS[name].description in text
+
+
+@pytest.fixture
+def supervised(monkeypatch):
+    """What would be supervised: programs, environment, back-off, and the parameters they get."""
+    seen = {}
+
+    class Supervisor:
+        def __init__(self, programs, environment, respawn):
+            seen.update(programs={p.name: p for p in programs}, environment=environment, respawn=respawn)
+            for program in programs:
+                file = program.command[program.command.index("--params-file") + 1]
+                seen["parameters"] = yaml.safe_load(Path(file).read_text())
+
+        def run(self):
+            return 5
+
+    monkeypatch.setattr(run, "Supervisor", Supervisor)
+    monkeypatch.setattr(run, "find_executable", lambda name: f"/bin/{name}")
+    return seen
+
+
+def test_nodes_get_parameters_namespace_and_log_level(supervised):
+    words = ["namespace:=/left/", "mesh:=a.ply", "log_level:=warn"]
+    assert run_setup("filter", words, None) == 5
+    command = supervised["programs"]["particle_filter"].command
+    assert command[:2] == ("/bin/particle_filter", "--ros-args")
+    assert command[-4:] == ("--log-level", "warn", "-r", "__ns:=/left")
+    assert supervised["parameters"]["/left/particle_filter"]["ros__parameters"]["mesh"] == "a.ply"
+    assert supervised["respawn"] is None
+
+
+def test_only_a_replay_ends_by_itself(supervised):
+    run_setup("replay", ["bag:=slide", "use_respawn:=true"], None)
+    assert {name for name, program in supervised["programs"].items() if program.ends} == {"replay"}
+    assert supervised["respawn"] is not None
+
+
+def test_the_demo_is_prepared_and_stays_on_this_machine(supervised, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
+    called = []
+    assert run_setup("demo", [], lambda words: called.append(words) or 0) == 5
+    assert [words[:2] for words in called] == [["simulate", "handle_tool"], ["build-codebook", "handle_tool"]]
+    assert supervised["parameters"]["/replay"]["ros__parameters"]["source"] == "out/slides/handle_tool"
+    assert supervised["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+
+
+def test_a_failed_preparation_ends_the_demo(supervised, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_setup("demo", [], lambda words: 2) == 2
+    assert supervised == {}
+
+
+@pytest.mark.dds
+def test_a_real_node_runs_until_ctrl_c():
+    with open_graph() as graph:
+        command = [sys.executable, "-m", "midastouch_bringup.cli", "run", "mount", "sensor_prefix:=left_"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            try:
+                static = graph.listen(TFMessage, "/tf_static", latched=True)
+                graph.spin_until(lambda: static, "the mount")
+                assert static[0].transforms[0].child_frame_id == "left_digit_link"
+                process.send_signal(signal.SIGINT)
+                output, _ = process.communicate(timeout=20.0)
+            finally:
+                process.kill()
+    assert process.returncode == 0
+    assert "[mount_tf] " in output
+    assert output.splitlines()[-1] == "[midastouch] ending all"

@@ -1,0 +1,171 @@
+"""Real processes under a supervisor in a process of its own; the programs are lines of shell."""
+
+import itertools
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from midastouch_bringup.supervisor import BackOff
+
+SUPERVISE = """
+import json, os, sys
+from midastouch_bringup import node_processes
+from midastouch_bringup.supervisor import BackOff, Program, Supervisor
+
+task = json.loads(sys.argv[1])
+node_processes._GRACE_S = task["grace"]
+programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
+respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
+sys.exit(Supervisor(programs, os.environ, respawn).run())
+"""
+FOR_EVER = "while :; do sleep 0.05; done"
+
+
+class Supervised:
+    """A supervisor at work, and the lines it has printed."""
+
+    def __init__(self, programs, back_off=None, ends=(), grace=(10.0, 10.0, 10.0), before="", reads=None):
+        task = json.dumps({"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace})
+        command = ["sh", "-c", f'{before} exec "$@"', "sh", sys.executable, "-c", SUPERVISE, task]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        self.lines = []
+        self._reader = threading.Thread(target=self._read, args=[reads], daemon=True)
+        self._reader.start()
+
+    def _read(self, most):
+        with self.process.stdout:
+            for line in itertools.islice(self.process.stdout, most):
+                self.lines.append(line.rstrip("\n"))
+
+    def until(self, condition):
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline, f"it did not happen in time; printed: {self.lines}"
+            time.sleep(0.01)
+
+    def said(self, line, times=1):
+        self.until(lambda: self.lines.count(line) >= times)
+
+    def status(self):
+        status = self.process.wait(20.0)
+        self._reader.join()
+        return status
+
+
+@pytest.fixture
+def supervise():
+    made = []
+
+    def make(*args, **options):
+        made.append(Supervised(*args, **options))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.process.kill()
+        one.process.wait()
+
+
+def running(pid: int) -> bool:
+    """Whether a process is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
+    programs = {"a": "echo one; echo two >&2", "b": "printf 'no newline'"}
+    run = supervise(programs, ends=["a", "b"])
+    assert run.status() == 0
+    said = [line for line in run.lines if line.startswith("[a]")]
+    assert said == ["[a] one", "[a] two"]
+    assert "[b] no newline" in run.lines
+    assert run.lines.index("[a] two") < run.lines.index("[midastouch] a has finished; Ctrl-C ends the others")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
+)
+def test_a_death_is_reported_and_the_others_go_on(supervise, end, words):
+    run = supervise({"mortal": end, "other": f"trap 'echo bye; exit 0' INT; {FOR_EVER}"})
+    run.said(f"[midastouch] mortal died: {words}")
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 1
+    assert "[other] bye" in run.lines
+
+
+def test_what_dies_is_started_again_later_each_time(supervise):
+    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 0.08))
+    run.said("[mortal] alive", times=5)
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    pauses = [line.split(" in ")[1] for line in run.lines if "starting it again" in line]
+    assert pauses[:4] == ["0.02 s", "0.04 s", "0.08 s", "0.08 s"]
+    assert run.lines.count("[other] alive") == 1
+
+
+def test_what_ends_by_itself_is_not_started_again(supervise):
+    run = supervise({"replay": "echo played", "failed": "exit 2"}, back_off=(0.0, 0.0), ends=["replay", "failed"])
+    assert run.status() == 1
+    assert run.lines.count("[replay] played") == 1
+    assert run.lines.count("[midastouch] failed died: exit code 2") == 1
+
+
+@pytest.mark.parametrize(
+    ("number", "before"),
+    [
+        (signal.SIGINT, ""),
+        (signal.SIGTERM, ""),
+        (signal.SIGHUP, ""),
+        (signal.SIGINT, "trap '' INT;"),  # as in the background of a shell without job control
+    ],
+)
+def test_a_signal_ends_all_of_them_softly_at_first(supervise, number, before):
+    programs = {
+        "polite": f"trap 'echo bye; exit 0' INT; echo $$; {FOR_EVER}",
+        "reluctant": f"trap '' INT; trap 'echo bye; exit 0' TERM; echo $$; {FOR_EVER}",
+        "deaf": f"trap '' INT TERM; echo $$; {FOR_EVER}",
+    }
+    run = supervise(programs, grace=(0.5, 0.3, 10.0), before=before)
+    run.until(lambda: len(run.lines) == 3)
+    pids = [int(line.split()[1]) for line in run.lines]
+    run.process.send_signal(number)
+    assert run.status() == 0
+    assert run.lines[3:5] == ["[midastouch] ending all", "[polite] bye"]
+    assert {"[reluctant] bye", "[midastouch] deaf: killed by SIGKILL"} <= set(run.lines)
+    assert not any(running(pid) for pid in pids)
+
+
+def test_who_presses_again_waits_no_longer(supervise):
+    run = supervise({"deaf": f"trap '' INT; trap 'echo no' TERM; echo ready; {FOR_EVER}"}, grace=(60.0, 60.0, 60.0))
+    run.said("[deaf] ready")
+    for answer in ("[midastouch] ending all", "[deaf] no"):
+        run.process.send_signal(signal.SIGINT)
+        run.said(answer)
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
+
+
+def test_programs_outlive_who_reads_their_output(supervise, tmp_path):
+    sign = tmp_path / "sign"
+    lines = f"echo ready; while [ ! -e {sign} ]; do sleep 0.05; done; echo late; echo later; touch {sign}.seen"
+    run = supervise({"a": lines}, reads=1)
+    run.until(lambda: run.process.stdout.closed)
+    sign.touch()
+    run.until(lambda: Path(f"{sign}.seen").exists())
+    assert run.status() == 1  # it died where it should have gone on
+
+
+def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
+    back_off = BackOff(first=2.0, longest=10.0)
+    assert [back_off.after(1.0) for _ in range(5)] == [2.0, 4.0, 8.0, 10.0, 10.0]
+    assert back_off.after(10.0) == 2.0
+    assert back_off.after(0.0) == 4.0
