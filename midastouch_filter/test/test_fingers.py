@@ -14,17 +14,14 @@ from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.measurement_model import MeasurementModel
 from midastouch_filter.motion_model import carried
 from midastouch_filter.particles import Particles
-from midastouch_filter.refinement import RELIEF_SCALE
+from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.surface import SurfaceConstraint, SurfaceGrid
 from midastouch_filter.touch import FingerTouch, Measurement
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
-from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
-HALF_TURN = np.diag([-1.0, -1.0, 1.0, 1.0])
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))
 
 
@@ -304,46 +301,21 @@ def test_another_finger_counts_while_the_reference_is_in_the_air(filter_, pair):
 # --------------------------------------------------------------------------- a gripper
 
 
-@pytest.fixture(scope="module")
-def gripper(world):
-    """An object that is the same above after half a turn, but not below, and a finger that slides over each side."""
-    mesh = world.bumpy_mesh(twofold=True, handed_below=True)
-
-    def encode(poses):
-        codes = world.encode(poses)
-        above = poses[:, 2, 3] > 0
-        codes[above] += world.encode(HALF_TURN @ poses[above])
-        return codes / np.linalg.norm(codes, axis=1, keepdims=True)
-
-    book = world.make_codebook(world.random_poses(mesh, 8000, np.random.default_rng(1)), None)
-    book.codes, book.meta = encode(book.poses), {**book.meta, "sensor": "digit_tacto"}
-    turns = np.linspace(0, 1.6 * np.pi, 60)
-    circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
-    sides = [world.poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04)]
-    sensor = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
-    reliefs = [np.maximum(PenetrationRenderer(mesh, sensor).render(side), 0) for side in sides]
-    rng = np.random.default_rng(2)
-    odometry = world.odometry_of(world.with_pose_noise(sides[0], rng, 5e-4, math.radians(1.0)))
-    between = world.with_pose_noise(se3.inverse(sides[0]) @ sides[1], rng, 2e-4, math.radians(0.3))
-    felt = [
-        [Measurement(True, code, relief=relief) for code, relief in zip(encode(side), maps, strict=True)]
-        for side, maps in zip(sides, reliefs, strict=True)
-    ]
-    filter_ = ParticleFilter(mesh, book, CONFIG, 0)
-    return filter_, sides[0], odometry, felt, between
-
-
 @pytest.mark.parametrize("two", [False, True])
 def test_two_fingers_tell_what_one_cannot(gripper, two):
-    filter_, truth, odometry, (above, below), between = gripper
+    filter_, truth = gripper.make_filter(CONFIG), gripper.above
     filter_.reset(1)
     filter_.initialise_uniform()
-    for k, motion in enumerate(odometry):
-        others = {"below": FingerTouch(between[k], below[k])} if two else {}
-        estimate = filter_.step(motion, above[k], others)
+    for k, motion in enumerate(gripper.odometry):
+        above, below = (
+            Measurement(True, codes[k], relief=reduced_relief(maps[k]))
+            for codes, maps in zip(gripper.codes, gripper.penetrations, strict=True)
+        )
+        others = {"below": FingerTouch(gripper.between[k], below)} if two else {}
+        estimate = filter_.step(motion, above, others)
     distances = [
         min(np.linalg.norm(mode.pose[:3, 3] - place[:3, 3]) for mode in estimate.modes)
-        for place in (truth[-1], HALF_TURN @ truth[-1])
+        for place in (truth[-1], gripper.half_turn @ truth[-1])
     ]
     if two:
         assert estimate.status.state == state.CONVERGED, estimate.status.reason
