@@ -29,6 +29,9 @@ from .touch import FingerTouch
 from .workers import Workers
 
 
+_FARTHEST = 10.0  # m between two fingers of one hand
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What one further finger adds in this step.
@@ -105,9 +108,9 @@ class Fingers:
         out = []
         for name in sorted(touches):
             try:
-                T_gel_finger = Odometry.from_matrix(touches[name].T_gel_finger).transform
+                T_gel_finger = _checked(touches[name].T_gel_finger)
             except ValueError as error:
-                refuse("bad_finger_pose", f"finger {name}: {str(error).replace('odometry', 'pose')}")
+                refuse("bad_finger_pose", f"finger {name}: {error}")
                 continue
             finger = self._named(name)
             moved = finger.moved_to(self._travel @ T_gel_finger)
@@ -134,6 +137,17 @@ class Fingers:
         if name not in self._fingers:
             self._fingers[name] = Finger(self._lookup, self._surface, self._config, self._workers, self._make_model())
         return self._fingers[name]
+
+
+def _checked(T_gel_finger: np.ndarray) -> np.ndarray:
+    """The transform, its rotation orthonormal; raises ValueError saying why it cannot be used."""
+    try:
+        motion = Odometry.from_matrix(T_gel_finger)
+    except ValueError as error:
+        raise ValueError(str(error).replace("odometry", "pose")) from error
+    if not motion.distance <= _FARTHEST:
+        raise ValueError(f"pose is {motion.distance:.3g} m from the first finger's")
+    return motion.transform
 
 
 class Finger:

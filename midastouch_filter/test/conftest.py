@@ -27,14 +27,14 @@ NETWORK = "fourier-test"
 def bumpy_mesh(twofold: bool = False, handed_below: bool = False) -> ObjectMesh:
     """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places.
 
-    twofold: the same after half a turn about z; handed_below: but for its lower half.
+    twofold: the same after half a turn about z; handed_below: but not where z is lowest.
     """
     sphere = trimesh.creation.icosphere(subdivisions=4)
     directions = np.random.default_rng(3).standard_normal((12, 3))
-    if twofold:
-        twins = directions[directions[:, 2] > 0] if handed_below else directions
-        directions = np.concatenate([directions, twins * [-1, -1, 1]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    if twofold:
+        twins = directions[directions[:, 2] > -0.4] if handed_below else directions
+        directions = np.concatenate([directions, twins * [-1, -1, 1]])
     bumps = np.exp(15 * (sphere.vertices @ directions.T - 1)).sum(axis=1)
     vertices = sphere.vertices * (1 + 0.12 * bumps[:, None]) * [0.05, 0.035, 0.025]
     return ObjectMesh.from_arrays(vertices, sphere.faces, "bumpy")

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
@@ -199,6 +201,7 @@ def test_a_finger_that_moves_alone_tells_something(fingers, refused, world):
         (np.full((4, 4), np.nan), "bad_finger_pose", "finger left: pose is not finite"),
         (2 * np.eye(4), "bad_finger_pose", "finger left: pose is not a rigid transform"),
         (np.eye(3), "bad_finger_pose", "finger left: pose of shape"),
+        (se3.make(np.eye(3), np.array([1e300, 0, 0])), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
     ],
 )
 def test_finger_poses_that_are_none_are_refused(fingers, refused, world, place, kind, reason):
@@ -264,6 +267,34 @@ def test_refused_fingers_change_nothing_but_the_count(filter_, pair):
     assert refused[1] == alone[1]
     assert (refused[0].status.skipped["bad_code"], refused[0].status.skipped["bad_finger_pose"]) == (8, 8)
     assert "finger" in refused[0].status.reason
+
+
+PLACES = {
+    "here": np.eye(4),
+    "opposite": se3.exp(np.array([0, 0, -0.05, np.pi, 0, 0])),
+    "far": se3.make(np.eye(3), np.array([9.0, 0, 0])),
+    "absurd": se3.make(np.eye(3), np.array([1e30, 0, 0])),
+    "warped": 2 * np.eye(4),
+    "nan": np.full((4, 4), np.nan),
+}
+
+
+@settings(max_examples=25)
+@given(st.lists(st.tuples(st.sampled_from(sorted(PLACES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
+def test_whatever_fingers_feel_the_belief_stays_finite(filter_, pair, frames):
+    codes = [pair[3][0].measurement.code, np.zeros(64), np.full(64, np.inf), np.ones(3), None, -np.ones(64)]
+    filter_.initialise_uniform()
+    for k, (place, code, reference) in enumerate(frames):
+        others = {
+            "a": FingerTouch(PLACES[place], Measurement(code != 4, codes[code], relief=np.ones(3))),
+            "b": pair[3][k],
+        }
+        estimate = filter_.step(pair[1][k], pair[2][k] if reference else Measurement(False), others)
+        assert np.isfinite(filter_.poses).all()
+        assert np.isfinite(estimate.covariance).all()
+        assert filter_.weights.sum() == pytest.approx(1)
+        assert math.isfinite(estimate.status.likelihood_trend)
+        assert estimate.status.state in state.STATES
 
 
 def test_codes_of_another_network_are_named(filter_, world):
