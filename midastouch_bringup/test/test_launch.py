@@ -394,6 +394,18 @@ def test_respawn_and_log_level():
 
 
 @pytest.mark.usefixtures("stand_ins")
+def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp_path):
+    overlay = tmp_path / "mine.yaml"
+    for name, refused in (("partcile_filter", True), ("tdnn", True), ("amcl", False), ("ur_control", False)):
+        overlay.write_text(f"{name}: {{ros__parameters: {{seed: 3}}}}")
+        if refused:
+            with pytest.raises(InputError, match=f"mine.yaml: no node '{name}'; did you mean "):
+                carry_out("filter", params_overlay=str(overlay))
+        else:
+            carry_out("filter", params_overlay=str(overlay))
+
+
+@pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize(("argument", "value"), [("rate", "fast"), ("seed", "1.5"), ("seed", "[1]")])
 def test_values_of_the_wrong_type_are_refused(argument, value):
     with pytest.raises(InputError, match=f"{argument}:=.*: not of type"):

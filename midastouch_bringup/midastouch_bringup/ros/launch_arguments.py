@@ -6,6 +6,7 @@ a parameter changes it only when it is given; empty leaves what the parameter fi
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,7 +125,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
 
     given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing.
     """
-    files = [read_parameters(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
+    files = [_read(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
     overrides: dict[str, dict] = {}
     for name, argument in ARGUMENTS.items():
         if given.get(name):
@@ -156,6 +157,16 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         for node in ("tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     return merged([*files, overrides])
+
+
+def _read(path: str) -> dict[str, dict]:
+    """A parameter file. InputError for a node's name that is nearly one of ours: nobody would read its parameters."""
+    ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(_STREAM_NODES)
+    nodes = read_parameters(path)
+    for node in nodes.keys() - ours:
+        if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
+            raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
+    return nodes
 
 
 def _converted(name: str, text: str) -> object:
