@@ -349,6 +349,7 @@ def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
     from midastouch_bringup.cli import build_parser
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: Path(path).is_file())
     started = {}
     ran = []
     _carry_out("demo", {"use_rviz": "false"}, started, ran)

@@ -135,18 +135,11 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     for node in _STREAM_NODES:
         overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
     if given.get("object"):
-        # here: `--show-args` need not wait for the mesh libraries
-        from midastouch_perception.objects import bundled_objects
-
+        # here: `--show-args` need not wait for the libraries behind it
         from ..codebooks import codebook_path
 
-        objects, found = bundled_objects(), overrides["particle_filter"]
-        if given["object"] not in objects:
-            raise InputError(
-                f"object:={given['object']}: not bundled; there are {', '.join(objects)}; for another give mesh:= "
-                "and codebook:="
-            )
-        found.setdefault("mesh", str(objects[given["object"]]))
+        found = overrides["particle_filter"]
+        found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
@@ -157,6 +150,18 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         for node in ("tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     return merged([*files, overrides])
+
+
+def bundled_mesh(name: str) -> str:
+    """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
+    from midastouch_perception.objects import bundled_objects
+
+    objects = bundled_objects()
+    if name not in objects:
+        raise InputError(
+            f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
+        )
+    return str(objects[name])
 
 
 def _read(path: str) -> dict[str, dict]:
