@@ -23,8 +23,8 @@ test: lint
 # Speed of every stage, then run time against error on two of our objects: under a quarter of an hour on two cores.
 bench: setup
 	$(BIN)/midastouch bench --json out/bench.json
-	$(BIN)/midastouch benchmark --objects handle_tool eyebolt --slides 2 --length 0.4 --seeds 1 --variant front \
-		--jobs 2 --minutes 10 --json out/front.json
+	$(BIN)/midastouch benchmark --objects handle_tool eyebolt --slides 4 --length 0.4 --seeds 2 --init paper \
+		--variant front --jobs 2 --minutes 10 --json out/front.json
 	$(BIN)/midastouch report out/bench.json out/front.json --out out/bench
 
 # MINUTES of images at 60 Hz, and as much of everything else; takes some times as long.

@@ -98,6 +98,14 @@ def test_a_book_of_one_pose_is_built_and_refused_where_two_are_needed(ball, tmp_
     assert len(book.poses) == 1
     with pytest.raises(InputError, match="codebook: 1 poses; build one of at least some thousands"):
         ParticleFilter(ball, book)
+    assert codebooks.is_current(out, bundled_objects()["ball"])
+    assert not codebooks.is_current(out, bundled_objects()["eyebolt"])
+
+
+def test_a_book_of_another_network_is_not_current(build, tmp_path):
+    build(FlatTcn())
+    assert not codebooks.is_current(tmp_path / "ball.npz", bundled_objects()["ball"])
+    assert not codebooks.is_current(tmp_path / "none.npz", bundled_objects()["ball"])
 
 
 def test_a_book_of_no_pose_is_refused(tmp_path, capsys):

@@ -349,6 +349,7 @@ def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
     from midastouch_bringup.cli import build_parser
 
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: Path(path).is_file())
     started = {}
     ran = []
     _carry_out("demo", {"use_rviz": "false"}, started, ran)
@@ -391,6 +392,18 @@ def test_respawn_and_log_level():
     assert carry_out("driver")["digit_driver", "digit_driver"]["respawn"] is False
     # a recording that has ended has not died
     assert carry_out("replay", use_respawn="true")["midastouch_bringup", "replay"]["respawn"] is False
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp_path):
+    overlay = tmp_path / "mine.yaml"
+    for name, refused in (("partcile_filter", True), ("tdnn", True), ("amcl", False), ("ur_control", False)):
+        overlay.write_text(f"{name}: {{ros__parameters: {{seed: 3}}}}")
+        if refused:
+            with pytest.raises(InputError, match=f"mine.yaml: no node '{name}'; did you mean "):
+                carry_out("filter", params_overlay=str(overlay))
+        else:
+            carry_out("filter", params_overlay=str(overlay))
 
 
 @pytest.mark.usefixtures("stand_ins")

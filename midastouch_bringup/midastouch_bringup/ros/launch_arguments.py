@@ -6,6 +6,7 @@ a parameter changes it only when it is given; empty leaves what the parameter fi
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -124,7 +125,7 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
 
     given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing.
     """
-    files = [read_parameters(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
+    files = [_read(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
     overrides: dict[str, dict] = {}
     for name, argument in ARGUMENTS.items():
         if given.get(name):
@@ -134,18 +135,11 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     for node in _STREAM_NODES:
         overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
     if given.get("object"):
-        # here: `--show-args` need not wait for the mesh libraries
-        from midastouch_perception.objects import bundled_objects
-
+        # here: `--show-args` need not wait for the libraries behind it
         from ..codebooks import codebook_path
 
-        objects, found = bundled_objects(), overrides["particle_filter"]
-        if given["object"] not in objects:
-            raise InputError(
-                f"object:={given['object']}: not bundled; there are {', '.join(objects)}; for another give mesh:= "
-                "and codebook:="
-            )
-        found.setdefault("mesh", str(objects[given["object"]]))
+        found = overrides["particle_filter"]
+        found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
@@ -156,6 +150,28 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         for node in ("tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     return merged([*files, overrides])
+
+
+def bundled_mesh(name: str) -> str:
+    """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
+    from midastouch_perception.objects import bundled_objects
+
+    objects = bundled_objects()
+    if name not in objects:
+        raise InputError(
+            f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
+        )
+    return str(objects[name])
+
+
+def _read(path: str) -> dict[str, dict]:
+    """A parameter file. InputError for a node's name that is nearly one of ours: nobody would read its parameters."""
+    ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(_STREAM_NODES)
+    nodes = read_parameters(path)
+    for node in nodes.keys() - ours:
+        if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
+            raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
+    return nodes
 
 
 def _converted(name: str, text: str) -> object:

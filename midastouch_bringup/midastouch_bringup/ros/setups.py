@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from .launch_arguments import ARGUMENTS, SHARE
+from .launch_arguments import ARGUMENTS, SHARE, bundled_mesh
 
 
 @dataclass(frozen=True)
@@ -138,14 +138,17 @@ def demo_slide(object_name: str) -> Path:
 
 
 def demo_preparations(object_name: str) -> list[list[str]]:
-    """Calls of `midastouch`, without the name itself, that make what `demo` still lacks in the present folder."""
-    # here: `--show-args` need not wait for the libraries behind it
-    from ..codebooks import codebook_path
+    """Calls of `midastouch`, without the name itself, that make what `demo` still lacks in the present folder.
 
-    slide, codebook = demo_slide(object_name), codebook_path(object_name)
+    Raises InputError for an object that is not bundled.
+    """
+    # here: `--show-args` need not wait for the libraries behind it
+    from ..codebooks import codebook_path, is_current
+
+    slide, codebook, mesh = demo_slide(object_name), codebook_path(object_name), bundled_mesh(object_name)
     missing = []
     if not slide.is_dir():
         missing.append(["simulate", object_name, "--out", str(slide)])
-    if not codebook.is_file():
+    if not is_current(codebook, mesh):
         missing.append(["build-codebook", object_name, "--out", str(codebook)])
     return missing

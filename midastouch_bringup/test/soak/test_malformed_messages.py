@@ -12,7 +12,9 @@ from sensor_msgs.msg import PointCloud2
 from slide import PATIENT, SECOND, Slide, filter_parameters, image_at, tdn_parameters, transform_msg
 from spoil import spoil
 from std_msgs.msg import Header
+from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithPose
 
+from midastouch_bringup.nodes.detection_prior import DetectionPrior
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.state import STATES
@@ -32,6 +34,7 @@ def good_messages(slide: Slide) -> dict:
         "tactile/code": lambda stamp: code_msg(stamp, network_id=""),
         "/tf": lambda stamp: transform_msg(slide.poses[0], stamp),
         "/tf_static": lambda stamp: transform_msg(slide.poses[0], stamp, "other_"),
+        "detections": lambda _: Detection3DArray(detections=[Detection3D(results=[ObjectHypothesisWithPose()])]),
         "initialpose": lambda _: pose_msg("object", slide.poses[0]),
         "object_pose_prior": lambda _: pose_msg("base_link", slide.poses[0]),
         "filter_status": lambda stamp: FilterStatus(header=Header(stamp=stamp_from_ns(stamp)), state="lost"),
@@ -47,6 +50,7 @@ def test_malformed_messages_of_every_type(graph, slide, minutes, figures, simula
     tdn = graph.add(TdnNode, tdn_parameters(slide, **live))
     tcn = graph.add(TcnNode, live)
     running = graph.add(ParticleFilterNode, filter_parameters(slide, **live, **PATIENT, transform_timeout=0.05))
+    graph.add(DetectionPrior, {"min_score": 0.0, "period": 0.0})
     replay = graph.add(Replay, {"source": str(simulated_sequence(n=2).path), "ack_topic": "filter_status"})
     kinds = [(PoseModes, "pose_modes", False), (PoseArray, "particles", False), (PointCloud2, "particles/cloud", False)]
     kinds += [(FilterStatus, "filter_status", True), (PoseWithCovarianceStamped, "pose", True)]

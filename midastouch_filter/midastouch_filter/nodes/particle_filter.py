@@ -198,7 +198,9 @@ class ParticleFilterNode(PipelineNode):
             return
         if (silence := self._now() - self._last_arrival) > timeout:
             self._silent = True
-            self._say(self._now_ns(), STALE, f"no tactile/code for {silence:.1f} s: is the sensor running?")
+            self._say(
+                self._now_ns(), STALE, f"no tactile/code for {silence:.1f} s: is the sensor running? see /diagnostics"
+            )
 
     # --- services
 

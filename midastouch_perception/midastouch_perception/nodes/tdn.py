@@ -24,12 +24,14 @@ from ..ros.node import PipelineNode
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
-from ..tdn.colour_layout import image_problem, shipped_layout
+from ..tdn.colour_layout import exposure_problem, image_problem, shipped_layout
 from ..tdn.fit_check import FitCheck
 from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
 from .background_store import store_of
 from .stages import Depth, ImageStage
+
+_MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
 PARAMETERS = (
     Parameter("tdn", "fast", "Depth network: a shipped one by name, or the path of its ONNX file"),
@@ -130,6 +132,9 @@ class TdnNode(PipelineNode):
         started = time.perf_counter()
         try:
             image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
+            # the network would feel a contact in it; every fourth pixel tells
+            if problem := exposure_problem(image[::4, ::4], _MOST_SATURATED):
+                raise InputError(f"the image is {problem}")
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return

@@ -54,18 +54,26 @@ def shipped_layout() -> np.ndarray:
         return file["layout"]
 
 
+def exposure_problem(image: np.ndarray, most: float) -> str:
+    """How an image (H, W, 3) uint8 RGB is too dark or too bright to show anything; empty if it is not.
+
+    most: the share (0 ... 1) of the image that may be saturated.
+    """
+    if image.mean() < _DARK:
+        return "black; check the sensor's lights and its cable"
+    clipped = float((image >= _BRIGHT).any(axis=2).mean())
+    if clipped > most:
+        return f"saturated ({100 * clipped:.0f} % of it); dim the sensor's lights (driver: intensity)"
+    return ""
+
+
 def image_problem(image: np.ndarray, layout: np.ndarray) -> str:
     """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to mend it; empty if nothing.
 
     layout (16, 12, 3), of DIGITs as they should be.
     """
-    if image.mean() < _DARK:
-        return "the no-contact image is black; check the sensor's lights and its cable"
-    clipped = float((image >= _BRIGHT).any(axis=2).mean())
-    if clipped > _CLIPPED_SHARE:
-        return (
-            f"{100 * clipped:.0f} % of the no-contact image is saturated; dim the sensor's lights (driver: intensity)"
-        )
+    if problem := exposure_problem(image, _CLIPPED_SHARE):
+        return f"the no-contact image is {problem}"
     found = colour_layout(image)
     upright = float((found * layout).sum())
     fits = {name: float((found * undo(layout)).sum()) for name, undo in ORIENTATIONS.items()}

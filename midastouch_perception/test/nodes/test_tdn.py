@@ -108,6 +108,21 @@ def test_bad_images_are_counted_and_survived(graph, depth, background):
     assert any("image_raw" in s.message for m in statuses for s in m.status)
 
 
+@pytest.mark.parametrize(("level", "said"), [(0, "black"), (255, "saturated (100 % of it)")])
+def test_images_that_show_nothing_are_no_contact_and_no_background(graph, depth, level, said):
+    """To the network the light that went off is a contact as large as the gel."""
+    start(graph, depth, background_frames=1)
+    images = graph.publisher(Image, "image_raw")
+    contacts = graph.listen(TactileContact, "tactile/contact")
+    warned = warnings_of(graph)
+    for stamp, pixels in enumerate([np.full_like(BACKGROUND, level), BACKGROUND, touched(60)]):
+        images.publish(image_msg(pixels, stamp + 1))
+    graph.spin_until(lambda: len(contacts) == 2)
+    assert [(stamp_ns(c.header.stamp), c.in_contact) for c in contacts] == [(2, False), (3, True)]
+    graph.spin_until(lambda: warned())
+    assert f"image_raw: the image is {said}" in warned()[0]
+
+
 def test_background_is_estimated_from_the_first_images(graph, depth):
     start(graph, depth, background_frames=4)
     images = graph.publisher(Image, "image_raw")

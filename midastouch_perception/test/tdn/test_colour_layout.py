@@ -5,6 +5,7 @@ import pytest
 from midastouch_perception.tdn.colour_layout import (
     ORIENTATIONS,
     colour_layout,
+    exposure_problem,
     image_problem,
     mean_layout,
     shipped_layout,
@@ -41,6 +42,13 @@ def test_what_has_no_colours_is_not_judged_by_them():
 def test_black_and_saturated_images_are_named():
     assert "black" in image_problem(np.zeros((320, 240, 3), np.uint8), shipped_layout())
     assert "saturated" in image_problem(np.full((320, 240, 3), 255, np.uint8), shipped_layout())
+
+
+def test_glints_are_no_overexposure():
+    image = digit()
+    image[:80] = 255
+    assert exposure_problem(image, most=0.5) == ""
+    assert "saturated (2" in exposure_problem(image, most=0.2)
 
 
 def test_the_mean_of_equal_layouts_is_that_layout():
