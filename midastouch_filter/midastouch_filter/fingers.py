@@ -28,7 +28,6 @@ from .surface import SurfaceConstraint
 from .touch import FingerTouch
 from .workers import Workers
 
-
 _FARTHEST = 10.0  # m between two fingers of one hand
 
 
