@@ -29,6 +29,10 @@ _ANEW, _RARELY = 3, 12  # further touches after which it is worth another one; a
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _SHORTLIST = 150  # best entries of each touch, of all fingers, that are carried to the present as candidates
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
+# Codebook entries are some 20 deg apart, which moves a further finger by centimetres: with several fingers, the best
+# candidates are turned to where all fit
+_TURNED, _TURNS = 100, np.radians([10.0, 5.0])
+_AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 _MOST_RIVALS = 5
 CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
 _APART = 0.015  # m: places nearer than this are the same one; 1 rad counts as 10 mm
@@ -177,15 +181,23 @@ class Hindsight:
 
     def _sieved(self, touches: list[_Kept]) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
         """The candidates (C, 4, 4) at the newest touch that explain all touches best by their codes, and how well."""
-        candidates = self._candidates(touches)
-        for some in (touches[:: -max(len(touches) // _SIEVE, 1)], touches):
-            score = np.zeros(len(candidates))
-            for touch in some:
-                yield None
-                score += self._scores(candidates @ (se3.inverse(touches[-1].motion) @ touch.motion), touch)
-            best = np.argsort(-score, kind="stable")[:_KEPT]
-            candidates, score = candidates[best], score[best]
-        return candidates, score
+        candidates, some = self._candidates(touches), touches[:: -max(len(touches) // _SIEVE, 1)]
+        candidates, score = _best_of(candidates, (yield from self._summed(candidates, touches[-1], some)))
+        if any(len(touch.felt) > 1 for touch in touches):
+            for angle in _TURNS:
+                turned = candidates[:_TURNED, None] @ se3.exp(angle * _AXES)
+                score = yield from self._summed(turned.reshape(-1, 4, 4), touches[-1], some)
+                best = score.reshape(len(turned), -1).argmax(axis=1)
+                candidates = turned[np.arange(len(turned)), best]
+        return _best_of(candidates, (yield from self._summed(candidates, touches[-1], touches)))
+
+    def _summed(self, candidates: np.ndarray, newest: _Kept, touches: list[_Kept]) -> Generator[None, None, np.ndarray]:
+        """Scores (C,) of candidates (C, 4, 4) at the newest touch, over these touches."""
+        score = np.zeros(len(candidates))
+        for touch in touches:
+            yield None
+            score += self._scores(candidates @ (se3.inverse(newest.motion) @ touch.motion), touch)
+        return score
 
     def _followed(self, start: np.ndarray, touches: list[_Kept], explained: _Explanations) -> Iterator[None]:
         """Align `start` (4, 4) at the newest touch to all of them, back along the path, as long as there is hope."""
@@ -299,6 +311,12 @@ class _Explanations:
 
     def _ahead(self, evidence: np.ndarray, other: np.ndarray) -> float:
         return self._share * float(np.clip(evidence - other, -_LARGEST, _LARGEST).sum())
+
+
+def _best_of(candidates: np.ndarray, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The best candidates and their scores, best first."""
+    best = np.argsort(-score, kind="stable")[:_KEPT]
+    return candidates[best], score[best]
 
 
 def pose_distance(a: np.ndarray, b: np.ndarray) -> float:
