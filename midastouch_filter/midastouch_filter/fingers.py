@@ -68,6 +68,7 @@ class Evidence:
 class Fingers:
     """All fingers but the reference, known by their names.
 
+    Attributes: path [m], the longest that one of them moved in this frame, its turns included.
     Args: lookup, surface, config, workers as the filter's own; make_model: a measurement model for one more sensor.
     """
 
@@ -86,6 +87,7 @@ class Fingers:
 
     def restart(self) -> None:
         """Forget what was felt: the particles were drawn anew."""
+        self.path = 0.0
         self._travel = np.eye(4)
         for finger in self._fingers.values():
             finger.restart()
@@ -104,6 +106,7 @@ class Fingers:
 
         In the order of their names, so that the order they are given in does not matter. `count` what is used of it.
         """
+        self.path = 0.0
         out = []
         for name in sorted(touches):
             try:
@@ -112,7 +115,8 @@ class Fingers:
                 refuse("bad_finger_pose", f"finger {name}: {error}")
                 continue
             finger = self._named(name)
-            moved = finger.moved_to(self._travel @ T_gel_finger)
+            path = finger.moved_to(self._travel @ T_gel_finger)
+            self.path = max(self.path, path)
             code, measurement = None, touches[name].measurement
             if measurement.in_contact:
                 try:
@@ -120,7 +124,7 @@ class Fingers:
                 except ValueError as error:
                     refuse("bad_code", f"finger {name}: {error}")
                     continue
-            if finger.tells(moved, code):
+            if finger.tells(path > 0, code):
                 relief = measurement.relief if measurement.in_contact else None
                 out.append(Evidence(name, finger, T_gel_finger, code, relief, finger.share))
         return out
@@ -183,14 +187,14 @@ class Finger:
 
     # ------------------------------------------------------------------ whether it tells something new
 
-    def moved_to(self, pose: np.ndarray) -> bool:
-        """Its gel is at `pose` (4, 4), in the frame where the reference's started; whether that is a motion."""
+    def moved_to(self, pose: np.ndarray) -> float:
+        """Its gel is at `pose` (4, 4), in the frame where the reference's started; the path [m] there, 0 at rest."""
         step = None if self._pose is None else Odometry.from_matrix(se3.inverse(self._pose) @ pose)
         self._pose = pose
         motion = self._rest.motion(step) if step else None
-        if motion is not None:
-            self._path += motion.path
-        return motion is not None
+        path = motion.path if motion else 0.0
+        self._path += path
+        return path
 
     def tells(self, moved: bool, code: np.ndarray | None) -> bool:
         """Whether a code, None without contact, is more than what it felt before, said again."""

@@ -31,7 +31,7 @@ _SHORTLIST = 150  # best entries of each touch, of all fingers, that are carried
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
 # Codebook entries are some 20 deg apart, which moves a further finger by centimetres: with several fingers, the best
 # candidates are turned to where all fit
-_TURNED, _TURNS = 100, np.radians([10.0, 5.0])
+_TURNED, _TURNS = 50, np.radians([10.0, 5.0])
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 _MOST_RIVALS = 5
 CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
@@ -182,14 +182,19 @@ class Hindsight:
     def _sieved(self, touches: list[_Kept]) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
         """The candidates (C, 4, 4) at the newest touch that explain all touches best by their codes, and how well."""
         candidates, some = self._candidates(touches), touches[:: -max(len(touches) // _SIEVE, 1)]
-        candidates, score = _best_of(candidates, (yield from self._summed(candidates, touches[-1], some)))
+        candidates, _ = _best_of(candidates, (yield from self._summed(candidates, touches[-1], some)))
         if any(len(touch.felt) > 1 for touch in touches):
             for angle in _TURNS:
-                turned = candidates[:_TURNED, None] @ se3.exp(angle * _AXES)
-                score = yield from self._summed(turned.reshape(-1, 4, 4), touches[-1], some)
-                best = score.reshape(len(turned), -1).argmax(axis=1)
-                candidates = turned[np.arange(len(turned)), best]
+                yield None
+                candidates = self._turned(candidates[:_TURNED], angle, touches[-1], some)
         return _best_of(candidates, (yield from self._summed(candidates, touches[-1], touches)))
+
+    def _turned(self, candidates: np.ndarray, angle: float, newest: _Kept, touches: list[_Kept]) -> np.ndarray:
+        """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains these touches."""
+        turned = candidates[:, None] @ se3.exp(angle * _AXES)
+        every = turned.reshape(-1, 4, 4)
+        score = sum(self._scores(every @ (se3.inverse(newest.motion) @ touch.motion), touch) for touch in touches)
+        return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
 
     def _summed(self, candidates: np.ndarray, newest: _Kept, touches: list[_Kept]) -> Generator[None, None, np.ndarray]:
         """Scores (C,) of candidates (C, 4, 4) at the newest touch, over these touches."""

@@ -131,8 +131,8 @@ def world() -> SimpleNamespace:
 def gripper(world) -> SimpleNamespace:
     """Two fingers on an object that is the same after half a turn, above but not below; one slides over each side.
 
-    above (60, 4, 4), poses of the first finger, and measured, the same with an arm's errors; odometry between these;
-    between (60, 4, 4), the second finger's gel in the first's; codes and penetrations (160, 120) of both; half_turn;
+    above (75, 4, 4), poses of the first finger, and measured, the same with an arm's errors; odometry between these;
+    between (75, 4, 4), the second finger's gel in the first's; codes and penetrations (160, 120) of both; half_turn;
     make_filter(config).
     """
     mesh, half_turn = bumpy_mesh(twofold=True, handed_below=True), np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -146,7 +146,7 @@ def gripper(world) -> SimpleNamespace:
     poses = random_poses(mesh, 8000, np.random.default_rng(1))
     book = make_codebook(poses, encode(poses))
     book.meta["sensor"] = "digit_tacto"
-    turns = np.linspace(0, 1.6 * np.pi, 60)
+    turns = np.linspace(0, 2 * np.pi, 75)
     circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
     sides = [poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04)]
     renderer = PenetrationRenderer(mesh, SensorModel.load("digit_tacto").scaled(0.5))

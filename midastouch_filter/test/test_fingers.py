@@ -356,3 +356,18 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
         assert estimate.status.state == state.AMBIGUOUS, estimate.status.reason
         assert max(distances) < 3e-3
         assert estimate.modes[0].weight < 0.9
+
+
+def test_a_finger_explores_while_the_first_one_rests(gripper):
+    """As a thumb that holds the object; the first finger's one touch fits two places."""
+    filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]
+    filter_.reset(2)
+    filter_.initialise_uniform()
+    resting = Measurement(True, gripper.codes[0][0], relief=reduced_relief(gripper.penetrations[0][0]))
+    below = gripper.above @ gripper.between
+    for k, gel in enumerate(below):
+        exploring = Measurement(True, gripper.codes[1][k], relief=reduced_relief(gripper.penetrations[1][k]))
+        others = {"below": FingerTouch(se3.inverse(truth) @ gel, exploring)}
+        estimate = filter_.step(np.eye(4) if k else None, resting, others)
+    assert estimate.status.state == state.CONVERGED, estimate.status.reason
+    assert np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]) < 2e-3
