@@ -390,19 +390,20 @@ class ParticleFilter:
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
         self._fitted, self._fitted_to = [], set()
 
-    def _usable(self, relief: np.ndarray | None) -> bool:
+    def _usable(self, felt: FeltRelief) -> bool:
         """Whether the relief is there and can be compared with rendered ones."""
-        if relief is None or self._refinement is None:
+        if felt.relief is None or self._refinement is None:
             return False
-        if relief.shape == self._refinement.shape and np.isfinite(relief).all():
+        if felt.relief.shape == self._refinement.shape and np.isfinite(felt.relief).all():
             return True
-        self._refuse("bad_relief", f"relief is not finite or not of shape {self._refinement.shape}")
+        whose = f"finger {felt.name}: " if felt.name else ""
+        self._refuse("bad_relief", f"{whose}relief is not finite or not of shape {self._refinement.shape}")
         return False
 
     def _reliefs(self, relief: np.ndarray | None, felt: Sequence[FingerEvidence]) -> list[FeltRelief]:
         """The usable ones of this frame; `relief` is the reference's."""
         found = [FeltRelief(relief), *(finger.felt_relief for finger in felt)]
-        return [each for each in found if self._usable(each.relief)]
+        return [each for each in found if self._usable(each)]
 
     def _refine(self, reliefs: Sequence[FeltRelief], share: float) -> None:
         """Let the reliefs place the particles of narrow modes."""

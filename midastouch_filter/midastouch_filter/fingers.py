@@ -29,6 +29,7 @@ from .touch import FingerTouch
 from .workers import Workers
 
 _FARTHEST = 10.0  # m between two fingers of one hand
+_UNKNOWN, _NONE = -2, -1  # instead of an entry: not searched for yet; none about
 
 
 @dataclass(frozen=True)
@@ -170,16 +171,16 @@ class Finger:
         self._lookup, self._surface, self._config, self._workers = lookup, surface, config, workers
         self.model = model
         self._few = OccupiedGate()
-        self._found = np.full(len(lookup), -1, np.int32)
-        self._found_at = np.full(len(lookup), -np.inf)
-        self._drift = 0.0
-        self._T_gel_finger: np.ndarray | None = None
         self.restart()
 
     def restart(self) -> None:
         self._rest, self._unchanged = RestGate(self._config), UnchangedCodeGate()
         self._pose: np.ndarray | None = None
         self._path = np.inf
+        self._found = np.full(len(self._lookup), _UNKNOWN, np.int32)
+        self._found_at = np.zeros(len(self._lookup))
+        self._drift = 0.0
+        self._T_gel_finger: np.ndarray | None = None
 
     def force_update(self) -> None:
         self._path = np.inf
@@ -227,7 +228,7 @@ class Finger:
         log_ratio = np.full(len(gels), np.log(self.model.outlier))
         near = np.flatnonzero(np.abs(distance) < c.dead_distance)
         start = self._starts(gels, near, T_gel_finger)
-        near, start = near[start < len(self._lookup)], start[start < len(self._lookup)]
+        near, start = near[start >= 0], start[start >= 0]
         if len(near):
             close = Particles(gels.positions[near], gels.quaternions[near], gels.log_weights[near], start)
             book_distance[near] = self._lookup.follow(close)
@@ -245,7 +246,7 @@ class Finger:
         self._found_at[entries[right]] = self._drift
 
     def _starts(self, gels: Particles, near: np.ndarray, T_gel_finger: np.ndarray) -> np.ndarray:
-        """An entry (n,) to walk on from for each of the gels `near` (n,); `len(lookup)` where there is none about.
+        """An entry (n,) to walk on from for each of the gels `near` (n,); negative where there is none about.
 
         Particles that share the reference's entry have this finger nearly at the same place, also steps ago: the walk
         begins at the entry found for one of them, else for one of their neighbours. Only what is left is searched for.
@@ -253,20 +254,24 @@ class Finger:
         self._drifted(T_gel_finger)
         entries = gels.entries[near]
         start = self._known(entries)
-        unknown = np.flatnonzero(start < 0)
-        around = self._known(self._lookup.neighbours[entries[unknown]])
-        start[unknown] = around[np.arange(len(unknown)), (around >= 0).argmax(axis=1)]
-        unknown = np.flatnonzero(start < 0)
+        off = np.flatnonzero(start < 0)
+        around = self._known(self._lookup.neighbours[entries[off]])
+        first = around[np.arange(len(off)), (around >= 0).argmax(axis=1)]
+        start[off] = np.where(first >= 0, first, start[off])
+        unknown = np.flatnonzero(start == _UNKNOWN)
         if len(unknown):
             rows = near[unknown]
             poses = se3.from_xyzquat(np.concatenate([gels.positions[rows], gels.quaternions[rows]], axis=1))
-            start[unknown] = self._lookup.exact(poses, within=self._surface.reach)
+            found = self._lookup.exact(poses, within=self._surface.reach)
+            found[found == len(self._lookup)] = _NONE
+            self._remember(entries[unknown], found, found == _NONE)
+            start[unknown] = found
         return start
 
     def _known(self, entries: np.ndarray) -> np.ndarray:
-        """What was found last for these entries of the reference; -1 if that is too long ago to begin there."""
-        fresh = self._drift - self._found_at[entries] < 0.5 * self._lookup.reach
-        return np.where(fresh, self._found[entries], -1)
+        """What was found last for these entries of the reference, unless that is too long ago to begin there."""
+        fresh = self._drift - self._found_at[entries] < self._lookup.reach
+        return np.where(fresh, self._found[entries], _UNKNOWN)
 
     def _drifted(self, T_gel_finger: np.ndarray) -> None:
         """The fingers moved against each other: what was found for others is worth less and less."""

@@ -249,6 +249,7 @@ def run(filter_, pair, others, touches=None, frames=40):
 def test_order_and_absence_of_fingers_change_nothing(filter_, pair):
     third = touch(se3.make(np.eye(3), np.array([0, 0, 0.05])))
     one_way = run(filter_, pair, lambda k: {"a": pair[3][k], "b": third}, frames=10)[1]
+    assert one_way == run(filter_, pair, lambda k: {"a": pair[3][k], "b": third}, frames=10)[1]
     assert one_way == run(filter_, pair, lambda k: {"b": third, "a": pair[3][k]}, frames=10)[1]
     alone = run(filter_, pair, lambda k: None, frames=10)[1]
     assert alone == run(filter_, pair, lambda k: {}, frames=10)[1]
@@ -371,3 +372,14 @@ def test_a_finger_explores_while_the_first_one_rests(gripper):
         estimate = filter_.step(np.eye(4) if k else None, resting, others)
     assert estimate.status.state == state.CONVERGED, estimate.status.reason
     assert np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]) < 2e-3
+
+
+def test_a_relief_that_is_none_costs_only_itself(gripper):
+    filter_ = gripper.make_filter(CONFIG)
+    filter_.reset(0)
+    filter_.initialise_uniform()
+    broken = Measurement(True, gripper.codes[1][0], relief=np.full((80, 60), np.nan, np.float32))
+    estimate = filter_.step(None, Measurement(False), {"below": FingerTouch(gripper.between[0], broken)})
+    assert estimate.status.skipped["bad_relief"] == 1
+    assert "finger below: relief" in estimate.status.reason
+    assert estimate.status.state == state.AMBIGUOUS
