@@ -7,15 +7,15 @@ import shlex
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rclpy
 import yaml
-from rclpy.parameter import Parameter
 
 from midastouch_bringup.cli import build_parser
-from midastouch_bringup.datasets import write_sequence
-from midastouch_perception.sensor_model import SensorModel
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from every_node import make_node
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -143,68 +143,6 @@ def test_parameter_tables_are_those_of_the_nodes():
 
 
 # --- topics, against running nodes
-
-
-class FakeNet:
-    """Stands for a network or a stage: the nodes are only asked for their interfaces."""
-
-    network_id, dim = "fake", 4
-
-
-def make_node(name: str, context: rclpy.Context, tmp_path: Path):
-    options = {"context": context}
-    if name == "digit_driver":
-        from digit_driver.nodes.digit_driver import DigitDriver
-
-        return DigitDriver(**options, parameter_overrides=[Parameter("autostart", value=False)])
-    if name == "tdn":
-        from midastouch_perception.nodes.tdn import TdnNode
-
-        return TdnNode(depth=FakeNet(), **options)
-    if name == "tcn":
-        from midastouch_perception.nodes.tcn import TcnNode
-
-        return TcnNode(tcn=FakeNet(), **options)
-    if name == "particle_filter":
-        from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-
-        return ParticleFilterNode(**options)
-    if name == "ur_tf":
-        from midastouch_bringup.nodes.ur_tf import UrTf
-
-        def connect(robot_ip, rate):
-            raise ConnectionError("no arm")
-
-        return UrTf(connect, **options)
-    if name == "detection_prior":
-        from midastouch_bringup.nodes.detection_prior import DetectionPrior
-
-        return DetectionPrior(**options)
-    if name == "mount_tf":
-        from midastouch_bringup.nodes.mount_tf import MountTf
-
-        return MountTf(**options)
-    if name == "view":
-        from midastouch_bringup.nodes.view import View
-
-        return View(scene=FakeNet(), **options)
-    from midastouch_bringup.nodes.replay import Replay
-
-    image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))
-    touches = ((image, np.zeros((320, 240), np.float32)) for _ in poses)
-    write_sequence(
-        tmp_path / "00",
-        touches,
-        poses,
-        poses,
-        background=image,
-        object_name="nothing",
-        sensor=SensorModel.load("digit_tacto"),
-        noise={"sig_t": 0.0, "sig_r": 0.0},
-    )
-    values = {"source": str(tmp_path / "00"), "clock": True, "ack_topic": "filter_status"}
-    overrides = [Parameter(key, value=value) for key, value in values.items()]
-    return Replay(**options, parameter_overrides=overrides)
 
 
 # What rclpy gives every node, and every lifecycle node.

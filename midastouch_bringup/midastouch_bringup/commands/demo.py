@@ -6,6 +6,10 @@ import argparse
 
 from . import arguments
 
+SLIDE_LENGTH = 0.3  # m
+SEED = 3
+"""Of a slide over the jaws of the tool: long and varied enough to know the place for sure."""
+
 
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
@@ -21,7 +25,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
     parser.add_argument("--headless", action="store_true", help="do not open the page in a browser")
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
-    parser.add_argument("--seed", type=arguments.seed, default=3, help="of the slide (default 3, over the jaws)")
+    parser.add_argument("--seed", type=arguments.seed, default=SEED, help=f"of the slide (default {SEED})")
     parser.add_argument("--domain", type=int, choices=range(102), metavar="ID", help="ROS_DOMAIN_ID (default: random)")
 
 

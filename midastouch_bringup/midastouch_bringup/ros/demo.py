@@ -28,6 +28,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
 from ..codebooks import cached_codebook, cached_codebook_path
+from ..commands.demo import SLIDE_LENGTH
 from ..datasets import Sequence, load_sequence
 from ..evaluation.metrics import closest_mode_error, particle_rmse, pose_errors
 from ..evaluation.result_file import write_json
@@ -49,7 +50,6 @@ NODES = ("tdn", "tcn", "particle_filter")
 CODEBOOK_SIZES = 5_000, 20_000
 """Fewest and most poses of a codebook: built within a minute on two cores."""
 _POSES_PER_AREA = 1e6  # 1/m^2
-SLIDE_LENGTH = 0.3  # m
 _SILENCE_S = 120.0  # without a status while the replay goes on; the first one waits for compilation
 _LAST_STATUS_S = 5.0
 _COLUMNS = 5

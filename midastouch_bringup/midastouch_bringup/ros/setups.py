@@ -144,11 +144,13 @@ def demo_preparations(object_name: str) -> list[list[str]]:
     """
     # here: `--show-args` need not wait for the libraries behind it
     from ..codebooks import codebook_path, is_current
+    from ..commands.demo import SEED, SLIDE_LENGTH
 
     slide, codebook, mesh = demo_slide(object_name), codebook_path(object_name), bundled_mesh(object_name)
     missing = []
     if not slide.is_dir():
-        missing.append(["simulate", object_name, "--out", str(slide)])
+        options = ["--length", f"{SLIDE_LENGTH:g}", "--seed", str(SEED)]
+        missing.append(["simulate", object_name, "--out", str(slide), *options])
     if not is_current(codebook, mesh):
         missing.append(["build-codebook", object_name, "--out", str(codebook)])
     return missing

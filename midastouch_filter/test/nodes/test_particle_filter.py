@@ -253,6 +253,25 @@ def test_what_is_only_looked_at_is_built_for_somebody(graph):
     assert {m.header.frame_id for m in [particles[0], clouds[0], *hypotheses[0].markers]} == {"object"}
 
 
+def test_who_comes_late_sees_object_state_and_pose_at_once(graph):
+    """RViz started while the arm rests: nothing is published again."""
+    bench = Bench(graph, **OBJECT)
+    for stamp in (1, 2):
+        bench.frame(stamp * SECOND, translation(0.01 * stamp))
+    late = {
+        topic: graph.listen(kind, topic, latched=True)
+        for kind, topic in (
+            (MarkerArray, "object_mesh"),
+            (FilterStatus, "filter_status"),
+            (PoseWithCovarianceStamped, "pose"),
+        )
+    }
+    graph.spin_until(lambda: all(late.values()), "the last of each")
+    assert late["object_mesh"][0].markers[-1].mesh_resource == "file:///data/mug.ply"
+    assert stamp_ns(late["filter_status"][-1].header.stamp) == 2 * SECOND
+    assert stamp_ns(late["pose"][-1].header.stamp) == 2 * SECOND
+
+
 def test_views_are_limited_in_rate(graph):
     bench = Bench(graph, **{**OBJECT, "view_rate": 0.01})
     particles = graph.listen(PoseArray, "particles")

@@ -1,0 +1,84 @@
+"""Makes every node that users start, with stand-ins for networks, object and hardware."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from midastouch_bringup.datasets import write_sequence
+from midastouch_perception.sensor_model import SensorModel
+
+
+class FakeNet:
+    """Stands for a network or a stage: the nodes are only asked for their interfaces."""
+
+    network_id, dim = "fake", 4
+
+
+def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -> Node:
+    """The node of that name, with parameter values as from a YAML file."""
+    values = {**_needed(name, tmp_path), **parameters}
+    overrides = [Parameter(key, value=value) for key, value in values.items()]
+    options = {"context": context, "parameter_overrides": overrides}
+    if name == "digit_driver":
+        from digit_driver.nodes.digit_driver import DigitDriver
+
+        return DigitDriver(**options)
+    if name == "tdn":
+        from midastouch_perception.nodes.tdn import TdnNode
+
+        return TdnNode(depth=FakeNet(), **options)
+    if name == "tcn":
+        from midastouch_perception.nodes.tcn import TcnNode
+
+        return TcnNode(tcn=FakeNet(), **options)
+    if name == "particle_filter":
+        from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+
+        return ParticleFilterNode(**options)
+    if name == "ur_tf":
+        from midastouch_bringup.nodes.ur_tf import UrTf
+
+        def connect(robot_ip, rate):
+            raise ConnectionError("no arm")
+
+        return UrTf(connect, **options)
+    if name == "detection_prior":
+        from midastouch_bringup.nodes.detection_prior import DetectionPrior
+
+        return DetectionPrior(**options)
+    if name == "mount_tf":
+        from midastouch_bringup.nodes.mount_tf import MountTf
+
+        return MountTf(**options)
+    if name == "view":
+        from midastouch_bringup.nodes.view import View
+
+        return View(scene=FakeNet(), **options)
+    from midastouch_bringup.nodes.replay import Replay
+
+    return Replay(**options)
+
+
+def _needed(name: str, tmp_path: Path) -> dict:
+    """Parameters without which the node does not start here."""
+    if name == "digit_driver":
+        return {"autostart": False}
+    if name != "replay":
+        return {}
+    image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))
+    write_sequence(
+        tmp_path / "00",
+        ((image, np.zeros((320, 240), np.float32)) for _ in poses),
+        poses,
+        poses,
+        background=image,
+        object_name="nothing",
+        sensor=SensorModel.load("digit_tacto"),
+        noise={"sig_t": 0.0, "sig_r": 0.0},
+    )
+    return {"source": str(tmp_path / "00"), "clock": True, "ack_topic": "filter_status"}
