@@ -180,14 +180,19 @@ class ParticleFilter:
         """One step of the filter; returns its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        others: what further fingers on the same object feel, by name; any of them may be missing in any frame.
+        others: what further fingers on the same object feel, by name, also while this one is in the air; any of them
+        may be missing in any frame.
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
         """
-        others = others or {}
+        others = dict(others or {})
+        if "" in others:
+            raise InputError("others: a further finger needs a name")
         for each in (measurement, *(other.measurement for other in others.values())):
             self._require_same_network(each)
+        if others and not measurement.in_contact:
+            others[""] = FingerTouch(np.eye(4), measurement)  # the reference is not inside the object
         self._watch = Stopwatch(self._clock)
         self._note = self._restarted = ""
         if self._particles is None:
@@ -291,7 +296,7 @@ class ParticleFilter:
         log_ratios = []
         for finger in felt:
             log_ratio = finger.log_ratio(particles)
-            if finger.name in self._fitted_to:
+            if finger.code is not None and finger.name in self._fitted_to:
                 self._share_out(log_ratio)
             log_ratios.append(log_ratio)
         shares = [finger.share for finger in felt]

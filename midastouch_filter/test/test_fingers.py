@@ -330,6 +330,24 @@ def test_another_finger_counts_while_the_reference_is_in_the_air(filter_, pair):
     assert errors[1] < 0.7 * errors[0]
 
 
+def test_the_reference_in_the_air_is_not_inside_the_object(filter_, pair, parts):
+    """An arm that errs moves all particles into the object; those that are least so are believed more."""
+    into = se3.make(np.eye(3), np.array([0, 0, -3e-3]))
+    depths = []
+    for reference in (Measurement(False), Measurement(True, np.full(64, np.nan))):
+        filter_.reset(0)
+        filter_.initialise_gaussian(pair[0][0], 4e-3, 0.02)
+        filter_.step(into, reference, {"other": pair[3][0]})
+        gels = Particles.from_poses(filter_.poses, np.zeros(len(filter_.poses), int))
+        depths.append(-(filter_.weights @ parts[1].distance(gels)))
+    assert depths[0] < depths[1] - 2e-4
+
+
+def test_a_finger_needs_a_name(filter_):
+    with pytest.raises(InputError, match="needs a name"):
+        filter_.step(None, Measurement(False), {"": touch(np.eye(4))})
+
+
 # --------------------------------------------------------------------------- a gripper
 
 
