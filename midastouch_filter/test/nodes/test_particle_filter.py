@@ -270,10 +270,8 @@ def test_who_comes_late_sees_object_state_and_pose_at_once(graph):
         )
     }
     for topic in ("filter_status", "pose"):
-        graph.spin_until(
-            lambda topic=topic: late[topic] and stamp_ns(late[topic][-1].header.stamp) == 2 * SECOND,
-            f"the last {topic}",
-        )
+        last = lambda topic=topic: late[topic] and stamp_ns(late[topic][-1].header.stamp)  # noqa: E731
+        graph.spin_until(lambda last=last: last() == 2 * SECOND, f"the last {topic}")
     graph.spin_until(lambda: late["object_mesh"], "the object")
     assert late["object_mesh"][0].markers[-1].mesh_resource == "file:///data/mug.ply"
 
