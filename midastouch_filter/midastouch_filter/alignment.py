@@ -58,12 +58,18 @@ class ReliefAlignment:
         self._gel_depth = sensor.gel_depth
         self._information = sensor.pixel_area / correlation**2 / noise**2
 
-    def align(self, pose: np.ndarray, covariance: np.ndarray, relief: np.ndarray) -> Aligned:
-        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a relief (H, W) m."""
+    def align(
+        self, pose: np.ndarray, covariance: np.ndarray, relief: np.ndarray, start: np.ndarray | None = None
+    ) -> Aligned:
+        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a relief (H, W) m.
+
+        The optimum is looked for from `start` (4, 4), by default the prior's pose.
+        """
         prior = np.linalg.inv(covariance)
+        pose = np.ascontiguousarray(pose, float)
         state, offset, hessian, cost, fit = _descend(
-            np.ascontiguousarray(pose, float), prior, relief, self._information, _OUTLIER, self._scene,
-            self._tangents, self._gel_depth, self.sensor.gel_distance,
+            pose, np.ascontiguousarray(pose if start is None else start, float), prior, relief, self._information,
+            _OUTLIER, self._scene, self._tangents, self._gel_depth, self.sensor.gel_distance,
         )  # fmt: skip
         posterior = prior + hessian
         log_evidence = -0.5 * (
@@ -88,9 +94,9 @@ def without_jitter(
 
 
 @numba.njit(cache=True, nogil=True)
-def _descend(pose, prior, relief, information, widths, scene, tangents, gel_depth, distance):
-    """Gauss-Newton from `pose`; the last state, its offset (6,) from `pose`, and the normal equations there."""
-    state, offset = pose.copy(), np.zeros(6)
+def _descend(pose, start, prior, relief, information, widths, scene, tangents, gel_depth, distance):
+    """Gauss-Newton from `start`; the last state, its offset (6,) from `pose`, and the normal equations there."""
+    state, offset = start.copy(), tangent.log(tangent.inverse(pose) @ start)
     settled = np.inf
     poses = np.empty((1, 4, 4))
     rendered = np.empty((1, *relief.shape), np.float32)

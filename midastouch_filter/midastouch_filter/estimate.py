@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
-from midastouch_perception import se3
-
+from . import quaternion
 from .modes import Moments
 from .state import Status
 
@@ -61,23 +61,31 @@ def modes_from_moments(m: Moments) -> list[Mode]:
     The mean rotation is Markley's (2007): the largest eigenvector of the mean of q q^T. A deviation is the vector
     2 vec(q mean^-1), of length 2 sin(angle / 2): the rotation vector up to third order, and finite for any angle.
     """
-    if not len(m.mass):
-        return []
-    mean = np.linalg.eigh(m.quaternion_square)[1][:, :, -1]
-    mean *= np.where(np.einsum("mi,mi->m", mean, m.reference[:, 3:]) < 0, -1.0, 1.0)[:, None]
-    # vec(q * conj(mean)) is linear in q: (3, 4) matrices
-    x, y, z, w = mean.T
-    linear = 2 * np.stack(
-        [np.stack([w, -z, y, -x], -1), np.stack([z, w, -x, -y], -1), np.stack([-y, x, w, -z], -1)], axis=1
+    poses, covariance = _gaussians(
+        m.reference, m.position, m.position_square, m.quaternion, m.quaternion_square, m.cross
     )
-    covariance = np.empty((len(mean), 6, 6))
-    covariance[:, :3, :3] = m.position_square - m.position[:, :, None] * m.position[:, None, :]
-    covariance[:, 3:, 3:] = linear @ m.quaternion_square @ np.swapaxes(linear, 1, 2)
-    cross = (m.cross - m.position[:, :, None] * m.quaternion[:, None, :]) @ np.swapaxes(linear, 1, 2)
-    covariance[:, :3, 3:] = cross
-    covariance[:, 3:, :3] = np.swapaxes(cross, 1, 2)
-    # rounding can leave a variance a few 1e-19 below zero
-    diagonal = np.einsum("mii->mi", covariance)
-    np.maximum(diagonal, 0.0, out=diagonal)
-    poses = se3.from_xyzquat(np.concatenate([m.reference[:, :3] + m.position, mean], axis=1))
     return [Mode(*mode) for mode in zip(m.mass.tolist(), poses, covariance, m.count.tolist(), strict=True)]
+
+
+@numba.njit(cache=True, nogil=True)
+def _gaussians(reference, position, position_square, quaternion_mean, quaternion_square, cross):
+    """Poses (m, 4, 4) and covariances (m, 6, 6) from the arrays of `Moments`."""
+    poses, covariance = np.zeros((len(reference), 4, 4)), np.empty((len(reference), 6, 6))
+    for k in range(len(reference)):
+        mean = np.ascontiguousarray(np.linalg.eigh(quaternion_square[k])[1][:, -1])
+        if np.dot(mean, reference[k, 3:]) < 0:
+            mean = -mean
+        x, y, z, w = mean
+        # vec(q * conj(mean)) is linear in q
+        linear = 2 * np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z]])
+        poses[k, :3, :3] = quaternion.to_matrix(mean)
+        poses[k, :3, 3] = reference[k, :3] + position[k]
+        poses[k, 3, 3] = 1.0
+        covariance[k, :3, :3] = position_square[k] - np.outer(position[k], position[k])
+        covariance[k, 3:, 3:] = linear @ quaternion_square[k] @ linear.T
+        covariance[k, :3, 3:] = (cross[k] - np.outer(position[k], quaternion_mean[k])) @ linear.T
+        covariance[k, 3:, :3] = covariance[k, :3, 3:].T
+        for a in range(6):
+            # rounding can leave a variance a few 1e-19 below zero
+            covariance[k, a, a] = max(covariance[k, a, a], 0.0)
+    return poses, covariance

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -51,7 +51,8 @@ class ParticleFilter:
     """Distribution of the sensor pose `T_obj_gel` on a known object.
 
     Args: mesh; codebook of that mesh; config; seed: same seed and input, same machine, bit-equal result;
-    clock: function returning seconds, for the milliseconds per stage in `Status` (default: none are measured).
+    clock: function returning seconds, for the milliseconds per stage in `Status` (default: none are measured);
+    open_gates: names of gates, as in `Status.skipped`, that let everything pass, to see what they are worth.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -62,7 +63,9 @@ class ParticleFilter:
         config: FilterConfig | None = None,
         seed: int = 0,
         clock: Callable[[], float] = lambda: 0.0,
+        open_gates: Collection[str] = (),
     ):
+        self._open_gates = tuple(open_gates)
         self.config = c = config or FilterConfig()
         _require_usable(codebook)
         self._order = along_curve(codebook.poses)
@@ -104,6 +107,8 @@ class ParticleFilter:
             "wide_modes": gates.WideGate(),
             "unrivalled": gates.UnrivalledGate(),
         }
+        for name in self._open_gates:
+            self._gates[name].open = True
         self._refused: Counter[str] = Counter()
         self._state = StateMachine(c)
         self._watch = Stopwatch(self._clock)
@@ -119,9 +124,7 @@ class ParticleFilter:
             forward[0, 3] = 1e-3 * k
             self.step(forward, Measurement(True, self._measurement.code_of(k % 2)))
         if self._refinement:
-            self._refinement.alignment.align(
-                self._poses[0], self.config.jitter, np.zeros(self._refinement.shape, np.float32)
-            )
+            self._refinement.warm_up(self._particles)
         self.reset(seed)
 
     # ------------------------------------------------------------------ start

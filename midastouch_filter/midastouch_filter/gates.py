@@ -9,13 +9,15 @@ from .motion_model import Odometry
 
 
 class Gate:
-    """Counter of skipped work; `skipped` is the number of times."""
+    """Counter of skipped work; `skipped` is the number of times. An `open` gate lets everything pass."""
 
     def __init__(self) -> None:
         self.skipped = 0
+        self.open = False
 
     def count(self, skip: bool) -> bool:
         """Count and return whether to skip."""
+        skip = bool(skip) and not self.open
         self.skipped += skip
         return skip
 
@@ -35,8 +37,9 @@ class RestGate(Gate):
         """All motion since the last that was handed on, or None while it is too small to matter."""
         total = Odometry.from_matrix(self._pending @ odometry.transform)
         moving = total.distance > self._config.update_min_d or total.angle > self._config.update_min_a
-        self._pending = np.eye(4) if moving else total.transform
-        return None if self.count(not moving) else total
+        held = self.count(not moving)
+        self._pending = total.transform if held else np.eye(4)
+        return None if held else total
 
     def reset(self) -> None:
         """Forget small steps held back, because the particles were drawn anew."""

@@ -32,23 +32,27 @@ def align_in_turn(
     covariance: np.ndarray,
     reliefs: Sequence[FeltRelief],
     finger_error: np.ndarray,
+    start: np.ndarray | None = None,
 ) -> Aligned:
     """Posterior of the reference's prior N(pose (4, 4), covariance (6, 6), own frame) given all reliefs of a frame.
 
-    finger_error (6, 6): covariance of a further finger's pose, given the reference's. The evidence is the sum of the
-    fingers'; the fit that of the finger which fits worst: the pose must explain all of them.
+    finger_error (6, 6): covariance of a further finger's pose, given the reference's. start (4, 4): where the first
+    optimum is looked for from. The evidence is the sum of the fingers'; the fit that of the finger which fits worst:
+    the pose must explain all of them.
     """
     log_evidence, fit = 0.0, 1.0
     for relief, T_gel_finger, _ in reliefs:
         if T_gel_finger is None:
-            found = alignment.align(pose, covariance, relief)
+            found = alignment.align(pose, covariance, relief, start)
             pose, covariance = found.pose, found.covariance
         else:
-            start, prior = pose @ T_gel_finger, carried(covariance, T_gel_finger)
-            found = alignment.align(start, prior + finger_error, relief)
-            mean, posterior = without_jitter(start, prior, finger_error, found)
+            there, prior = pose @ T_gel_finger, carried(covariance, T_gel_finger)
+            start = None if start is None else start @ T_gel_finger
+            found = alignment.align(there, prior + finger_error, relief, start)
+            mean, posterior = without_jitter(there, prior, finger_error, found)
             back = se3.inverse(T_gel_finger)
             pose, covariance = mean @ back, carried(posterior, back)
+        start = None
         log_evidence += found.log_evidence
         fit = min(fit, found.fit)
     return Aligned(pose, covariance, log_evidence, fit)

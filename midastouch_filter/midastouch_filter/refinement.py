@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
@@ -30,6 +31,10 @@ from .workers import Workers
 
 RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
 _FLOOR = np.repeat([2e-4, np.radians(0.3)], 3) ** 2  # m^2, rad^2: no mode is surer than this before it is aligned
+_ONE_OPTIMUM = 4e-3, np.radians(12.0)  # m, rad: a mode that spreads no wider is aligned from its mean alone
+_TRIES = 4  # particles that a wider one is aligned from besides
+_DECISIVE = 3.0  # nats
+_ELSEWHERE = 22.5  # squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom)
 _LARGEST_EVIDENCE = 5.0  # nats one relief may speak for one mode and against another
 
 
@@ -54,6 +59,13 @@ class Refinement:
         """Rows and columns of the reliefs."""
         return self.alignment.sensor.gel_depth.shape
 
+    def warm_up(self, particles: Particles) -> None:
+        """Compile or load the kernels of `apply`; moves nothing."""
+        pose = particles.poses[0]
+        self.alignment.align(pose, self._jitter, np.zeros(self.shape, np.float32))
+        still = _GaussianMap.between(pose, self._jitter, pose, self._jitter)
+        self._move(particles, np.full(len(particles), -1, np.int32), {0: still}, 1)
+
     def apply(
         self,
         particles: Particles,
@@ -71,11 +83,18 @@ class Refinement:
         c = self._config
         priors = self._priors(modes)
         narrow = list(priors)
-        posteriors = self._workers.map(
-            lambda k: align_in_turn(self.alignment, modes[k].pose, priors[k] + self._jitter, reliefs, c.finger_error),
-            narrow,
+        tries = [(k, start) for k in narrow for start in _starts(modes[k], particles, np.flatnonzero(members == k))]
+        found = self._workers.map(
+            lambda each: align_in_turn(
+                self.alignment, modes[each[0]].pose, priors[each[0]] + self._jitter, reliefs, c.finger_error, each[1]
+            ),
+            tries,
         )
-        aligned = dict(zip(narrow, posteriors, strict=True))
+        aligned = {}
+        for k in narrow:
+            best = _agreed([each for (mode, _), each in zip(tries, found, strict=True) if mode == k], c.relief_fit)
+            if best is not None:
+                aligned[k] = best
         maps = {
             k: _GaussianMap.between(
                 modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], self._jitter, posterior)
@@ -138,6 +157,34 @@ class Refinement:
         before = particles.log_weights[concerned]
         after = before + gain[concerned]
         particles.log_weights[concerned] = after + (log_sum_exp(before) - log_sum_exp(after))
+
+
+def _starts(mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
+    """Poses (4, 4) to look for the optimum from: the mode's own and, if it may hold several optima, some particles'."""
+    starts = [mode.pose]
+    if mode.spread_translation > _ONE_OPTIMUM[0] or mode.spread_rotation > _ONE_OPTIMUM[1]:
+        some = members[np.linspace(0, len(members) - 1, min(_TRIES, len(members))).astype(int)]
+        rows = np.concatenate([particles.positions[some], particles.quaternions[some]], axis=1)
+        starts += list(se3.from_xyzquat(rows))
+    return starts
+
+
+def _agreed(found: list[Aligned], least_fit: float) -> Aligned | None:
+    """The best of several optima that fit; None if another one, elsewhere, explains the relief nearly as well.
+
+    Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
+    praises it.)
+    """
+    fitting = [each for each in found if each.fit > least_fit]
+    if not fitting:
+        return found[0]
+    best = max(fitting, key=lambda each: each.log_evidence)
+    precision = np.linalg.inv(best.covariance)
+    for other in fitting:
+        apart = se3.log(se3.inverse(best.pose) @ other.pose)
+        if best.log_evidence - other.log_evidence < _DECISIVE and apart @ precision @ apart > _ELSEWHERE:
+            return None
+    return best
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:

@@ -32,6 +32,21 @@ def test_rest_can_be_reset():
     assert gate.motion(moved(9e-4)) is None
 
 
+def test_an_open_gate_hands_on_every_step_once():
+    gate = gates.RestGate(FilterConfig(update_min_d=1e-3))
+    gate.open = True
+    for _ in range(3):
+        np.testing.assert_allclose(gate.motion(moved(4e-4)).transform[:3, 3], [4e-4, 0, 0], atol=1e-12)
+    assert gate.skipped == 0
+
+
+def test_an_open_gate_skips_nothing_and_counts_nothing():
+    gate = gates.OccupiedGate()
+    gate.open = True
+    assert not gate.skips(1000, 50_000)
+    assert gate.skipped == 0
+
+
 def test_contact():
     gate = gates.ContactGate()
     assert [gate.skips(c) for c in (True, False, False)] == [False, True, True]

@@ -94,7 +94,8 @@ def _table(result: dict) -> str:
         if key in result:
             rows.append([label, *_cells(result[key])])
     for key, label in (
-        ("filter_ms", "filter step"),
+        ("filter_ms", "filter step without fine stage"),
+        ("fine_stage_ms", "fine stage"),
         ("lookup_ms", "look-up, spread"),
         ("lookup_converged_ms", "look-up, converged"),
     ):
@@ -113,4 +114,4 @@ def _table(result: dict) -> str:
 
 
 def _cells(stage: dict) -> list[str]:
-    return [f"{stage[key]:.2f}" for key in ("p50", "p95", "cpu")]
+    return [f"{stage[key]:.2f}" if key in stage else "" for key in ("p50", "p95", "cpu")]

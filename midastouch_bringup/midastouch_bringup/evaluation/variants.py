@@ -23,13 +23,14 @@ class Variant:
     """What differs from the default.
 
     summary, a line for tables; group, what kind of difference; settings, `FilterConfig` fields, or `PaperConfig` ones
-    if the group is that of the paper's filter; codebook_size, poses, and code_length, numbers per code, if they are
-    not the plan's and the network's.
+    if the group is that of the paper's filter; open_gates, names of the filter's gates that let everything pass;
+    codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's.
     """
 
     summary: str
     group: str
     settings: dict[str, object] = dataclasses.field(default_factory=dict)
+    open_gates: tuple[str, ...] = ()
     codebook_size: int | None = None
     code_length: int | None = None
 
@@ -41,8 +42,8 @@ class Variant:
     @property
     def inputs(self) -> dict[str, object]:
         """What differs beside the settings, by name."""
-        inputs = {"codebook_size": self.codebook_size, "code_length": self.code_length}
-        return {key: value for key, value in inputs.items() if value}
+        inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "code_length")}
+        return {name: value for name, value in inputs.items() if value}
 
     def describe(self) -> dict:
         """For the JSON: all but what is as in the default."""
@@ -59,7 +60,7 @@ class Variant:
         config = self.config(base, threads)
         if self.paper:
             return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)
-        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
+        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)
 
 
 VARIANTS = {
@@ -93,8 +94,12 @@ VARIANTS = {
     ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
-    "no_rest_gate": Variant("an arm at rest is updated too", GATE, {"update_min_d": 0.0, "update_min_a": 0.0}),
-    "no_size_gate": Variant("resampling at every touch", GATE, {"resample_ess": 1.0}),
+    "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
+    "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
+    "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
+    "no_book_gate": Variant("few particles, too, have the whole codebook scored", GATE, open_gates=("whole_book",)),
+    "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
+    "no_rival_gate": Variant("a mode without rivals is replayed as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
         "wide modes are aligned to the relief too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
     ),
@@ -115,7 +120,7 @@ def _group(*groups: str) -> tuple[str, ...]:
 
 
 _FINE_STAGE = ("no_refinement", "no_hindsight")
-_GATES_IN_MOTION = ("no_size_gate", "no_wide_gate")
+_GATES_IN_MOTION = ("no_size_gate", "no_book_gate", "no_rival_gate", "no_wide_gate")
 SETS = {
     "counts": _group(COUNT),
     "gates": _group(GATE),

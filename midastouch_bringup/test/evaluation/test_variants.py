@@ -2,6 +2,7 @@ import pytest
 
 from midastouch_bringup.evaluation.variants import DEFAULT, SETS, VARIANTS, chosen_variants
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import Measurement
 from midastouch_filter.paper_filter import PaperConfig
 from midastouch_perception.errors import InputError
 
@@ -14,7 +15,7 @@ def test_every_variant_is_a_valid_setting_that_differs_from_the_default(name):
         assert isinstance(config, PaperConfig)
     else:
         assert config.threads == 1
-        same = config == FilterConfig(threads=1) and not (variant.codebook_size or variant.code_length)
+        same = config == FilterConfig(threads=1) and set(variant.describe()) == {"summary", "group"}
         assert same == (name == DEFAULT)
 
 
@@ -24,6 +25,15 @@ def test_a_variant_says_what_differs():
     }  # fmt: skip
     assert VARIANTS["code_16"].describe()["code_length"] == 16
     assert VARIANTS["book_5k"].describe()["codebook_size"] == 5000
+
+
+def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook):
+    for name in SETS["gates"]:
+        particle_filter = VARIANTS[name].filter(mesh, codebook, FilterConfig(max_particles=500), threads=1)
+        particle_filter.initialise_uniform()
+        felt = Measurement(True, codebook.codes[0], 1e-4)
+        skipped = [particle_filter.step(None, felt).status.skipped for _ in range(3)][-1]
+        assert all(skipped[gate] == 0 for gate in VARIANTS[name].open_gates)
 
 
 def test_a_variant_is_laid_over_the_settings_given():

@@ -54,7 +54,7 @@ class ParticleFilterNode(PipelineNode):
         first = self._objects.initial()
         simulated = self.get_parameter("use_sim_time").value
         # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
-        self._clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        self._patience_clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
         self._newest: int | None = None
         self._network_id = ""
         self._last_arrival: float | None = None
@@ -112,7 +112,7 @@ class ParticleFilterNode(PipelineNode):
         )
 
     def _now(self) -> float:
-        return 1e-9 * self._clock.now().nanoseconds
+        return 1e-9 * self._patience_clock.now().nanoseconds
 
     def _now_ns(self) -> int:
         return self.get_clock().now().nanoseconds
