@@ -69,6 +69,7 @@ class Bench:
 def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
     bench = Bench(graph)
     meshes, moving = graph.listen(MarkerArray, "object_mesh", latched=True), graph.listen(TFMessage, "/tf")
+    graph.spin_until(lambda: meshes, "the first mesh")
     bench.filters["mug"].state = CONVERGED
     assert bench.frame(SECOND).state == "converged"
     answer = bench.set_object("cup")
