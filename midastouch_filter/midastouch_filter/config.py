@@ -85,6 +85,14 @@ class FilterConfig:
     hindsight_touches: int = _number(20, 6, 200, "", "touches that are kept")
     hindsight_spacing: float = _number(0.02, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
 
+    # --- further fingers on the same object
+    finger_translation: float = _number(
+        5e-4, 0.0, 0.05, "m", "error of a further finger's pose relative to the first one's, each axis, sigma"
+    )
+    finger_rotation: float = _number(
+        math.radians(1.0), 0.0, 1.0, "rad", "error of a further finger's pose relative to the first one's, each axis"
+    )
+
     # --- resampling and recovery
     resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
@@ -107,6 +115,11 @@ class FilterConfig:
     def jitter(self) -> np.ndarray:
         """Covariance (6, 6) of one measured sensor pose, in its own frame: m^2, rad^2."""
         return np.diag(np.repeat([self.jitter_translation, self.jitter_rotation], 3) ** 2)
+
+    @property
+    def finger_error(self) -> np.ndarray:
+        """Covariance (6, 6) of a further finger's pose, given the reference's, in its own frame: m^2, rad^2."""
+        return np.diag(np.repeat([self.finger_translation, self.finger_rotation], 3) ** 2)
 
     def __post_init__(self) -> None:
         for item in fields(self):

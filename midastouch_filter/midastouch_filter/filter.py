@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,12 +22,15 @@ from . import gates, initialisation, kld, resampling
 from .belief import covariance_about
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
-from .hindsight import CODE_MARGIN, Comparison, Hindsight, Place, Prior, pose_distance
+from .fingers import Evidence as FingerEvidence
+from .fingers import Fingers
+from .hindsight import CODE_MARGIN, Comparison, Felt, Hindsight, Place, Prior, pose_distance
+from .joint_alignment import FeltRelief
 from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
 from .mode_masses import gained_together, with_odds
 from .modes import ModeFinder
-from .motion_model import Exploration, MotionModel, Odometry
+from .motion_model import Exploration, MotionModel, Odometry, carried
 from .particles import Particles
 from .recovery import LikelihoodTrend
 from .refinement import Refinement, sharpened
@@ -36,24 +38,13 @@ from .regions import Regions
 from .state import Evidence, StateMachine, Status
 from .stopwatch import Stopwatch
 from .surface import SurfaceConstraint, SurfaceGrid
+from .touch import FingerTouch, Measurement
 from .workers import Workers
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 _SURPLUS = 2  # times the wanted particles, from which even weights are resampled, to save time
-
-
-@dataclass(frozen=True)
-class Measurement:
-    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; relief
-    (80, 60) m, the felt penetration reduced by `refinement.reduced_relief`, or None."""
-
-    in_contact: bool
-    code: np.ndarray | None = None
-    contact_area: float = 0.0
-    network_id: str = ""
-    relief: np.ndarray | None = None
 
 
 class ParticleFilter:
@@ -85,6 +76,9 @@ class ParticleFilter:
         self._measurement = MeasurementModel(codebook.codes[self._order], codebook.meta, self._lookup, c, self._workers)
         grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
         self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
+        self._fingers = Fingers(
+            self._lookup, self._surface, c, self._workers, lambda: self._measurement.for_another_sensor()
+        )
         self._regions = Regions(self._lookup, c.region_radius)
         self._mode_finder = ModeFinder(self._lookup, self._regions, c.mode_radius, c.min_mode_mass, self._workers)
         self._refinement = self._make_refinement(mesh, codebook) if c.refinement else None
@@ -159,13 +153,15 @@ class ParticleFilter:
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._particles = particles
         self._checked = False
+        self._fingers.restart()
         if self._hindsight:
             self._hindsight.restart(prior)
         self._weights = particles.weights
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
         self._exploration = Exploration(self.config)
         self._modes: list[Mode] = []  # of the particles
-        self._fitted: list[int] = []  # those that the last relief fitted
+        self._fitted: list[int] = []  # those that the last reliefs fitted
+        self._fitted_to: set[str] = set()  # the fingers these reliefs are of
         self._answers: list[Mode] = []  # the same, sharpened by the relief of the frame where it could be
         self._path_since_lookup = 0.0
         self._path_since_touch = np.inf
@@ -177,42 +173,61 @@ class ParticleFilter:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
         self._path_since_touch = np.inf
         self._gates["unchanged_code"].reset()
+        self._fingers.force_update()
 
     # ------------------------------------------------------------------ one step
 
-    def step(self, odometry: np.ndarray | None, measurement: Measurement) -> Estimate:
+    def step(
+        self, odometry: np.ndarray | None, measurement: Measurement, others: Mapping[str, FingerTouch] | None = None
+    ) -> Estimate:
         """One step of the filter; returns its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        Unusable odometry or codes (not finite, wrong size, zero) are refused: the reason is in the status, the
-        number of times in `Status.skipped`. Raises InputError if the code comes from another network than the
-        codebook's. Without a start the state stays `uninitialised`.
+        others: what further fingers on the same object feel, by name, also while this one is in the air; any of them
+        may be missing in any frame.
+        Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
+        status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
+        the codebook's. Without a start the state stays `uninitialised`.
         """
-        self._require_same_network(measurement)
+        others = dict(others or {})
+        if "" in others:
+            raise InputError("others: a further finger needs a name")
+        for each in (measurement, *(other.measurement for other in others.values())):
+            self._require_same_network(each)
+        if others and not measurement.in_contact:
+            others[""] = FingerTouch(np.eye(4), measurement)  # the reference is not inside the object
         self._watch = Stopwatch(self._clock)
         self._note = self._restarted = ""
         if self._particles is None:
             return self._report()
 
+        in_contact = measurement.in_contact or any(other.measurement.in_contact for other in others.values())
         with self._watch.stage("motion"):
-            moved = self._predict(odometry, measurement.in_contact)
-        touched = self._touch(measurement, moved)
-        if touched is not None:
+            moved = self._predict(odometry, in_contact)
+        code = self._touch(measurement, moved)
+        felt = self._fingers.feel(others, self._refuse)
+        if self._hindsight and not moved:
+            self._hindsight.moved(np.eye(4), self._fingers.path)
+        self._in_contact = in_contact
+        touched = code is not None or any(finger.code is not None for finger in felt)
+        if touched:
             with self._watch.stage("lookup"):
                 distance = self._look_up()
-            share = self._evidence_share()
+            share = self._evidence_share() if code is not None else 0.0
             with self._watch.stage("weights"):
-                alive = self._weigh(touched, distance, share)
+                alive = self._weigh(code, distance, share, felt)
+            share = max(share, self._fingers.count(felt))
             with self._watch.stage("resampling"):
-                self._resample(touched) if alive else self._restart(touched)
+                self._resample(code, felt) if alive else self._restart(code, felt)
         with self._watch.stage("modes"):
-            self._find_modes(moved or touched is not None)
-        if touched is not None and self._usable(measurement.relief):
+            self._find_modes(moved or touched)
+        reliefs = self._reliefs(measurement.relief if code is not None else None, felt)
+        if reliefs:
             with self._watch.stage("refinement"):
-                self._refine(measurement.relief, share)
+                self._refine(reliefs, share)
             if self._hindsight:
                 with self._watch.stage("hindsight"):
-                    self._look_back(touched, measurement.relief)
+                    self._look_back(code, felt, reliefs)
         return self._report()
 
     def _predict(self, odometry: np.ndarray | None, in_contact: bool) -> bool:
@@ -235,13 +250,13 @@ class ParticleFilter:
         self._motion.propagate(self._particles, motion, self._exploration.share if in_contact else 0.0)
         self._path_since_lookup += motion.path
         self._path_since_touch += motion.path
+        self._fingers.travelled(motion.transform)
         if self._hindsight:
             self._hindsight.moved(motion.transform, motion.path)
         return True
 
     def _touch(self, measurement: Measurement, moved: bool) -> np.ndarray | None:
         """The unit code to weigh the particles by, or None if there is nothing new to learn."""
-        self._in_contact = measurement.in_contact
         if self._gates["no_contact"].skips(measurement.in_contact):
             return None
         try:
@@ -273,11 +288,41 @@ class ParticleFilter:
         self._path_since_touch = 0.0
         return share
 
-    def _weigh(self, code: np.ndarray, book_distance: np.ndarray, share: float) -> bool:
-        """Equation 2, as a log-likelihood ratio, and the surface constraint, both to the power `share`.
+    def _weigh(
+        self, code: np.ndarray | None, book_distance: np.ndarray, share: float, felt: Sequence[FingerEvidence]
+    ) -> bool:
+        """Equation 2, as a log-likelihood ratio, and the surface constraint, of each finger and to the power its share.
 
         False if no particle survives.
         """
+        particles = self._particles
+        log_ratios = []
+        for finger in felt:
+            log_ratio = finger.log_ratio(particles)
+            if finger.code is not None and finger.name in self._fitted_to:
+                self._share_out(log_ratio)
+            log_ratios.append(log_ratio)
+        shares = [finger.share for finger in felt]
+        touching = [finger.share for finger in felt if finger.code is not None]
+        if code is not None:
+            log_ratios.insert(0, self._log_ratio(code, book_distance))
+            shares.insert(0, share)
+            touching.append(share)
+        belief = particles.log_weights
+        self._trend.update(resampling.log_sum_exp(belief + sum(log_ratios)) / len(touching), max(touching))
+        self._exploration.update(self._modes[0].weight if self._modes else 0.0, max(touching))
+        log_weights = sum(share * log_ratio for share, log_ratio in zip(shares, log_ratios, strict=True))
+        log_weights += belief
+        total = resampling.log_sum_exp(log_weights)
+        if not np.isfinite(total):
+            return False
+        log_weights -= total
+        particles.log_weights = log_weights
+        self._weights = np.exp(log_weights)
+        return True
+
+    def _log_ratio(self, code: np.ndarray, book_distance: np.ndarray) -> np.ndarray:
+        """(N,) of each particle, for the reference's code."""
         particles = self._particles
         if self._gates["whole_book"].skips(len(particles), len(self._lookup)):
             self._measurement.score_occupied(code, particles)
@@ -286,17 +331,7 @@ class ParticleFilter:
         log_ratio = self._surface.log_weight(particles, book_distance)
         log_ratio += self._measurement.log_likelihood(particles)
         self._share_out(log_ratio)
-        self._trend.update(resampling.log_sum_exp(particles.log_weights + log_ratio), share)
-        self._exploration.update(self._modes[0].weight if self._modes else 0.0, share)
-        log_ratio *= share
-        log_ratio += particles.log_weights
-        total = resampling.log_sum_exp(log_ratio)
-        if not np.isfinite(total):
-            return False
-        log_ratio -= total
-        particles.log_weights = log_ratio
-        self._weights = np.exp(log_ratio)
-        return True
+        return log_ratio
 
     def _share_out(self, log_ratio: np.ndarray) -> None:
         """Let the code speak for all modes that the last relief fitted as for one.
@@ -309,7 +344,7 @@ class ParticleFilter:
             parts = [np.flatnonzero(members == k) for k in self._fitted]
             gained_together(self._particles.log_weights, log_ratio, parts)
 
-    def _resample(self, code: np.ndarray) -> None:
+    def _resample(self, code: np.ndarray | None, felt: Sequence[FingerEvidence]) -> None:
         """Systematic resampling to as many particles as KLD sampling asks for, and injection after a collapse."""
         n = len(self._particles)
         injection = self._trend.injection
@@ -325,7 +360,7 @@ class ParticleFilter:
         self._weights = self._particles.weights
         if injection:
             where = self._rng.choice(len(ancestors), round(injection * len(ancestors)), replace=False)
-            self._particles.replace(where, self._best_matches(code, len(where)))
+            self._particles.replace(where, self._best_matches(code, felt, len(where)))
             self._refused["injected"] += len(where)
 
     def _wanted_count(self, entries: np.ndarray) -> int:
@@ -334,47 +369,65 @@ class ParticleFilter:
             return len(entries)
         return kld.adapted_count(self._regions.of_entry[entries], self.config)
 
-    def _restart(self, code: np.ndarray) -> None:
+    def _restart(self, code: np.ndarray | None, felt: Sequence[FingerEvidence]) -> None:
         """No particle can explain the touch: start again, half from its best matches, half over the surface."""
         n = self.config.max_particles
         uniform = initialisation.uniform_entries(len(self._poses), n - n // 2, self._rng)
-        matches = self._best_matches(code, n // 2)
+        matches = self._best_matches(code, felt, n // 2)
         particles = self._around(np.concatenate([uniform, matches.entries]))
         self._refuse("restarted", "no particle can explain the touch; started again over the surface")
         self._restarted = self._note
         self._start(particles, None)
         self._in_contact = True
 
-    def _best_matches(self, code: np.ndarray, n: int) -> Particles:
-        self._measurement.score_book(code)
-        return self._around(self._measurement.draw_matches(n, self._rng))
+    def _best_matches(self, code: np.ndarray | None, felt: Sequence[FingerEvidence], n: int) -> Particles:
+        """By the reference's code, or, if it felt nothing new, by the first other finger's that did."""
+        if code is not None:
+            self._measurement.score_book(code)
+            return self._around(self._measurement.draw_matches(n, self._rng))
+        finger = next(each for each in felt if each.code is not None)
+        gels = self._around(finger.draw_matches(n, self._rng))
+        matches = carried(gels, se3.inverse(finger.T_gel_finger), self._workers)
+        self._lookup.relocate(matches)
+        return matches
 
     def _find_modes(self, changed: bool) -> None:
         """Hypothesis clustering; skipped while the particles are those of the last step."""
         if self._modes and self._gates["unmoved_modes"].skips(changed):
             return
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
-        self._fitted = []
+        self._fitted, self._fitted_to = [], set()
 
-    def _usable(self, relief: np.ndarray | None) -> bool:
+    def _usable(self, felt: FeltRelief) -> bool:
         """Whether the relief is there and can be compared with rendered ones."""
-        if relief is None or self._refinement is None:
+        if felt.relief is None or self._refinement is None:
             return False
-        if relief.shape == self._refinement.shape and np.isfinite(relief).all():
+        if felt.relief.shape == self._refinement.shape and np.isfinite(felt.relief).all():
             return True
-        self._refuse("bad_relief", f"relief is not finite or not of shape {self._refinement.shape}")
+        whose = f"finger {felt.name}: " if felt.name else ""
+        self._refuse("bad_relief", f"{whose}relief is not finite or not of shape {self._refinement.shape}")
         return False
 
-    def _refine(self, relief: np.ndarray, share: float) -> None:
-        """Let the relief place the particles of narrow modes."""
+    def _reliefs(self, relief: np.ndarray | None, felt: Sequence[FingerEvidence]) -> list[FeltRelief]:
+        """The usable ones of this frame; `relief` is the reference's."""
+        found = [FeltRelief(relief), *(finger.felt_relief for finger in felt)]
+        return [each for each in found if self._usable(each)]
+
+    def _refine(self, reliefs: Sequence[FeltRelief], share: float) -> None:
+        """Let the reliefs place the particles of narrow modes."""
         finder = self._mode_finder
-        aligned = self._refinement.apply(self._particles, finder.members(self._particles), self._modes, relief, share)
+        reliefs = self._refinement.reached(self._modes, reliefs)
+        aligned = {}
+        if reliefs:
+            members = finder.members(self._particles)
+            aligned = self._refinement.apply(self._particles, members, self._modes, reliefs, share)
         if self._gates["wide_modes"].skips(not aligned):
             return
         aligned = {finder.peaks[k]: a for k, a in aligned.items() if a.fit > self.config.relief_fit}
         self._weights = self._particles.weights
         self._modes = modes_from_moments(finder.moments(self._particles, self._weights))
         self._fitted = [k for k, peak in enumerate(finder.peaks) if peak in aligned]
+        self._fitted_to = {each.name for each in reliefs}
         if self._fitted[:1] == [0]:
             self._trend.explained()
         self._answers = [
@@ -382,11 +435,21 @@ class ParticleFilter:
             for mode, peak in zip(self._modes, finder.peaks, strict=True)
         ]
 
-    def _look_back(self, code: np.ndarray, relief: np.ndarray) -> None:
+    def _look_back(
+        self, code: np.ndarray | None, felt: Sequence[FingerEvidence], reliefs: Sequence[FeltRelief]
+    ) -> None:
         """Keep the touch, and go on asking whether other places explain the last ones as well."""
         if self._hindsight.due:
-            self._measurement.score_book(code)
-            self._hindsight.keep(self._measurement.log_ratio, relief)
+            relief_of = {each.name: each.relief for each in reliefs}
+            kept = [
+                Felt(finger.log_ratio_of_book(), relief_of.get(finger.name), finger.T_gel_finger)
+                for finger in felt
+                if finger.code is not None
+            ]
+            if code is not None:
+                self._measurement.score_book(code)
+                kept.insert(0, Felt(self._measurement.log_ratio, relief_of.get("")))
+            self._hindsight.keep(*kept)
         narrow = [mode for mode in self._modes if self._refinement.is_narrow(mode)]
         if not narrow or narrow[0] is not self._modes[0]:
             return

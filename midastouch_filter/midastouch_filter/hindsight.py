@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,15 +21,22 @@ from midastouch_perception import se3
 
 from .alignment import ReliefAlignment, without_jitter
 from .config import FilterConfig
+from .joint_alignment import FeltRelief, align_in_turn, carried
 from .lookup import ROTATION_SCALE, PoseLookup
 
 _FEWEST = 6  # touches that a replay needs to say anything
 _ANEW, _RARELY = 3, 12  # further touches after which it is worth another one; after some that all found no rival
-_SHORTLIST = 150  # best entries of each touch that are carried to the present as candidates
+_OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_SHORTLIST = 150  # best entries of each touch, of all fingers, that are carried to the present as candidates
 _SIEVE, _KEPT = 4, 400  # candidates are first scored on this many touches, and only the best on all of them
+# Codebook entries are some 20 deg apart, which moves a further finger by centimetres: with several fingers, the best
+# candidates are turned to where all fit
+_TURNED, _TURNS = 50, np.radians([10.0, 5.0])
+_AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 _MOST_RIVALS = 5
 CODE_MARGIN = 4.0  # nats by which a rival may fall behind the best in its codes
 _APART = 0.015  # m: places nearer than this are the same one; 1 rad counts as 10 mm
+_SETTLED = 3  # touches after which a place's rotation is known well enough to say where further fingers are
 _HOPELESS = 12.0  # nats behind, at which a replay is broken off
 _LARGEST = 5.0  # nats that one touch may speak for one place and against another
 _PRIOR_FLOOR = -12.0  # nats: a prior may be wrong
@@ -76,10 +83,24 @@ class Prior:
 
 
 @dataclass(frozen=True)
+class Felt:
+    """What one finger felt: log_ratio (M,) of every codebook entry; relief (80, 60) m or None; T_gel_finger (4, 4),
+    None for the reference itself."""
+
+    log_ratio: np.ndarray
+    relief: np.ndarray | None
+    T_gel_finger: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class _Kept:
     motion: np.ndarray  # (4, 4) from the start to this touch
-    log_ratio: np.ndarray  # (M,) float16 of every codebook entry
-    relief: np.ndarray  # (80, 60) m
+    felt: list[Felt]  # log_ratio as float16
+
+    def reliefs(self, settled: bool) -> list[FeltRelief]:
+        """Those to align to: as long as the place is not settled, the nearest finger's only."""
+        found = [FeltRelief(f.relief, f.T_gel_finger) for f in self.felt if f.relief is not None]
+        return found if settled else found[:1]
 
 
 class Hindsight:
@@ -118,9 +139,10 @@ class Hindsight:
         """Whether the present touch is worth keeping."""
         return self._path >= self._config.hindsight_spacing
 
-    def keep(self, log_ratio: np.ndarray, relief: np.ndarray) -> None:
-        """Keep the present touch: log-likelihood ratio (M,) of every entry, relief (80, 60) m."""
-        self._touches.append(_Kept(self._motion, log_ratio.astype(np.float16), relief))
+    def keep(self, *felt: Felt) -> None:
+        """Keep what the fingers feel at present, the reference first; at least one has a relief."""
+        kept = [replace(each, log_ratio=each.log_ratio.astype(np.float16)) for each in felt]
+        self._touches.append(_Kept(self._motion, kept))
         self._path = 0.0
         self._since_replay += 1
 
@@ -159,27 +181,43 @@ class Hindsight:
 
     def _sieved(self, touches: list[_Kept]) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
         """The candidates (C, 4, 4) at the newest touch that explain all touches best by their codes, and how well."""
-        candidates = self._candidates(touches)
-        for some in (touches[:: -max(len(touches) // _SIEVE, 1)], touches):
-            score = np.zeros(len(candidates))
-            for touch in some:
+        candidates, some = self._candidates(touches), touches[:: -max(len(touches) // _SIEVE, 1)]
+        candidates, _ = _best_of(candidates, (yield from self._summed(candidates, touches[-1], some)))
+        if any(len(touch.felt) > 1 for touch in touches):
+            for angle in _TURNS:
                 yield None
-                score += self._scores(candidates @ (se3.inverse(touches[-1].motion) @ touch.motion), touch)
-            best = np.argsort(-score, kind="stable")[:_KEPT]
-            candidates, score = candidates[best], score[best]
-        return candidates, score
+                candidates = self._turned(candidates[:_TURNED], angle, touches[-1], some)
+        return _best_of(candidates, (yield from self._summed(candidates, touches[-1], touches)))
+
+    def _turned(self, candidates: np.ndarray, angle: float, newest: _Kept, touches: list[_Kept]) -> np.ndarray:
+        """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains these touches."""
+        turned = candidates[:, None] @ se3.exp(angle * _AXES)
+        every = turned.reshape(-1, 4, 4)
+        score = sum(self._scores(every @ (se3.inverse(newest.motion) @ touch.motion), touch) for touch in touches)
+        return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
+
+    def _summed(self, candidates: np.ndarray, newest: _Kept, touches: list[_Kept]) -> Generator[None, None, np.ndarray]:
+        """Scores (C,) of candidates (C, 4, 4) at the newest touch, over these touches."""
+        score = np.zeros(len(candidates))
+        for touch in touches:
+            yield None
+            score += self._scores(candidates @ (se3.inverse(newest.motion) @ touch.motion), touch)
+        return score
 
     def _followed(self, start: np.ndarray, touches: list[_Kept], explained: _Explanations) -> Iterator[None]:
         """Align `start` (4, 4) at the newest touch to all of them, back along the path, as long as there is hope."""
         pose, covariance = start, np.diag(_START)
         evidence = np.full(len(touches), -np.inf)
         for k in range(len(touches) - 1, -1, -1):
-            aligned = self._alignment.align(pose, covariance + self._jitter, touches[k].relief)
+            reliefs = touches[k].reliefs(settled=len(touches) - k > _SETTLED)
+            aligned = align_in_turn(
+                self._alignment, pose, covariance + self._jitter, reliefs, self._config.finger_error
+            )
             evidence[k] = aligned.log_evidence
             pose, covariance = without_jitter(pose, covariance, self._jitter, aligned)
             if k:
                 on = se3.inverse(touches[k].motion) @ touches[k - 1].motion
-                pose, covariance = pose @ on, _carried(covariance, on)
+                pose, covariance = pose @ on, carried(covariance, on)
             if k % _SLICE == 0:
                 yield None
             if explained.hopeless(evidence, k):
@@ -191,14 +229,30 @@ class Hindsight:
         """Poses (C, 4, 4) at the newest touch of the entries that fit best at any of the touches."""
         newest, out = touches[-1].motion, []
         for touch in touches:
-            best = np.argpartition(-touch.log_ratio, min(_SHORTLIST, len(touch.log_ratio) - 1))[:_SHORTLIST]
-            out.append(self._poses[best] @ (se3.inverse(touch.motion) @ newest))
+            to_newest = se3.inverse(touch.motion) @ newest
+            count = _SHORTLIST // len(touch.felt)
+            for felt in touch.felt:
+                best = np.argpartition(-felt.log_ratio, min(count, len(felt.log_ratio) - 1))[:count]
+                poses = self._poses[best]
+                if felt.T_gel_finger is not None:
+                    poses = poses @ se3.inverse(felt.T_gel_finger)
+                out.append(poses @ to_newest)
         poses = np.concatenate(out)
         return poses[np.unique(self._lookup.exact(poses), return_index=True)[1]]
 
     def _scores(self, poses: np.ndarray, touch: _Kept) -> np.ndarray:
-        """Log-likelihood ratios (C,) of poses (C, 4, 4) at a touch, as far as it counts."""
-        return self._share * touch.log_ratio[self._lookup.exact(poses)].astype(float)
+        """Log-likelihood ratios (C,) of poses (C, 4, 4) at a touch, of all fingers, as far as it counts."""
+        out = np.zeros(len(poses))
+        for felt in touch.felt:
+            out += self._share * self._log_ratio(poses, felt)
+        return out
+
+    def _log_ratio(self, poses: np.ndarray, felt: Felt) -> np.ndarray:
+        """(C,) of poses (C, 4, 4) of the reference; where a finger would be off the surface, its worst."""
+        if felt.T_gel_finger is None:
+            return felt.log_ratio[self._lookup.exact(poses)].astype(float)
+        entries = self._lookup.exact(poses @ felt.T_gel_finger, within=_OFF)
+        return np.append(felt.log_ratio, felt.log_ratio.min())[entries].astype(float)
 
     def _rivals(
         self, candidates: np.ndarray, score: np.ndarray, taken: list[np.ndarray]
@@ -222,7 +276,7 @@ class Hindsight:
         odds -= odds.max()
         on = from_oldest @ self._motion
         found = [
-            Place(pose @ on, _carried(covariance, on), float(value))
+            Place(pose @ on, carried(covariance, on), float(value))
             for (pose, covariance, _), value in zip(explained.ends, odds, strict=True)
         ]
         on = se3.inverse(touches[-1].motion) @ self._motion
@@ -264,13 +318,10 @@ class _Explanations:
         return self._share * float(np.clip(evidence - other, -_LARGEST, _LARGEST).sum())
 
 
-def _carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4): adjoint of its inverse."""
-    back = se3.inverse(motion)
-    r, (x, y, z) = back[:3, :3], back[:3, 3]
-    adjoint = np.kron(np.eye(2), r)
-    adjoint[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
-    return adjoint @ covariance @ adjoint.T
+def _best_of(candidates: np.ndarray, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The best candidates and their scores, best first."""
+    best = np.argsort(-score, kind="stable")[:_KEPT]
+    return candidates[best], score[best]
 
 
 def pose_distance(a: np.ndarray, b: np.ndarray) -> float:

@@ -74,9 +74,13 @@ class PoseLookup:
         """Pose distance [m] that `follow` can bridge; half of what its hops would cover in a straight line."""
         return 0.5 * _HOPS * self.stride
 
-    def exact(self, poses: np.ndarray) -> np.ndarray:
-        """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), by KD-tree: about 1.6 us each."""
-        return self._tree.query(_features(poses), k=1)[1].astype(np.int32)
+    def exact(self, poses: np.ndarray, within: float = np.inf) -> np.ndarray:
+        """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), by KD-tree: about 1.6 us each.
+
+        `len(self)` for poses with none nearer than `within` [m].
+        """
+        bound = None if np.isinf(within) else within
+        return self._tree.query(_features(poses), k=1, distance_upper_bound=bound)[1].astype(np.int32)
 
     def relocate(self, particles: Particles) -> None:
         """Set `particles.entries` exactly, wherever the particles were before."""

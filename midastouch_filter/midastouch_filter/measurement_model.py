@@ -11,6 +11,8 @@ ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): 
 
 from __future__ import annotations
 
+import copy
+
 import numba
 import numpy as np
 
@@ -42,9 +44,18 @@ class MeasurementModel:
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
         self._sample = np.arange(0, len(self._codes), max(len(self._codes) // _SAMPLE, 1))
         self._sample_codes = self._codes[self._sample]
+        self._forget()
+
+    def _forget(self) -> None:
         self._is_occupied = np.zeros(len(self._codes), bool)
         self.log_ratio = np.zeros(len(self._codes), np.float32)
         self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
+
+    def for_another_sensor(self) -> MeasurementModel:
+        """A model of the same codes with scores of its own."""
+        other = copy.copy(self)
+        other._forget()
+        return other
 
     @property
     def dimension(self) -> int:

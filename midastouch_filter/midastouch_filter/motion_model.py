@@ -118,6 +118,18 @@ class MotionModel:
         self._workers.run(len(particles), kernel)
 
 
+def carried(particles: Particles, transform: np.ndarray, workers: Workers) -> Particles:
+    """The poses of another frame, that lies at `transform` (4, 4) in each particle's; weights and entries shared."""
+    row = Odometry.from_matrix(transform).row
+    positions, quaternions = particles.positions.copy(), particles.quaternions.copy()
+    noise, scale = np.empty((0, 6), np.float32), np.zeros(6, np.float32)
+    workers.run(
+        len(particles),
+        lambda low, high, _: _compose(low, high, positions, quaternions, row, noise, False, scale),
+    )
+    return Particles(positions, quaternions, particles.log_weights, particles.entries)
+
+
 @numba.njit(cache=True)
 def _decompose(transform):
     """How far (4, 4) is from a rigid transform, its row [x y z qx qy qz qw], and that row as a transform."""

@@ -9,6 +9,7 @@ It costs a dozen rendered views per mode instead of one per particle.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from . import quaternion
 from .alignment import Aligned, ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
+from .joint_alignment import FeltRelief, align_in_turn, carried
 from .particles import Particles
 from .resampling import log_sum_exp
 from .workers import Workers
@@ -65,19 +67,27 @@ class Refinement:
         self._move(particles, np.full(len(particles), -1, np.int32), {0: still}, 1)
 
     def apply(
-        self, particles: Particles, members: np.ndarray, modes: list[Mode], relief: np.ndarray, share: float
+        self,
+        particles: Particles,
+        members: np.ndarray,
+        modes: list[Mode],
+        reliefs: Sequence[FeltRelief],
+        share: float,
     ) -> dict[int, Aligned]:
-        """Update the particles of narrow modes in place; returns what the relief says of each of them, by mode.
+        """Update the particles of narrow modes in place; returns what the reliefs say of each of them, by mode.
 
-        members (N,): mode of each particle, -1 for none; relief (80, 60) m; share in [0, 1]: how much of this frame
-        is evidence independent of the last. Between several narrow modes, mass moves to those the relief fits.
+        members (N,): mode of each particle, -1 for none; reliefs: one or more, those `reached` of all fingers in this
+        frame; share in [0, 1]: how much of this frame is evidence independent of the last. Between several narrow
+        modes, mass moves to those the reliefs fit.
         """
         c = self._config
-        narrow = [k for k, mode in enumerate(modes[: c.refined_modes]) if self.is_narrow(mode)]
-        priors = {k: _in_own_frame(modes[k]) + np.diag(_FLOOR) for k in narrow}
+        priors = self._priors(modes)
+        narrow = list(priors)
         tries = [(k, start) for k in narrow for start in _starts(modes[k], particles, np.flatnonzero(members == k))]
         found = self._workers.map(
-            lambda each: self.alignment.align(modes[each[0]].pose, priors[each[0]] + self._jitter, relief, each[1]),
+            lambda each: align_in_turn(
+                self.alignment, modes[each[0]].pose, priors[each[0]] + self._jitter, reliefs, c.finger_error, each[1]
+            ),
             tries,
         )
         aligned = {}
@@ -102,6 +112,26 @@ class Refinement:
         """Whether the mode is close enough to a Gaussian to be aligned."""
         c = self._config
         return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
+
+    def reached(self, modes: list[Mode], reliefs: Sequence[FeltRelief]) -> list[FeltRelief]:
+        """Those of fingers that all narrow modes say well enough where they are; the reference always is.
+
+        All modes are aligned to the same reliefs, so that their evidence can be compared.
+        """
+        priors = self._priors(modes).values() if len(reliefs) > 1 or reliefs[0].name else ()
+
+        def is_reached(felt: FeltRelief) -> bool:
+            if felt.T_gel_finger is None:
+                return True
+            spreads = [np.sqrt(np.trace(carried(prior, felt.T_gel_finger)[:3, :3])) for prior in priors]
+            return max(spreads, default=0.0) < self._config.refine_translation
+
+        return [felt for felt in reliefs if is_reached(felt)]
+
+    def _priors(self, modes: list[Mode]) -> dict[int, np.ndarray]:
+        """Covariances (6, 6) of the narrow ones of the modes to align, in their own frames."""
+        chosen = enumerate(modes[: self._config.refined_modes])
+        return {k: _in_own_frame(mode) + np.diag(_FLOOR) for k, mode in chosen if self.is_narrow(mode)}
 
     def _move(self, particles: Particles, members: np.ndarray, maps: dict[int, _GaussianMap], count: int) -> None:
         map_of = np.full(count + 1, -1)  # the last stands for -1: no mode

@@ -133,6 +133,33 @@ class SurfaceConstraint:
         out[np.abs(distance) >= c.dead_distance] = -np.inf
         return out
 
+    def distance(self, particles: Particles) -> np.ndarray:
+        """Signed distances (N,) float32 [m] of the gel's apex, negative inside; saturated beyond `dead_distance`."""
+        return self._grid.distance(particles.positions, self._workers)
+
+    def bounded_log_weight(
+        self, distance: np.ndarray, book_distance: np.ndarray, in_contact: bool, sigma: float
+    ) -> np.ndarray:
+        """(N,) float64 <= 0 of gels whose poses are known less well, to about `sigma` [m]: far off is no proof.
+
+        distance (N,) [m] as from `distance`. A gel that touches nothing may be anywhere but deep in the object;
+        `book_distance` does not matter then.
+        """
+        c = self._config
+        excess = -c.max_penetration - distance
+        if in_contact:
+            excess = np.maximum(excess, distance - c.max_hover)
+        out = np.square(np.maximum(excess, 0.0), dtype=float)
+        if in_contact and c.book_constraint:
+            out += np.square(np.clip(book_distance - self._book_reach, 0.0, c.dead_distance))
+        out *= -0.5 / sigma**2
+        return out
+
+    @property
+    def reach(self) -> float:
+        """Pose distance [m] to the nearest entry, beyond which `bounded_log_weight` tells no difference."""
+        return self._book_reach + self._config.dead_distance
+
     def project(self, particles: Particles) -> None:
         """Move particles beyond either limit back to it."""
         self._grid.project(particles, -self._config.max_penetration, self._config.max_hover, self._workers)

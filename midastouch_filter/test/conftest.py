@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -10,8 +11,11 @@ import pytest
 import trimesh
 from hypothesis import settings
 
+from midastouch_filter.filter import ParticleFilter
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 # the first call of a kernel compiles it
 settings.register_profile("filter", deadline=None, derandomize=True)
@@ -20,13 +24,17 @@ settings.load_profile("filter")
 NETWORK = "fourier-test"
 
 
-def bumpy_mesh(twofold: bool = False) -> ObjectMesh:
-    """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places; `twofold`: the same after half a turn about z."""
+def bumpy_mesh(twofold: bool = False, handed_below: bool = False) -> ObjectMesh:
+    """An ellipsoid of 100 x 70 x 50 mm with bumps at uneven places.
+
+    twofold: the same after half a turn about z; handed_below: but not where z is lowest.
+    """
     sphere = trimesh.creation.icosphere(subdivisions=4)
     directions = np.random.default_rng(3).standard_normal((12, 3))
-    if twofold:
-        directions = np.concatenate([directions, directions * [-1, -1, 1]])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    if twofold:
+        twins = directions[directions[:, 2] > -0.4] if handed_below else directions
+        directions = np.concatenate([directions, twins * [-1, -1, 1]])
     bumps = np.exp(15 * (sphere.vertices @ directions.T - 1)).sum(axis=1)
     vertices = sphere.vertices * (1 + 0.12 * bumps[:, None]) * [0.05, 0.035, 0.025]
     return ObjectMesh.from_arrays(vertices, sphere.faces, "bumpy")
@@ -116,4 +124,41 @@ def world() -> SimpleNamespace:
         make_slide=make_slide,
         odometry_of=odometry_of,
         with_pose_noise=with_pose_noise,
+    )
+
+
+@pytest.fixture(scope="session")
+def gripper(world) -> SimpleNamespace:
+    """Two fingers on an object that is the same after half a turn, above but not below; one slides over each side.
+
+    above (75, 4, 4), poses of the first finger, and measured, the same with an arm's errors; odometry between these;
+    between (75, 4, 4), the second finger's gel in the first's; codes and penetrations (160, 120) of both; half_turn;
+    make_filter(config).
+    """
+    mesh, half_turn = bumpy_mesh(twofold=True, handed_below=True), np.diag([-1.0, -1.0, 1.0, 1.0])
+
+    def encode(poses: np.ndarray) -> np.ndarray:
+        codes = world.encode(poses)
+        above = poses[:, 2, 3] > 0
+        codes[above] += world.encode(half_turn @ poses[above])
+        return codes / np.linalg.norm(codes, axis=1, keepdims=True)
+
+    poses = random_poses(mesh, 8000, np.random.default_rng(1))
+    book = make_codebook(poses, encode(poses))
+    book.meta["sensor"] = "digit_tacto"
+    turns = np.linspace(0, 2 * np.pi, 75)
+    circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
+    sides = [poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04)]
+    renderer = PenetrationRenderer(mesh, SensorModel.load("digit_tacto").scaled(0.5))
+    rng = np.random.default_rng(2)
+    measured = with_pose_noise(sides[0], rng, 5e-4, np.radians(1.0))
+    return SimpleNamespace(
+        above=sides[0],
+        measured=measured,
+        odometry=odometry_of(measured),
+        between=with_pose_noise(se3.inverse(sides[0]) @ sides[1], rng, 2e-4, np.radians(0.3)),
+        codes=[encode(side) for side in sides],
+        penetrations=[np.maximum(renderer.render(side), 0) for side in sides],
+        half_turn=half_turn,
+        make_filter=functools.cache(lambda config: ParticleFilter(mesh, book, config, 0)),
     )

@@ -31,6 +31,14 @@ def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
     np.testing.assert_array_equal(lookup.exact(queries), brute)
 
 
+def test_nothing_beyond_a_bound_is_found(world, lookup):
+    queries = world.with_pose_noise(world.poses[:200], np.random.default_rng(2), 3e-3, 0.2)
+    exact = lookup.exact(queries)
+    near = distance(queries, world.poses[exact]) < 4e-3
+    assert 0.1 < near.mean() < 0.9
+    np.testing.assert_array_equal(lookup.exact(queries, within=4e-3), np.where(near, exact, len(lookup)))
+
+
 def test_continuous_where_the_log_map_jumps(world):
     half_turn = se3.exp([[0, 0, 0, 0, 0, np.pi - 0.01], [0, 0, 0, 0, 0, 0.5]])
     lookup = PoseLookup(half_turn, Workers(1))

@@ -35,6 +35,17 @@ def test_averages_to_a_certain_event_over_the_book(world, lookup):
     assert m.log_ratio.min() >= np.log(m.outlier) - 1e-5
 
 
+def test_another_sensor_has_scores_of_its_own(world, lookup):
+    m = model(world, lookup)
+    m.score_book(world.codebook.codes[7])
+    before = m.log_ratio.copy()
+    other = m.for_another_sensor()
+    other.score_book(world.codebook.codes[8])
+    np.testing.assert_array_equal(m.log_ratio, before)
+    m.score_book(world.codebook.codes[8])
+    np.testing.assert_array_equal(m.log_ratio, other.log_ratio)
+
+
 @pytest.mark.parametrize("temperature", [1e-3, 0.05, 10.0])
 def test_no_temperature_overflows(world, lookup, temperature):
     m = model(world, lookup, temperature=temperature)

@@ -4,6 +4,7 @@ import pytest
 from midastouch_filter.alignment import Aligned
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Mode
+from midastouch_filter.joint_alignment import FeltRelief
 from midastouch_filter.particles import Particles
 from midastouch_filter.refinement import Refinement, reduced_relief, sharpened
 from midastouch_filter.workers import Workers
@@ -61,7 +62,7 @@ def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
     truth, relief, _ = touch
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
-    aligned = refinement.apply(particles, np.zeros(400, np.int32), [mode_of(start, 400)], relief, 1.0)
+    aligned = refinement.apply(particles, np.zeros(400, np.int32), [mode_of(start, 400)], [FeltRelief(relief)], 1.0)
     assert aligned[0].fit > 0.9
     before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
     after = np.linalg.norm(particles.positions.mean(axis=0) - truth[:3, 3])
@@ -79,7 +80,7 @@ def test_wide_modes_are_left_alone(refinement, touch):
     particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
-    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], relief, 1.0) == {}
+    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], [FeltRelief(relief)], 1.0) == {}
     np.testing.assert_array_equal(particles.positions, before)
 
 
@@ -95,7 +96,7 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     )
     members = np.repeat(np.array([1, 0], np.int32), 200)
     modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
-    refinement.apply(particles, members, modes, relief, 0.5)
+    refinement.apply(particles, members, modes, [FeltRelief(relief)], 0.5)
     weights = particles.weights
     assert weights.sum() == pytest.approx(1)
     # at most five nats a whole touch, here half of one

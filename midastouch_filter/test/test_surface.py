@@ -78,6 +78,24 @@ def test_poses_far_from_the_book_are_weighed_down(ball):
     np.testing.assert_allclose(got, [0, 0, -2], atol=1e-3)
 
 
+def test_gels_known_less_well_are_weighed_softly_and_never_dead(ball):
+    config = FilterConfig(max_penetration=2e-3, max_hover=1e-3, dead_distance=5e-3)
+    constraint = SurfaceConstraint(ball[1], 3e-3, config, WORKERS)
+    heights = np.array([-0.02, -0.004, -0.0005, 0.003, 0.05])
+    points = np.stack([0.03 + heights, 0 * heights, 0 * heights], axis=1)
+    distance = constraint.distance(particles_at(points))
+    touching = constraint.bounded_log_weight(distance, np.full(5, 2e-3), True, 2e-3)
+    np.testing.assert_allclose(touching[1:4], [-0.5, 0, -0.5], atol=0.1)
+    assert (touching[[0, 4]] > -9).all()
+    free = constraint.bounded_log_weight(distance, np.full(5, 1.0), False, 2e-3)
+    np.testing.assert_allclose(free[1:], [-0.5, 0, 0, 0], atol=0.1)
+    assert free[0] < -4
+    tilted = constraint.bounded_log_weight(distance, np.full(5, 0.005), True, 2e-3)
+    np.testing.assert_allclose(tilted - touching, -0.5, atol=1e-3)
+    beyond = [constraint.bounded_log_weight(distance, np.full(5, d), True, 2e-3) for d in (constraint.reach, 1.0)]
+    np.testing.assert_allclose(*beyond)
+
+
 def test_projection_moves_particles_to_the_nearer_limit_only(ball):
     grid = ball[1]
     particles = particles_at([[0.034, 0, 0], [0, 0.026, 0], [0, 0, 0.0295], [0.05, 0, 0]])

@@ -74,6 +74,10 @@ ARGUMENTS = {
         choices=("", "uniform", "pose", "wait"),
         sets=(("particle_filter", "init_mode"),),
     ),
+    "fingers": Argument(
+        "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',', e.g. /right:right_digit_gel_frame",
+        sets=(("particle_filter", "fingers"),),
+    ),
     "seed": Argument("Seed of the filter", sets=(("particle_filter", "seed"),), kind=int),
     # arm
     "arm": Argument(

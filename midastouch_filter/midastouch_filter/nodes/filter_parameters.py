@@ -60,6 +60,20 @@ _NODE = (
     Parameter("base_frame_id", "base_link", "Frame the object rests in: the arm's base"),
     Parameter("object_frame_id", "object", "Frame of the object, the mesh's own"),
     Parameter("sensor_frame_id", "digit_gel_frame", "Gel frame, moved by the arm"),
+    Parameter(
+        "fingers",
+        "",
+        "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',': codes and clouds come from the "
+        "topics in the namespace (relative to this node's, or absolute), their places from TF",
+    ),
+    Parameter(
+        "finger_tolerance",
+        0.05,
+        "The code of a further finger that is nearest to this sensor's counts if it is no older or newer",
+        unit="s",
+        minimum=0.0,
+        maximum=1.0,
+    ),
     Parameter("tf_broadcast", True, "Broadcast base -> object while converged", read_only=False),
     Parameter(
         "transform_tolerance",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,9 @@ from midastouch_perception.tdn.inputs import SCALE
 
 from ..config import FilterConfig
 from ..estimate import Estimate
-from ..filter import Measurement, ParticleFilter
+from ..filter import ParticleFilter
 from ..initialisation import checked_prior
+from ..touch import FingerTouch, Measurement
 from .pose_prior import spread_at_lever
 
 
@@ -129,8 +131,10 @@ class Localiser:
             return None
         return self._T_base_gel @ se3.inverse(self.estimate.pose)
 
-    def process(self, T_base_gel: np.ndarray, measurement: Measurement) -> Estimate | None:
-        """One frame: the sensor's pose (4, 4) and what it felt. None while no filter runs.
+    def process(
+        self, T_base_gel: np.ndarray, measurement: Measurement, others: Mapping[str, FingerTouch] | None = None
+    ) -> Estimate | None:
+        """One frame: the sensor's pose (4, 4), what it felt, and what further fingers did. None while no filter runs.
 
         Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
         """
@@ -143,6 +147,6 @@ class Localiser:
         if self.filter is None:
             return None
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
-        self.estimate = self.filter.step(moved, measurement)
+        self.estimate = self.filter.step(moved, measurement, others or {})
         self._T_base_gel = T_base_gel
         return self.estimate

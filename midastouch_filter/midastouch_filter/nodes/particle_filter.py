@@ -21,6 +21,7 @@ from ..filter import Measurement
 from ..state import STALE, UNINITIALISED, Status
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
+from .finger_topics import FingerTopics, fingers_of
 from .localiser import LoadedObject, Localiser, load_object
 from .object_source import NewObject, ObjectSource
 from .relief_source import ReliefSource
@@ -68,7 +69,7 @@ class ParticleFilterNode(PipelineNode):
         base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
         self._transforms = TransformSource(
             self,
-            frames=(base, sensor),
+            frames=(base, sensor, *fingers_of(self.parameters).values()),
             on_update=self._process_queue,
             on_jump=self._reset,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
@@ -76,10 +77,12 @@ class ParticleFilterNode(PipelineNode):
         self._reliefs: ReliefSource | None = None
         self._queue = TransformQueue(
             lambda stamp: self._transforms.lookup(base, sensor, stamp),
-            self._relief_is_awaited,
+            lambda stamp, measurement: self._relief_is_awaited(stamp, measurement) or self._fingers.awaited(stamp),
             self._now,
             lambda: self.parameters["transform_timeout"],
         )
+        said = self._now, self._process_queue, self.diagnostics.problem
+        self._fingers = FingerTopics(self, self.parameters, self._config.refinement, self._transforms, *said)
         if first is not None:
             self._set_object(first)
         self._connect(subscribe)
@@ -154,7 +157,8 @@ class ParticleFilterNode(PipelineNode):
             measurement = dataclasses.replace(measurement, relief=self._reliefs.take(stamp, sensor))
             self._counts["no_relief"] += measurement.relief is None
         try:
-            estimate = self._localiser.process(T_base_gel, measurement)
+            others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
+            estimate = self._localiser.process(T_base_gel, measurement, others)
         except InputError as error:
             self.diagnostics.problem("bad_codes", f"tactile/code: {error}")
             self._say(stamp, STALE, f"code refused: {error}")
@@ -167,8 +171,8 @@ class ParticleFilterNode(PipelineNode):
         self._out.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
 
     def _with_counts(self, status: Status) -> Status:
-        skipped = {**status.skipped, **self._counts, **self._out.skipped}
-        return dataclasses.replace(status, skipped=skipped)
+        skipped = {**status.skipped, **self._counts, **self._out.skipped, **self._fingers.counts}
+        return dataclasses.replace(status, skipped=skipped, reason=self._fingers.qualify(status.reason))
 
     def _say(self, stamp: int, state: str, reason: str) -> None:
         """Publish a state that no step of the filter made; its other numbers are those of the last step."""
@@ -178,6 +182,7 @@ class ParticleFilterNode(PipelineNode):
     def _reset(self) -> None:
         """Time ran backwards. TF and codes may both tell of the same jump, so it counts once."""
         self._queue.clear()
+        self._fingers.clear()
         self._newest = None
         if self._untouched:
             return
@@ -225,6 +230,7 @@ class ParticleFilterNode(PipelineNode):
         return response
 
     def _set_object(self, new: NewObject) -> None:
+        self._fingers.clear()
         self._localiser.set_object(new.loaded)
         self._out.show_object(new.address)
 

@@ -18,7 +18,6 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..refinement import reduced_relief
 
-_TOPIC = "tactile/points"
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 _PATIENCE = 0.25
 
@@ -39,18 +38,20 @@ class ReliefSource:
         now: Callable[[], float],
         on_cloud: Callable[[], None],
         on_bad: Callable[[str], None],
+        topic: str = "tactile/points",
     ):
+        self._topic = topic
         self._node, self._now, self._on_cloud, self._on_bad = node, now, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
         self._asked = (0, 0.0)
         # Live a code waits alone, but the clouds of its successors may already be there.
         self._kept = max(depth, 10)
         profile = qos.stream_subscriber(self._kept, reliable)
-        node.create_subscription(PointCloud2, _TOPIC, self._on_points, profile)
+        node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int) -> bool:
         """Whether the cloud of `stamp` [ns] is still to come."""
-        if stamp in self._clouds or self._node.count_publishers(_TOPIC) == 0:
+        if stamp in self._clouds or self._node.count_publishers(self._topic) == 0:
             return False
         if self._asked[0] != stamp:
             self._asked = stamp, self._now()
@@ -69,7 +70,7 @@ class ReliefSource:
         try:
             return reduced_relief(in_steps(penetration_from_cloud(points_from_msg(cloud), sensor)))
         except InputError as error:
-            self._on_bad(f"{_TOPIC}: {error}")
+            self._on_bad(f"{self._topic}: {error}")
             return None
 
     def _on_points(self, msg: PointCloud2) -> None:

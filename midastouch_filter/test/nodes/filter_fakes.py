@@ -37,13 +37,14 @@ def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
-    Attributes: starts, odometry and measurements are what it was asked; state is what it answers.
+    Attributes: starts, odometry, measurements and others are what it was asked; state is what it answers.
     """
 
     def __init__(self):
         self.starts: list = []
         self.odometry: list = []
         self.measurements: list = []
+        self.others: list = []
         self.forced = 0
         self.state = AMBIGUOUS
         self.spoil = False
@@ -60,11 +61,12 @@ class FakeFilter:
     def force_update(self) -> None:
         self.forced += 1
 
-    def step(self, odometry, measurement) -> Estimate:
+    def step(self, odometry, measurement, others=None) -> Estimate:
         if measurement.network_id not in ("", "fake"):
             raise InputError("tactile code: from network other, but the codebook was built with fake")
         self.odometry.append(odometry)
         self.measurements.append(measurement)
+        self.others.append(others)
         if odometry is not None:
             self._pose = self._pose @ odometry
         covariance = np.diag([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])

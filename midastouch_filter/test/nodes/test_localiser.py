@@ -13,6 +13,7 @@ from filter_fakes import DIAGONAL, FakeFilter, translation
 from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.touch import FingerTouch
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -40,6 +41,14 @@ def test_odometry_is_the_motion_since_the_last_frame():
     subject.process(b, TOUCH)
     assert running.odometry[0] is None
     np.testing.assert_allclose(a @ running.odometry[1], b, atol=1e-12)
+
+
+def test_further_fingers_are_handed_on():
+    subject, running = localiser()
+    others = {"right": FingerTouch(translation(0.05), TOUCH)}
+    subject.process(np.eye(4), TOUCH, others)
+    subject.process(translation(0.01), TOUCH)
+    assert running.others == [others, {}]
 
 
 def test_motion_during_a_refused_measurement_is_not_lost():

@@ -1,0 +1,229 @@
+"""Several sensors on one filter node: real DDS, simulated fingers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, loader_of, tf_msg, translation
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.refinement import reduced_relief
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros.conversions import stamp_ns
+
+pytestmark = pytest.mark.dds
+REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0}
+OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
+T_GEL_RIGHT = se3.exp(np.array([0.01, 0, -0.05, np.pi, 0, 0]))
+MS = 1_000_000
+
+
+class Hand:
+    """A filter node with a second finger, /right, and the topics of both."""
+
+    def __init__(self, graph, load=None, **parameters):
+        self.graph, self.filters = graph, []
+        given = {**REPLAY, **OBJECT, "fingers": "/right:right_gel", **parameters}
+        self.node = graph.add(
+            lambda **options: ParticleFilterNode(load=load or loader_of(self.filters), **options), given
+        )
+        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        self.codes = [graph.publisher(TactileCode, f"{finger}tactile/code") for finger in ("", "/right/")]
+        if given.get("refinement", True):
+            self.clouds = [graph.publisher(PointCloud2, f"{finger}tactile/points") for finger in ("", "/right/")]
+        self.tf = graph.publisher(TFMessage, "/tf")
+        graph.spin_until(lambda: self.statuses, "the status at start")
+        self.statuses.clear()
+
+    @property
+    def filter(self):
+        return self.filters[-1]
+
+    def place(self, stamp: int, T_base_gel: np.ndarray, T_base_right: np.ndarray | None = None) -> None:
+        self.tf.publish(tf_msg(stamp, T_base_gel))
+        self.tf.publish(
+            tf_msg(stamp, T_base_gel @ T_GEL_RIGHT if T_base_right is None else T_base_right, child="right_gel")
+        )
+
+    def answer(self, stamp: int) -> FilterStatus:
+        """The status of the frame at `stamp` [ns]."""
+
+        def found() -> list[FilterStatus]:
+            return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]
+
+        self.graph.spin_until(found, f"the answer to {stamp}")
+        return found()[-1]
+
+    def frame(self, stamp: int, fingers=(0, 1), **code) -> FilterStatus:
+        """A frame in which these fingers feel something, without clouds."""
+        self.place(stamp, translation(1e-9 * stamp * 0.01))
+        for finger in sorted(fingers, reverse=True):
+            self.codes[finger].publish(code_msg(stamp, **code))
+        return self.answer(stamp)
+
+
+def skipped(status: FilterStatus, name: str) -> int:
+    return dict(zip(status.skipped_names, status.skipped_counts, strict=True)).get(name, 0)
+
+
+def test_each_frame_has_what_the_other_finger_felt_and_where(graph):
+    hand = Hand(graph, refinement=False)
+    for k in range(1, 4):
+        hand.frame(k * SECOND)
+    assert len(hand.filter.others) == 3
+    for others in hand.filter.others:
+        (name,) = others
+        assert name == "/right"
+        np.testing.assert_allclose(others[name].T_gel_finger, T_GEL_RIGHT, atol=1e-9)
+        np.testing.assert_allclose(others[name].measurement.code, [0.6, 0.8], atol=1e-6)
+
+
+def test_images_of_other_stamps_are_placed_where_their_finger_was_then(graph):
+    """Both fingers move; the second camera's image is 12 ms older."""
+    hand = Hand(graph, refinement=False)
+    for k in range(3):
+        hand.place(SECOND + 100 * MS * k, translation(0.01 * k), translation(0.2, 0.05 * k))
+    hand.codes[1].publish(code_msg(SECOND + 138 * MS))
+    hand.codes[1].publish(code_msg(SECOND + 171 * MS))
+    hand.codes[0].publish(code_msg(SECOND + 150 * MS))
+    hand.answer(SECOND + 150 * MS)
+    np.testing.assert_allclose(
+        hand.filter.others[0]["/right"].T_gel_finger, translation(0.2 - 0.015, 0.05 * 1.38), atol=1e-6
+    )
+
+
+def test_a_frame_waits_for_the_other_fingers_code_and_cloud(graph):
+    hand = Hand(graph)
+    depths = [2e-4, 5e-4, 1e-3]
+    maps = np.zeros((3, 160, 120), np.float32)
+    maps[:, 60:80, 40:60] = np.array(depths)[:, None, None]
+    hand.frame(SECOND, (0, 1), in_contact=False)
+    for k, penetration in enumerate(maps):
+        stamp = (2 + k) * SECOND
+        hand.place(stamp, np.eye(4))
+        hand.codes[0].publish(code_msg(stamp))
+        hand.clouds[0].publish(cloud_msg(stamp, penetration))
+        hand.codes[1].publish(code_msg(stamp + 5 * MS))
+        hand.clouds[1].publish(cloud_msg(stamp + 5 * MS, 0.5 * penetration))
+        hand.place(stamp + 5 * MS, np.eye(4))
+        hand.answer(stamp)
+        touch = hand.filter.others[-1]["/right"]
+        np.testing.assert_allclose(touch.measurement.relief, reduced_relief(0.5 * penetration), atol=1e-7)
+        np.testing.assert_allclose(hand.filter.measurements[-1].relief, reduced_relief(penetration), atol=1e-7)
+
+
+def test_a_finger_that_falls_silent_is_left_out_and_named(graph):
+    hand = Hand(graph, refinement=False, input_timeout=0.3)
+    assert "without" not in hand.frame(SECOND).reason
+    graph.spin_for(0.35)
+    status = hand.frame(2 * SECOND, (0,))
+    assert status.reason.endswith("; without /right")
+    assert status.state == "ambiguous"
+    assert hand.filter.others[-1] == {}
+    assert skipped(status, "missing_code of /right") == 1
+    assert hand.node.diagnostics.counts["silent_fingers"] == 1
+    status = hand.frame(3 * SECOND)
+    assert "without" not in status.reason
+    assert list(hand.filter.others[-1]) == ["/right"]
+
+
+def test_a_finger_that_lags_is_waited_for_once(graph):
+    hand = Hand(graph, refinement=False)
+    hand.frame(SECOND)
+    statuses = []
+    for k in range(1, 6):
+        stamp = SECOND + k * 33 * MS
+        hand.place(stamp, translation(0.001 * k))
+        hand.codes[0].publish(code_msg(stamp))
+        statuses.append(hand.answer(stamp))
+    assert [others == {} for others in hand.filter.others[1:]] == [True] * 5
+    assert skipped(statuses[-1], "missing_code of /right") == 5
+    finger = hand.node._fingers._fingers[0]
+    assert finger._given_up
+    hand.frame(SECOND + 200 * MS)
+    hand.frame(SECOND + 233 * MS)
+    assert list(hand.filter.others[-1]) == ["/right"]
+
+
+def test_a_finger_without_a_place_is_left_out(graph):
+    hand = Hand(graph, refinement=False, fingers="/right:nowhere")
+    status = hand.frame(SECOND)
+    assert skipped(status, "missing_transform of /right") == 1
+    assert status.state == "ambiguous"
+
+
+def test_codes_of_another_network_cost_that_finger_only(graph):
+    def load(*arguments) -> LoadedObject:
+        return dataclasses.replace(loader(*arguments), network_id="fake")
+
+    filters = []
+    loader = loader_of(filters)
+    hand = Hand(graph, load=load, refinement=False)
+    hand.place(SECOND, np.eye(4))
+    hand.codes[1].publish(code_msg(SECOND, network_id="other"))
+    hand.codes[0].publish(code_msg(SECOND))
+    status = hand.answer(SECOND)
+    assert status.state == "ambiguous"
+    assert filters[0].others == [{}]
+    assert skipped(status, "foreign_code of /right") == 1
+    assert hand.node.diagnostics.counts["bad_codes"] == 1
+
+
+def test_time_that_runs_back_forgets_what_fingers_felt(graph):
+    hand = Hand(graph, refinement=False)
+    for loop in range(2):
+        hand.statuses.clear()
+        for k in range(100, 103):
+            hand.frame(k * SECOND)
+        assert hand.filter.starts == ["uniform"] * (loop + 1)
+    assert [list(others) for others in hand.filter.others] == [["/right"]] * 6
+
+
+@pytest.mark.parametrize(
+    "fingers", ["right", "/right:", "/right:a b", "/right:a,/right:b", ":frame", "/r:digit_gel_frame"]
+)
+def test_what_names_no_fingers_is_refused(graph, fingers):
+    with pytest.raises(InputError, match="parameter 'fingers'"):
+        graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), {**OBJECT, "fingers": fingers})
+
+
+def test_two_simulated_sensors_tell_what_one_cannot(graph, gripper):
+    """The filter itself, on an object that looks the same after half a turn to the first finger."""
+    config = FilterConfig(max_particles=3000, min_particles=300, threads=1)
+
+    def load(mesh_path, codebook_path, _, seed) -> LoadedObject:
+        running = gripper.make_filter(config)
+        running.reset(1)
+        return LoadedObject(running, DIAGONAL, "gripped", MAP_SENSOR)
+
+    hand = Hand(graph, load=load)
+    T_base_obj = se3.exp(np.array([0.4, 0.1, 0.2, 0.3, 0.2, 1.0]))
+    for k, T_obj_gel in enumerate(gripper.measured):
+        stamp = SECOND + k * 33 * MS
+        hand.place(stamp, T_base_obj @ T_obj_gel, T_base_obj @ T_obj_gel @ gripper.between[k])
+        for finger in (0, 1):
+            hand.clouds[finger].publish(cloud_msg(stamp, gripper.penetrations[finger][k]))
+            msg = code_msg(stamp, network_id="")
+            msg.code = gripper.codes[finger][k].tolist()
+            hand.codes[finger].publish(msg)
+        status = hand.answer(stamp)
+    assert status.state == "converged", status.reason
+    assert skipped(status, "missing_code of /right") == 0
+    estimate = hand.node._localiser.estimate
+    error = se3.inverse(gripper.above[-1]) @ estimate.pose
+    assert np.linalg.norm(error[:3, 3]) < 1e-3
+    assert se3.rotation_angle(error[:3, :3]) < math.radians(3)
