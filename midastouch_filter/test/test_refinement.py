@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from midastouch_filter.alignment import Aligned
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Mode
 from midastouch_filter.joint_alignment import FeltRelief
@@ -100,3 +101,50 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     assert weights.sum() == pytest.approx(1)
     # at most five nats a whole touch, here half of one
     assert 0.8 < weights[:200].sum() <= 1 / (1 + np.exp(-2.5)) + 1e-9
+
+
+class TwoOptima:
+    """Stands for an alignment that ends 5 mm to the left or right of the prior, whichever side it starts on."""
+
+    def __init__(self, left_is_worse_by: float, fit: float = 0.9):
+        self._worse, self._fit = left_is_worse_by, fit
+        self.starts = 0
+
+    def align(self, pose, covariance, relief, start):
+        self.starts += 1
+        left = (se3.inverse(pose) @ start)[0, 3] < 0
+        end = pose @ se3.make(np.eye(3), np.array([-5e-3 if left else 5e-3, 0, 0]))
+        return Aligned(end, 1e-8 * np.eye(6), -self._worse if left else 0.0, self._fit)
+
+
+def wide_mode(refinement, touch, optima, spread=6e-3):
+    refinement.alignment = optima
+    sigma = np.array([spread, 1e-3, 1e-4, 1e-2, 1e-2, 1e-2])
+    particles = cloud(touch[0], 200, np.random.default_rng(3), sigma)
+    return particles, mode_of(touch[0], 200, sigma=sigma)
+
+
+@pytest.mark.parametrize(("nats", "agreed"), [(1.0, False), (10.0, True)])
+def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement, touch, nats, agreed):
+    particles, mode = wide_mode(refinement, touch, TwoOptima(nats))
+    before = particles.positions.copy()
+    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)
+    assert refinement.alignment.starts > 2
+    assert bool(aligned) == agreed
+    if agreed:
+        np.testing.assert_allclose(aligned[0].pose[:3, 3], (mode.pose @ [5e-3, 0, 0, 1])[:3], atol=1e-6)
+    else:
+        np.testing.assert_array_equal(particles.positions, before)
+
+
+def test_a_narrow_mode_is_aligned_from_its_mean_alone(refinement, touch):
+    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0), spread=1e-3)
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)
+    assert refinement.alignment.starts == 1
+
+
+def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
+    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0, fit=0.1))
+    before = particles.positions.copy()
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)[0].fit == 0.1
+    np.testing.assert_array_equal(particles.positions, before)
