@@ -128,7 +128,7 @@ def wide_mode(refinement, touch, optima, spread=6e-3):
 def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement, touch, nats, agreed):
     particles, mode = wide_mode(refinement, touch, TwoOptima(nats))
     before = particles.positions.copy()
-    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)
+    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
     assert refinement.alignment.starts > 2
     assert bool(aligned) == agreed
     if agreed:
@@ -139,12 +139,12 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement,
 
 def test_a_narrow_mode_is_aligned_from_its_mean_alone(refinement, touch):
     particles, mode = wide_mode(refinement, touch, TwoOptima(1.0), spread=1e-3)
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
     assert refinement.alignment.starts == 1
 
 
 def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
     particles, mode = wide_mode(refinement, touch, TwoOptima(1.0, fit=0.1))
     before = particles.positions.copy()
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], touch[1], 1.0)[0].fit == 0.1
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)[0].fit == 0.1
     np.testing.assert_array_equal(particles.positions, before)
