@@ -33,8 +33,7 @@ LOCK = ROOT / "tools" / "requirements" / "lock.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 PACKAGES = [
-    ROOT / name
-    for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+    ROOT / name for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
 ]
 
 OLDEST, NEWEST = (3, 10), (3, 13)
@@ -137,16 +136,14 @@ def check_machine():
     version = f"{sys.version_info[0]}.{sys.version_info[1]}"
     if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
         raise SetupError(
-            f"The C headers of {sys.executable} are missing. "
-            f"Debian, Ubuntu: sudo apt install python{version}-dev"
+            f"The C headers of {sys.executable} are missing. Debian, Ubuntu: sudo apt install python{version}-dev"
         )
     try:
         import ensurepip  # noqa: F401  (Debian and Ubuntu ship it apart)
         import venv  # noqa: F401
     except ImportError:
         raise SetupError(
-            f"{sys.executable} cannot make virtual environments. "
-            f"Debian, Ubuntu: sudo apt install python{version}-venv"
+            f"{sys.executable} cannot make virtual environments. Debian, Ubuntu: sudo apt install python{version}-venv"
         ) from None
 
 
@@ -214,9 +211,7 @@ def discard_what_cannot_be_trusted():
     if not VENV.exists():
         return
     if not STAMPS.exists():
-        raise SetupError(
-            f"{VENV} was not made by this set-up. Move it away or remove it, then run make again."
-        )
+        raise SetupError(f"{VENV} was not made by this set-up. Move it away or remove it, then run make again.")
     made_for = STAMPS / "environment"
     reason = None
     interrupted = RUNNING.exists() and RUNNING.read_text() in ("environment", "dependencies")

@@ -22,9 +22,7 @@ def test_penetration_is_exact(slide, shared):
     """To the stored truth's own quantisation of a micrometre."""
     sequence, mesh = slide
     truth = np.load(shared / f"data/ycb_slide_sim/{mesh.name}/00/penetration_truth.npz")
-    rendered = PenetrationRenderer(mesh, SensorModel.load("digit_tacto")).render(
-        sequence.poses_true[truth["frames"]]
-    )
+    rendered = PenetrationRenderer(mesh, SensorModel.load("digit_tacto")).render(sequence.poses_true[truth["frames"]])
     error = rendered - truth["penetration_um"] * 1e-6
     assert np.sqrt((error**2).mean()) < 1e-6
 
