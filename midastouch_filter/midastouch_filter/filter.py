@@ -52,7 +52,8 @@ class ParticleFilter:
 
     Args: mesh; codebook of that mesh; config; seed: same seed and input, same machine, bit-equal result;
     clock: function returning seconds, for the milliseconds per stage in `Status` (default: none are measured);
-    open_gates: names of gates, as in `Status.skipped`, that let everything pass, to see what they are worth.
+    open_gates: names of gates of the reference, as in `Status.skipped`, that let everything pass, to see what they are
+    worth.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -264,8 +265,8 @@ class ParticleFilter:
         except ValueError as error:
             self._refuse("bad_code", str(error))
             return None
-        due = np.isinf(self._path_since_touch)
-        if not (moved or due) or self._gates["unchanged_code"].skips(code):
+        due = np.isinf(self._path_since_touch) or (moved and self._path_since_touch > 0)
+        if not due or self._gates["unchanged_code"].skips(code):
             return None
         return code
 
@@ -330,7 +331,8 @@ class ParticleFilter:
             self._measurement.score_book(code)
         log_ratio = self._surface.log_weight(particles, book_distance)
         log_ratio += self._measurement.log_likelihood(particles)
-        self._share_out(log_ratio)
+        if "" in self._fitted_to:
+            self._share_out(log_ratio)
         return log_ratio
 
     def _share_out(self, log_ratio: np.ndarray) -> None:

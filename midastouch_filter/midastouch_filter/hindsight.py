@@ -98,7 +98,7 @@ class _Kept:
     felt: list[Felt]  # log_ratio as float16
 
     def reliefs(self, settled: bool) -> list[FeltRelief]:
-        """Those to align to: as long as the place is not settled, the nearest finger's only."""
+        """Those to align to: as long as the place is not settled, the first one's only."""
         found = [FeltRelief(f.relief, f.T_gel_finger) for f in self.felt if f.relief is not None]
         return found if settled else found[:1]
 

@@ -62,8 +62,9 @@ class Refinement:
     def warm_up(self, particles: Particles) -> None:
         """Compile or load the kernels of `apply`; moves nothing."""
         pose = particles.poses[0]
-        self.alignment.align(pose, self._jitter, np.zeros(self.shape, np.float32))
-        still = _GaussianMap.between(pose, self._jitter, pose, self._jitter)
+        covariance = self._jitter + np.diag(_FLOOR)
+        self.alignment.align(pose, covariance, np.zeros(self.shape, np.float32))
+        still = _GaussianMap.between(pose, covariance, pose, covariance)
         self._move(particles, np.full(len(particles), -1, np.int32), {0: still}, 1)
 
     def apply(

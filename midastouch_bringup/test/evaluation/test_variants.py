@@ -1,9 +1,11 @@
+import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.variants import DEFAULT, SETS, VARIANTS, chosen_variants
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement
 from midastouch_filter.paper_filter import PaperConfig
+from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
 
@@ -27,13 +29,20 @@ def test_a_variant_says_what_differs():
     assert VARIANTS["book_5k"].describe()["codebook_size"] == 5000
 
 
-def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook):
-    for name in SETS["gates"]:
-        particle_filter = VARIANTS[name].filter(mesh, codebook, FilterConfig(max_particles=500), threads=1)
+@pytest.mark.parametrize("name", ["no_rest_gate", "no_repeat_gate", "no_book_gate", "no_modes_gate"])
+def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
+    def skipped(variant):
+        config = FilterConfig(min_particles=10, max_particles=20)
+        particle_filter = variant.filter(mesh, codebook, config, threads=1)
         particle_filter.initialise_uniform()
         felt = Measurement(True, codebook.codes[0], 1e-4)
-        skipped = [particle_filter.step(None, felt).status.skipped for _ in range(3)][-1]
-        assert all(skipped[gate] == 0 for gate in VARIANTS[name].open_gates)
+        step = se3.make(np.eye(3), np.array([1e-3, 0, 0]))
+        for odometry in (None, np.eye(4), step, np.eye(4)):
+            status = particle_filter.step(odometry, felt).status
+        return [status.skipped[gate] for gate in VARIANTS[name].open_gates]
+
+    assert all(count > 0 for count in skipped(VARIANTS[DEFAULT]))
+    assert skipped(VARIANTS[name]) == [0]
 
 
 def test_a_variant_is_laid_over_the_settings_given():
