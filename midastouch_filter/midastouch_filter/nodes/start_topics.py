@@ -54,7 +54,7 @@ class StartTopics:
                 raise InputError(self._localiser.waiting_for)
             covariance = covariance_from_msg(msg.pose.covariance)
             spread = spread_of(covariance, self._localiser.object.diagonal)
-            use(msg.header.frame_id, pose_from_msg(msg.pose.pose), *spread)
+            use(msg.header.frame_id.lstrip("/"), pose_from_msg(msg.pose.pose), *spread)
         except (InputError, TransformError) as error:
             self._on_bad(f"bad_{topic}", f"{topic}: {error}")
         else:
@@ -76,6 +76,8 @@ class StartTopics:
 
     def _in_base(self, frame: str) -> np.ndarray:
         """T_base_frame (4, 4), the newest."""
+        if not frame:
+            raise InputError("header.frame_id is empty; name the frame that the pose is in")
         if frame == self._base:
             return np.eye(4)
         found = self._transforms.lookup(self._base, frame, None)

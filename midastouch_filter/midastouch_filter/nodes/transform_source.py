@@ -45,7 +45,46 @@ class Wait:
 
 
 class Tf2Buffer:
-    """tf2's buffer behind the interface of `TransformBuffer`."""
+    """tf2's buffer behind the interface of `TransformBuffer`.
+
+    In fact two, as tf2 cannot forget a single frame, only all of them: one for the newest transforms, which starts
+    anew with any frame whose time jumps back, and one with the history, which does so when its user says `clear`.
+    """
+
+    def __init__(self, history_s: float = _HISTORY_S):
+        self._history, self._newest = _Tf2History(history_s), _Tf2History(history_s)
+
+    def insert(self, transform) -> Insertion:
+        """Store a moving TransformStamped; raises InputError.
+
+        One whose time jumped back enters the history only when it is inserted again after `clear`.
+        """
+        if self._newest.insert(transform) is Insertion.TIME_JUMP:
+            self._newest.clear()
+            self._newest.insert(transform)
+        return self._history.insert(transform)
+
+    def insert_static(self, transform) -> None:
+        """Store a static TransformStamped."""
+        self._newest.insert_static(transform)
+        self._history.insert_static(transform)
+
+    def lookup(self, target: str, source: str, stamp: int | None) -> np.ndarray:
+        """T_target_source (4, 4) at a stamp [ns], or the newest one for None; errors as `TransformBuffer`.
+
+        Raises InvalidTransformError for an empty frame.
+        """
+        history = self._newest if stamp is None else self._history
+        return history.lookup(target.lstrip("/"), source.lstrip("/"), stamp)
+
+    def clear(self) -> None:
+        """Forget the moving transforms (tf2 keeps the static ones)."""
+        self._newest.clear()
+        self._history.clear()
+
+
+class _Tf2History:
+    """One buffer of tf2, and the newest stamp of each frame in it."""
 
     def __init__(self, history_s: float = _HISTORY_S):
         self._tf2 = tf2_ros
@@ -53,10 +92,7 @@ class Tf2Buffer:
         self._newest: dict[str, int] = {}
 
     def insert(self, transform) -> Insertion:
-        """Store a moving TransformStamped, but for one whose time jumped back; raises InputError.
-
-        tf2 cannot forget a single frame, only all of them: `clear`, and insert it again.
-        """
+        """Store a moving TransformStamped, but for one whose time jumped back; raises InputError."""
         transform_from_msg(transform.transform)  # tf2 itself only logs what is not finite
         stamp, child = stamp_ns(transform.header.stamp), transform.child_frame_id
         if stamp < self._newest.get(child, stamp) - _JUMP_NS:
@@ -66,11 +102,9 @@ class Tf2Buffer:
         return Insertion.ADDED
 
     def insert_static(self, transform) -> None:
-        """Store a static TransformStamped."""
         self._buffer.set_transform_static(transform, "midastouch")
 
     def lookup(self, target: str, source: str, stamp: int | None) -> np.ndarray:
-        """T_target_source (4, 4) at a stamp [ns], or the newest one for None; errors as `TransformBuffer`."""
         if stamp is not None and stamp <= 0:
             raise PastExtrapolationError(f"stamp {stamp / _SECOND:g} s: not after the epoch; 0 means the newest to tf2")
         time = Time(nanoseconds=stamp or 0)
@@ -78,6 +112,8 @@ class Tf2Buffer:
             return transform_from_msg(self._buffer.lookup_transform_core(target, source, time).transform)
         except self._tf2.LookupException as error:
             raise UnknownFrameError(str(error)) from error
+        except self._tf2.InvalidArgumentException as error:
+            raise InvalidTransformError(str(error)) from error
         except self._tf2.ConnectivityException as error:
             raise DisconnectedError(str(error)) from error
         except self._tf2.ExtrapolationException as error:
@@ -88,7 +124,6 @@ class Tf2Buffer:
             raise kind(str(error)) from error
 
     def clear(self) -> None:
-        """Forget the moving transforms (tf2 keeps the static ones)."""
         self._buffer.clear()
         self._newest.clear()
 

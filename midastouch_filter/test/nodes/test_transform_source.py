@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rclpy.time import Time
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from filter_fakes import SECOND, tf_msg, translation
+from filter_fakes import SECOND, FakeTf2, tf_msg, translation
 
 from midastouch_filter.nodes import transform_source
 from midastouch_filter.nodes.transform_source import OwnBuffer, Tf2Buffer, TransformSource, Wait
@@ -22,6 +21,7 @@ from midastouch_filter.transforms import (
     Insertion,
     InvalidTransformError,
     PastExtrapolationError,
+    TransformError,
     UnknownFrameError,
 )
 from midastouch_perception.errors import InputError
@@ -31,51 +31,6 @@ FRAMES = "base_link", "digit_gel_frame"
 
 def stamped(stamp: int, x: float, parent: str = "base_link", child: str = "digit_gel_frame"):
     return tf_msg(stamp, translation(x), parent, child).transforms[0]
-
-
-class FakeTf2:
-    """The part of tf2's Python interface that is used, for one moving edge a -> b and one static c -> d."""
-
-    class LookupException(Exception):
-        pass
-
-    class ConnectivityException(Exception):
-        pass
-
-    class ExtrapolationException(Exception):
-        pass
-
-    class Buffer:
-        def __init__(self, cache_time):
-            self.moving, self.static = [], []
-
-        def set_transform(self, msg, authority):
-            self.moving.append(msg)
-
-        def set_transform_static(self, msg, authority):
-            self.static.append(msg)
-
-        def clear(self):
-            self.moving.clear()
-
-        def get_latest_common_time(self, target, source):
-            return Time.from_msg(self.moving[-1].header.stamp)
-
-        def lookup_transform_core(self, target, source, time):
-            known = {f for m in self.moving + self.static for f in (m.header.frame_id, m.child_frame_id)}
-            if not {target, source} <= known:
-                raise FakeTf2.LookupException(f"{source} unknown")
-            chosen = [
-                m for m in self.moving + self.static if m.header.frame_id == target and m.child_frame_id == source
-            ]
-            if not chosen:
-                raise FakeTf2.ConnectivityException("two trees")
-            at = [m for m in chosen if Time.from_msg(m.header.stamp).nanoseconds == time.nanoseconds]
-            if time.nanoseconds == 0 or chosen[0] in self.static:
-                at = chosen[-1:]
-            if not at:
-                raise FakeTf2.ExtrapolationException("would need extrapolation")
-            return at[0]
 
 
 @pytest.fixture(params=["own", "tf2"])
@@ -100,6 +55,14 @@ def test_both_buffers_tell_the_same_errors_apart(buffer):
         buffer.lookup("base_link", "digit_gel_frame", SECOND // 2)
     with pytest.raises(DisconnectedError):
         buffer.lookup("base_link", "d", SECOND)
+
+
+def test_both_buffers_take_any_frame_name(buffer):
+    buffer.insert(stamped(1 * SECOND, 0.1))
+    np.testing.assert_allclose(buffer.lookup("/base_link", "/digit_gel_frame", SECOND), translation(0.1))
+    for name in ("", "/"):
+        with pytest.raises(TransformError):
+            buffer.lookup("base_link", name, None)
 
 
 def test_both_buffers_see_time_run_backwards(buffer):
@@ -219,8 +182,8 @@ def tree(request, graph, monkeypatch):
     graph.spin_until(lambda: listening.updates == 1)
     sent = []
 
-    def send(stamp: int, *edges: tuple[str, str]) -> None:
-        sent.append(TFMessage(transforms=[stamped(stamp * SECOND, 0.1, *edge) for edge in edges]))
+    def send(stamp: int, *edges: tuple[str, str], x: float = 0.5) -> None:
+        sent.append(TFMessage(transforms=[stamped(stamp * SECOND, x, *edge) for edge in edges]))
         tf.publish(sent[-1])
         graph.spin_until(lambda: listening.updates == 1 + len(sent))
 
@@ -239,6 +202,15 @@ def test_the_time_of_other_frames_is_their_own(tree, edge):
     assert not isinstance(listening.source.lookup("base_link", "tool", 51 * SECOND), Wait)
     listening.source.rewind(51 * SECOND)  # these are not from before a jump: their newest is of 51 s
     assert not isinstance(listening.source.lookup("base_link", "tool", 51 * SECOND), Wait)
+
+
+@pytest.mark.dds
+def test_the_newest_pose_of_another_frame_is_never_from_before_its_jump(tree):
+    listening, send = tree
+    for stamp in (1, 2):
+        send(stamp, ("map", "camera"), x=0.1 * stamp)
+        np.testing.assert_allclose(listening.source.lookup("map", "camera", None), translation(0.1 * stamp))
+    assert listening.jumps == 0
 
 
 @pytest.mark.dds

@@ -1,0 +1,81 @@
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from filter_fakes import DIAGONAL, SECOND, FakeTf2, pose_msg, tf_msg, translation
+
+from midastouch_filter.nodes import transform_source
+from midastouch_filter.nodes.start_topics import StartTopics
+from midastouch_filter.nodes.transform_source import TransformSource
+
+
+class Topics:
+    """Both topics on a node that only hands messages on; what they told the localiser, and what they refused."""
+
+    def __init__(self):
+        self.callbacks, self.starts, self.priors, self.bad = {}, [], [], []
+        log = types.SimpleNamespace(info=lambda _: None)
+        node = types.SimpleNamespace(create_subscription=self._subscribe, get_logger=lambda: log)
+        localiser = types.SimpleNamespace(
+            object=types.SimpleNamespace(diagonal=DIAGONAL),
+            T_base_obj=lambda: translation(0.0, 0.2),
+            start_at=self.starts.append,
+            expect_object_at=lambda *prior: self.priors.append(prior),
+        )
+        transforms = TransformSource(node, ("base_link", "digit_gel_frame"), *[lambda *_: None] * 3)
+        frames = {"base_frame_id": "base_link", "object_frame_id": "object"}
+        StartTopics(node, frames, localiser, transforms, lambda *bad: self.bad.append(bad))
+        self.callbacks["/tf"](tf_msg(SECOND, translation(0.1), "base_link", "camera"))
+
+    def _subscribe(self, _type, topic, callback, _qos):
+        self.callbacks[topic] = callback
+
+    def send(self, topic: str, frame: str) -> None:
+        self.callbacks[topic](pose_msg(frame, translation(0.0, 0.3)))
+
+
+@pytest.fixture(params=["own", "tf2"])
+def topics(request, monkeypatch):
+    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2 if request.param == "tf2" else None)
+    return Topics()
+
+
+@pytest.mark.parametrize("topic", ["initialpose", "object_pose_prior"])
+@pytest.mark.parametrize("frame", ["", "/"])
+def test_a_pose_in_no_frame_is_refused(topics, topic, frame):
+    topics.send(topic, frame)
+    ((kind, reason),) = topics.bad
+    assert kind == f"bad_{topic}"
+    assert "header.frame_id is empty" in reason
+    assert not topics.starts + topics.priors
+
+
+@pytest.mark.parametrize("frame", ["camera", "/camera"])
+def test_poses_in_a_known_frame_are_taken(topics, frame):
+    topics.send("initialpose", frame)
+    topics.send("object_pose_prior", frame)
+    assert not topics.bad
+    np.testing.assert_allclose(topics.starts[0].pose, translation(0.1, 0.1))
+    np.testing.assert_allclose(topics.priors[0][0], translation(0.1, 0.3))
+
+
+@pytest.mark.parametrize(("frame", "place"), [("/object", (0.0, 0.3)), ("/base_link", (0.0, 0.1))])
+def test_our_own_frames_need_no_transform(topics, frame, place):
+    topics.send("initialpose", frame)
+    assert not topics.bad
+    np.testing.assert_allclose(topics.starts[0].pose, translation(*place))
+
+
+@pytest.mark.parametrize("topic", ["initialpose", "object_pose_prior"])
+def test_a_frame_that_nobody_names_is_refused(topics, topic):
+    topics.send(topic, "moon")
+    ((kind, reason),) = topics.bad
+    assert kind == f"bad_{topic}"
+    assert "moon" in reason
