@@ -7,6 +7,7 @@ import os
 import select
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 
 from .node_processes import end
 
-_STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 _LAST_OUTPUT_S = 1.0
 
 
@@ -45,7 +46,7 @@ class BackOff:
 
 
 class Supervisor:
-    """Runs programs until SIGINT, SIGTERM or SIGHUP arrives, or all have ended.
+    """Runs programs until SIGINT, SIGTERM, SIGHUP or SIGQUIT arrives, or all have ended.
 
     Their output goes to ours, each line behind the name of its program. environment: of the programs.
     respawn: makes the back-off of one program; None leaves those that die dead.
@@ -68,6 +69,9 @@ class Supervisor:
 
         A second signal while they are being ended does not wait until those that are left have had their time.
         """
+        # what the programs print may be more than our output's encoding holds; one put in its place may be no file
+        if hasattr(sys.stdout, "reconfigure"):
+            sys.stdout.reconfigure(errors="replace")
         with _woken_by_signals() as wait:
             try:
                 for child in self._children:
@@ -189,8 +193,9 @@ def _woken_by_signals() -> Iterator[Callable[[float | None], bool]]:
     # one that is ignored (nohup) stays so, but for SIGINT: shells without job control ignore it for what runs in the
     # background, and who sends it then means it
     numbers = [n for n in _STOP if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
-    handlers = {number: signal.signal(number, lambda *_: None) for number in (*numbers, signal.SIGCHLD)}
+    # before the handlers: a signal in between would do nothing at all
     former = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    handlers = {number: signal.signal(number, lambda *_: None) for number in (*numbers, signal.SIGCHLD)}
 
     def wait(seconds: float | None) -> bool:
         if not select.select([reading], [], [], None if seconds is None else max(0.0, seconds))[0]:

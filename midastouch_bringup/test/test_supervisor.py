@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.supervisor import BackOff
+from midastouch_bringup.supervisor import BackOff, _woken_by_signals
 
 SUPERVISE = """
 import json, os, sys
@@ -124,6 +124,7 @@ def test_what_ends_by_itself_is_not_started_again(supervise):
         (signal.SIGINT, ""),
         (signal.SIGTERM, ""),
         (signal.SIGHUP, ""),
+        (signal.SIGQUIT, ""),
         (signal.SIGINT, "trap '' INT;"),  # as in the background of a shell without job control
     ],
 )
@@ -162,6 +163,33 @@ def test_programs_outlive_who_reads_their_output(supervise, tmp_path):
     sign.touch()
     run.until(lambda: Path(f"{sign}.seen").exists())
     assert run.status() == 1  # it died where it should have gone on
+
+
+def test_what_our_output_cannot_hold_ends_nothing(supervise):
+    # two lines: after the first nobody would read the second
+    lines = "printf '\\342\\234\\223 ready\\n'; echo more; exit 3"
+    run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
+    run.said("[midastouch] a died: exit code 3")
+    assert run.status() == 1
+    assert run.lines[:2] == ["[a] ? ready", "[a] more"]
+
+
+def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
+    """As soon as SIGINT does nothing by itself, `wait` knows of it."""
+    set_handler = signal.signal
+
+    def interrupted(number, handler):
+        former = set_handler(number, handler)
+        if number == signal.SIGINT and handler is not former and not raised:
+            raised.append(number)
+            signal.raise_signal(number)
+        return former
+
+    raised = []
+    monkeypatch.setattr(signal, "signal", interrupted)
+    with _woken_by_signals() as wait:
+        assert raised
+        assert wait(0.0)
 
 
 def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
