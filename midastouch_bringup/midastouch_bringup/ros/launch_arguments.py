@@ -7,11 +7,11 @@ a parameter changes it only when it is given; empty leaves what the parameter fi
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from ament_index_python.packages import get_package_share_directory
 
 from midastouch_perception.errors import InputError
@@ -179,13 +179,32 @@ def _read(path: str) -> dict[str, dict]:
 
 
 def _converted(name: str, text: str) -> object:
-    kind = ARGUMENTS[name].kind
-    if kind is str:
-        return text
-    value = yaml.safe_load(text)
-    if type(value) not in (kind, int):  # 2 for 2.0
-        raise InputError(f"{name}:={text}: not of type {kind.__name__}")
-    return kind(value)
+    read, expected = _KINDS[ARGUMENTS[name].kind]
+    try:
+        return read(text)
+    except ValueError as error:
+        raise InputError(f"{name}:={text}: must be {expected}") from error
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(number := float(text)):
+        raise ValueError(text)
+    return number
+
+
+def _yes(text: str) -> bool:
+    if text not in _YES_NO:
+        raise ValueError(text)
+    return text == "true"
+
+
+# how a value is read, and what it must be
+_KINDS: dict[type, tuple[Callable[[str], object], str]] = {
+    str: (str, "text"),
+    int: (int, "a whole number"),
+    float: (_finite, "a number"),
+    bool: (_yes, "true or false"),
+}
 
 
 def _background_of(recording: Path) -> dict[str, str]:
