@@ -72,7 +72,7 @@ def _gaussians(reference, position, position_square, quaternion_mean, quaternion
     """Poses (m, 4, 4) and covariances (m, 6, 6) from the arrays of `Moments`."""
     poses, covariance = np.zeros((len(reference), 4, 4)), np.empty((len(reference), 6, 6))
     for k in range(len(reference)):
-        mean = np.ascontiguousarray(np.linalg.eigh(quaternion_square[k])[1][:, -1])
+        mean = quaternion.principal_axis(quaternion_square[k])
         if np.dot(mean, reference[k, 3:]) < 0:
             mean = -mean
         x, y, z, w = mean
