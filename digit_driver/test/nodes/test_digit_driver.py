@@ -12,7 +12,7 @@ from fake_kernel import FakeDigit
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Log
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool
 
@@ -136,7 +136,8 @@ def test_uneven_stamps_are_a_warning_in_diagnostics_and_log(peer, camera) -> Non
     camera.uneven_ns = 200_000_000
     it = peer(diagnostics_period=0.1)
     it.subscribe(DiagnosticArray, "/diagnostics")
-    it.subscribe(Log, "/rosout")
+    # a late subscriber, too, gets what was logged before it was discovered
+    it.subscribe(Log, "/rosout", QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     received = it.wait("/diagnostics", lambda got: got and "uneven" in got[-1].status[0].message)
     status = received[-1].status[0]
     assert status.level == b"\x01"
