@@ -253,7 +253,7 @@ class ParticleFilter:
         self._path_since_touch += motion.path
         self._fingers.travelled(motion.transform)
         if self._hindsight:
-            self._hindsight.moved(motion.transform, motion.path)
+            self._hindsight.moved(motion.transform, motion.path, in_contact)
         return True
 
     def _touch(self, measurement: Measurement, moved: bool) -> np.ndarray | None:
@@ -361,6 +361,8 @@ class ParticleFilter:
         self._particles = self._particles.select(ancestors)
         self._weights = self._particles.weights
         if injection:
+            if self._hindsight:
+                self._hindsight.contradicted()
             where = self._rng.choice(len(ancestors), round(injection * len(ancestors)), replace=False)
             self._particles.replace(where, self._best_matches(code, felt, len(where)))
             self._refused["injected"] += len(where)

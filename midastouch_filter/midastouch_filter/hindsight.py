@@ -42,6 +42,8 @@ _LARGEST = 5.0  # nats that one touch may speak for one place and against anothe
 _PRIOR_FLOOR = -12.0  # nats: a prior may be wrong
 _START = np.repeat([4e-3, np.radians(12.0)], 3) ** 2  # of a candidate: half the distance between codebook entries
 _SLICE = 2  # alignments a step
+_LIFTED = 0.01  # m of path without contact; less is a gap in a slide
+_ENDLESS = 10**9  # touches since the last lift, while there was none
 
 
 @dataclass(frozen=True)
@@ -120,14 +122,30 @@ class Hindsight:
         self._prior = prior
         self._motion = np.eye(4)
         self._path = np.inf
+        self._in_the_air, self._since_lift = 0.0, _ENDLESS
         self._touches: deque[_Kept] = deque(maxlen=self._config.hindsight_touches)
         self._since_replay, self._patience = _FEWEST, _ANEW
         self._replay: Iterator[Comparison | None] | None = None
 
-    def moved(self, transform: np.ndarray, path: float) -> None:
+    def moved(self, transform: np.ndarray, path: float, in_contact: bool = True) -> None:
         """The sensor moved by `transform` (4, 4), which counts as `path` [m]."""
         self._motion = self._motion @ transform
         self._path += path
+        self._in_the_air = 0.0 if in_contact else self._in_the_air + path
+        if self._in_the_air > _LIFTED:
+            self._since_lift = 0
+
+    def contradicted(self) -> None:
+        """The last touches fit the belief badly: forget those from before the sensor was lifted, if it was.
+
+        The object may have been moved meanwhile, and touches that no one place explains would hide the new one.
+        """
+        if self._since_lift < len(self._touches):
+            kept, motion = list(self._touches)[len(self._touches) - self._since_lift :], self._motion
+            self.restart(None)
+            self._motion = motion
+            self._touches.extend(kept)
+            self._since_lift = _ENDLESS
 
     @property
     def rests(self) -> bool:
@@ -145,6 +163,7 @@ class Hindsight:
         self._touches.append(_Kept(self._motion, kept))
         self._path = 0.0
         self._since_replay += 1
+        self._since_lift += 1
 
     def compare(self, modes: list[np.ndarray]) -> Comparison | None:
         """Do a slice of the replay; what it found once it is complete, else None.

@@ -155,6 +155,24 @@ def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
     assert not uneven.hindsight.rests
 
 
+@pytest.mark.parametrize("lifted", [False, True])
+def test_when_contradicted_it_forgets_what_was_before_a_lift(uneven, lifted):
+    truth = uneven.truth[-1]
+    uneven.run([np.eye(4)], [truth])
+    hindsight, modes = uneven.hindsight, [truth, HALF_TURN @ truth]
+    hindsight.moved(np.eye(4), 8e-3, in_contact=False)
+    hindsight.moved(np.eye(4), 8e-3, in_contact=not lifted)  # 8 mm without contact are but a gap in the slide
+    for _ in range(3):
+        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
+    hindsight.contradicted()
+    answers = [hindsight.compare(modes) for _ in range(300)]
+    assert all(answer is None for answer in answers) == lifted  # three touches say nothing
+    hindsight.contradicted()
+    for _ in range(3):
+        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
+    assert any(hindsight.compare(modes) is not None for _ in range(300))  # six do
+
+
 def test_a_rival_ends_the_wait(uneven):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])

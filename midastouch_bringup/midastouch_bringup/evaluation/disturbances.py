@@ -25,6 +25,7 @@ _BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
 _DELAY = 0.05  # s
 _KIDNAP = 0.05  # m
 _LIFTED = 10  # frames
+_HEIGHT = 0.02  # m
 _MOVING, _RESTING = 40, 20  # frames
 _REST_T, _REST_R = 2e-5, np.radians(0.02)  # sigma per axis of an arm's joints at rest
 _CODE_NOISE = 0.01  # length of a code's change by the camera's noise
@@ -92,8 +93,8 @@ def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
 
 
 def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
-    """The first half, frames without contact, and the rest from the first frame 50 mm away; without one, the
-    farthest."""
+    """The first half, frames without contact in which the sensor goes up and down again, and the rest from the first
+    frame 50 mm away; without one, the farthest."""
     last = frames[len(frames) // 2]
     rest = frames[len(frames) // 2 + 1 :]
     if not rest:
@@ -103,7 +104,11 @@ def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
     after = rest[far:]
     jump = np.eye(4) if told else last.measured @ se3.inverse(after[0].measured)
     air = Measurement(in_contact=False)
-    lifted = [dataclasses.replace(last, felt=air, ms={})] * _LIFTED
+    heights = [_HEIGHT * min(k, _LIFTED - k) / (_LIFTED // 2) for k in range(1, _LIFTED + 1)]
+    lifted = [
+        dataclasses.replace(last, felt=air, ms={}, measured=last.measured @ up, truth=last.truth @ up)
+        for up in (se3.make(np.eye(3), np.array([0.0, 0.0, height])) for height in heights)
+    ]
     return [
         *frames[: len(frames) // 2 + 1],
         *lifted,
