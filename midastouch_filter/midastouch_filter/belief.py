@@ -49,10 +49,7 @@ def _second_moment(positions, quaternions, weights, centre, turn):
             quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3],
             -turn[0], -turn[1], -turn[2], turn[3],
         )  # fmt: skip
-        sine = np.sqrt(x * x + y * y + z * z)
-        scale = 2 * np.arctan2(sine, abs(w)) / sine if sine > 0 else 2.0
-        scale = -scale if w < 0 else scale
-        d[3], d[4], d[5] = scale * x, scale * y, scale * z
+        d[3], d[4], d[5] = quaternion.rotation_vector(x, y, z, w)
         for a in range(6):
             for b in range(6):
                 out[a, b] += weights[i] * d[a] * d[b]

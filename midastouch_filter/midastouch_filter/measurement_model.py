@@ -42,7 +42,8 @@ class MeasurementModel:
         self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
         self._lookup, self._workers = lookup, workers
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
-        self._sample = np.arange(0, len(self._codes), max(len(self._codes) // _SAMPLE, 1))
+        self._every = np.arange(len(self._codes))
+        self._sample = self._every[:: max(len(self._codes) // _SAMPLE, 1)].copy()
         self._forget()
 
     def _forget(self) -> None:
@@ -83,7 +84,7 @@ class MeasurementModel:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
-        likelihood = self._relative_likelihood(self._similarity(np.arange(len(self._codes)), code))
+        likelihood = self._relative_likelihood(self._similarity(self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
 

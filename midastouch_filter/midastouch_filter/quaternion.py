@@ -29,6 +29,15 @@ def rotate(qx, qy, qz, qw, x, y, z):
     )
 
 
+@numba.njit(cache=True, inline="always")
+def rotation_vector(x, y, z, w):
+    """Rotation vector of a unit quaternion of scalars, the shorter way round: angle in [0, pi]."""
+    sine = np.sqrt(x * x + y * y + z * z)
+    scale = 2 * np.arctan2(sine, abs(w)) / sine if sine > 0 else 2.0
+    scale = -scale if w < 0 else scale
+    return scale * x, scale * y, scale * z
+
+
 @numba.njit(cache=True)
 def to_matrix(q):
     """Rotation matrix (3, 3) float64 of a unit quaternion (4,) float64."""

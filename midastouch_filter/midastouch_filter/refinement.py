@@ -241,10 +241,7 @@ def _map(
             -turn[k, 0], -turn[k, 1], -turn[k, 2], turn[k, 3],
             quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3],
         )  # fmt: skip
-        sine = np.sqrt(x * x + y * y + z * z)
-        scale = 2 * np.arctan2(sine, abs(w)) / sine if sine > 0 else 2.0
-        scale = -scale if w < 0 else scale
-        deviation[3], deviation[4], deviation[5] = scale * x, scale * y, scale * z
+        deviation[3], deviation[4], deviation[5] = quaternion.rotation_vector(x, y, z, w)
         for a in range(6):
             mapped[a] = 0.0
             for b in range(a + 1):

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from midastouch_filter import quaternion
 
@@ -33,3 +34,10 @@ def test_matrices_and_quaternions_are_the_same_rotation(seed):
     matrix = quaternion.to_matrix(q)
     np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
     assert abs(quaternion.from_matrix(matrix) @ q) == pytest.approx(1, abs=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_rotation_vector_is_scipys(seed):
+    q = np.random.default_rng(seed).standard_normal(4)
+    q /= np.linalg.norm(q)
+    np.testing.assert_allclose(quaternion.rotation_vector(*q), Rotation.from_quat(q).as_rotvec(), atol=1e-9)
