@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from filter_fakes import DIAGONAL, SECOND, FakeTf2, pose_msg, tf_msg, translation
 
-from midastouch_filter.nodes import transform_source
+from midastouch_filter.nodes import transform_buffers
 from midastouch_filter.nodes.start_topics import StartTopics
 from midastouch_filter.nodes.transform_source import TransformSource
 
@@ -43,7 +43,7 @@ class Topics:
 
 @pytest.fixture(params=["own", "tf2"])
 def topics(request, monkeypatch):
-    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2 if request.param == "tf2" else None)
+    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2 if request.param == "tf2" else None)
     return Topics()
 
 

@@ -13,8 +13,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from filter_fakes import SECOND, FakeTf2, tf_msg, translation
 
-from midastouch_filter.nodes import transform_source
-from midastouch_filter.nodes.transform_source import OwnBuffer, Tf2Buffer, TransformSource, Wait
+from midastouch_filter.nodes import transform_buffers
+from midastouch_filter.nodes.transform_buffers import OwnBuffer, Tf2Buffer
+from midastouch_filter.nodes.transform_source import TransformSource, Wait
 from midastouch_filter.transforms import (
     DisconnectedError,
     FutureExtrapolationError,
@@ -25,6 +26,7 @@ from midastouch_filter.transforms import (
     UnknownFrameError,
 )
 from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
 
 FRAMES = "base_link", "digit_gel_frame"
 
@@ -37,7 +39,7 @@ def stamped(stamp: int, x: float, parent: str = "base_link", child: str = "digit
 def buffer(request, monkeypatch):
     if request.param == "own":
         return OwnBuffer()
-    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2)
     return Tf2Buffer()
 
 
@@ -86,7 +88,7 @@ def test_both_buffers_refuse_what_is_not_finite_before_they_look_at_its_time(buf
 
 def test_tf2_never_takes_a_stamp_for_the_newest_one(monkeypatch):
     """To tf2, 0 means the newest transform, and a negative time is an error of its own."""
-    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2)
     buffer = Tf2Buffer()
     buffer.insert(stamped(SECOND, 0.1))
     for stamp in (0, -SECOND):
@@ -98,7 +100,7 @@ def test_tf2_without_a_common_time_has_no_newest_transform(monkeypatch):
     def fail(*_):
         raise FakeTf2.ExtrapolationException("the histories do not overlap")
 
-    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2)
     buffer = Tf2Buffer()
     buffer.insert(stamped(SECOND, 0.1))
     monkeypatch.setattr(FakeTf2.Buffer, "lookup_transform_core", fail)
@@ -108,7 +110,7 @@ def test_tf2_without_a_common_time_has_no_newest_transform(monkeypatch):
 
 def test_tf2_is_used_where_it_is_installed(monkeypatch):
     node = types.SimpleNamespace(create_subscription=lambda *_: None)
-    monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2)
     source = TransformSource(node, FRAMES, *[lambda *_: None] * 3)
     assert isinstance(source._buffer, Tf2Buffer)
 
@@ -175,7 +177,7 @@ def test_source_reports_a_jump_and_can_be_rewound(graph):
 def tree(request, graph, monkeypatch):
     """A source, and a publisher that feeds it world -> base_link -> tool -> digit_gel_frame and what hangs on these."""
     if request.param == "tf2":
-        monkeypatch.setattr(transform_source, "tf2_ros", FakeTf2)
+        monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2)
     listening = Listening(graph)
     tf, static = graph.publisher(TFMessage, "/tf"), graph.publisher(TFMessage, "/tf_static", latched=True)
     static.publish(tf_msg(0, translation(0.0), "tool", "digit_gel_frame"))
@@ -225,7 +227,7 @@ def test_the_time_of_any_frame_in_between_is_the_recordings(tree):
 
 @pytest.mark.dds
 def test_static_transforms_come_late_and_hold_always(graph):
-    latched = graph.companion.create_publisher(TFMessage, "/tf_static", transform_source.qos.latched(10))
+    latched = graph.companion.create_publisher(TFMessage, "/tf_static", qos.latched(10))
     latched.publish(tf_msg(0, translation(0.7)))
     listening = Listening(graph)
     graph.spin_until(lambda: listening.updates == 1)
