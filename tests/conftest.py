@@ -27,3 +27,14 @@ def load_tool(monkeypatch):
         return module
 
     return load
+
+
+@pytest.fixture
+def context():
+    """A ROS context of its own; for tests marked `dds`."""
+    import rclpy
+
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=88)
+    yield context
+    context.try_shutdown()

@@ -7,7 +7,6 @@ import textwrap
 from pathlib import Path
 
 import pytest
-import rclpy
 from rclpy.node import Node
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -17,14 +16,6 @@ from every_node import make_node
 from midastouch_bringup.ros.parameter_tables import TABLES
 
 pytestmark = pytest.mark.dds
-
-
-@pytest.fixture
-def context():
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=88)
-    yield context
-    context.try_shutdown()
 
 
 def assigned(cls: type) -> set[str]:

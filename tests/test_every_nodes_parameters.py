@@ -4,7 +4,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import rclpy
 from rclpy.parameter import Parameter
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -16,14 +15,6 @@ from midastouch_bringup.ros.parameter_tables import TABLES
 from midastouch_perception.errors import InputError
 
 pytestmark = pytest.mark.dds
-
-
-@pytest.fixture
-def context():
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=88)
-    yield context
-    context.try_shutdown()
 
 
 def illegal_values(parameter) -> list:

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-import rclpy
 import yaml
 
 from midastouch_bringup.cli import build_parser
@@ -170,14 +169,6 @@ def cell(text: str) -> set[tuple[str, str]]:
     found = set(re.findall(r"`([\w/~]+)` (\w+)", text))
     assert found or text == "-"
     return found
-
-
-@pytest.fixture
-def context():
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=87)
-    yield context
-    context.try_shutdown()
 
 
 NODES = {row[0].strip("`"): row[1:] for row in table("## Topics and services")}

@@ -12,6 +12,7 @@ import trimesh
 from hypothesis import settings
 
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.surface import SurfaceGrid
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -162,3 +163,11 @@ def gripper(world) -> SimpleNamespace:
         half_turn=half_turn,
         make_filter=functools.cache(lambda config: ParticleFilter(mesh, book, config, 0)),
     )
+
+
+@pytest.fixture(scope="module")
+def grids_made_once():
+    """Several filters over one mesh share its distance grid, which takes most of the time to build."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("midastouch_filter.filter.SurfaceGrid", functools.cache(SurfaceGrid))
+        yield

@@ -1,4 +1,3 @@
-import functools
 import hashlib
 import math
 from dataclasses import replace
@@ -13,21 +12,13 @@ from hypothesis import strategies as st
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.surface import SurfaceGrid
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
 # without reliefs a mode is as wide as the entries of its book are apart, here some 5 mm
 CONFIG = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _grids_made_once():
-    """Several filters over one mesh share its distance grid, which takes most of the time to build."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("midastouch_filter.filter.SurfaceGrid", functools.cache(SurfaceGrid))
-        yield
+pytestmark = pytest.mark.usefixtures("grids_made_once")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """Several fingers in one filter: properties of their likelihood, and a gripper that tells what one finger cannot."""
 
-import functools
 import math
 
 import numpy as np
@@ -25,13 +24,7 @@ from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _grids_made_once():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("midastouch_filter.filter.SurfaceGrid", functools.cache(SurfaceGrid))
-        yield
+pytestmark = pytest.mark.usefixtures("grids_made_once")
 
 
 @pytest.fixture(scope="module")
