@@ -59,7 +59,15 @@ class Supervised:
 
 
 @pytest.fixture
-def supervise():
+def hang_up_is_heard():
+    """As in a terminal, also when the tests themselves were started with nohup."""
+    former = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, former)
+
+
+@pytest.fixture
+def supervise(hang_up_is_heard):
     made = []
 
     def make(*args, **options):

@@ -24,7 +24,7 @@ from midastouch_perception.ros.testing import Graph, open_graph
 pytestmark = pytest.mark.dds
 NODES = ("tdn", "tcn", "particle_filter")
 INPUT_TIMEOUT = 0.5
-PATIENCE = 300.0  # s; bounds a failing test only, on a machine that may have little time for it
+PATIENCE = 100.0  # s; bounds a failing test only, on a machine that may have little time for it
 
 
 class Rig:
@@ -57,12 +57,20 @@ class Rig:
     def until(self, done: Callable[[], bool], what: str, revive: bool = False) -> None:
         deadline = time.monotonic() + PATIENCE
         while not done():
-            assert time.monotonic() < deadline, f"{what} did not come within {PATIENCE:.0f} s"
+            assert time.monotonic() < deadline, f"{what} did not come within {PATIENCE:.0f} s; {self._heard()}"
             self._graph.spin_for(0.02)
             if revive:
                 self.revived += self.processes.revive()
             else:
                 self.processes.check(*NODES)
+
+    def _heard(self) -> str:
+        """The filter's last words."""
+        if not self.states:
+            return "the filter never said anything"
+        at, status = self.states[-1]
+        skipped = dict(zip(status.skipped_names, status.skipped_counts, strict=True))
+        return f"{time.monotonic() - at:.1f} s ago the filter said {status.state}: {status.reason}; skipped {skipped}"
 
     def warm_up(self, sender: Sender) -> None:
         """Until frames that were sent now are answered."""

@@ -12,7 +12,6 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from midastouch_msgs.msg import TactileCode
@@ -81,9 +80,9 @@ class FingerTopics:
         ]
         self._silent: list[str] = []
 
-    def awaited(self, stamp: int) -> bool:
-        """Whether what a finger felt at `stamp` [ns] may still come."""
-        waiting = [finger.awaited(stamp) for finger in self._fingers]  # all: each counts its own wait
+    def awaited(self, stamp: int, waited: float) -> bool:
+        """Whether what a finger felt at `stamp` [ns] may still come, when the frame has `waited` seconds."""
+        waiting = [finger.awaited(stamp, waited) for finger in self._fingers]  # all: each gives up by itself
         return any(waiting)
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, FingerTouch]:
@@ -131,11 +130,10 @@ class _Finger:
         self._frame, self._base = frame, parameters["base_frame_id"]
         self._tolerance = round(1e9 * parameters["finger_tolerance"])
         self._transforms, self._now, self._on_update, self._on_bad = transforms, now, on_update, on_bad
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heard: float | None = None  # when its last code came, or its first one was asked for
         self._codes: OrderedDict[int, Measurement] = OrderedDict()
         self._newest: int | None = None
-        self._asked = (0, 0.0)
+        self._asked = 0
         self._given_up = False
         depth, reliable = parameters["queue_depth"], parameters["reliable"]
         self._reliefs: ReliefSource | None = None
@@ -144,7 +142,6 @@ class _Finger:
                 node,
                 depth,
                 reliable,
-                now=self._steady_now,
                 on_cloud=on_update,
                 on_bad=lambda reason: on_bad("bad_clouds", reason),
                 topic=f"{name}/tactile/points",
@@ -161,25 +158,24 @@ class _Finger:
         self._codes.clear()
         self._newest = None
 
-    def awaited(self, stamp: int) -> bool:
+    def awaited(self, stamp: int, waited: float) -> bool:
         """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.
 
         When it was waited for in vain, nobody waits again before it has caught up.
         """
-        if self._asked[0] != stamp:
-            self._asked = stamp, self._steady_now()
-        patient = self._steady_now() - self._asked[1] < _PATIENCE
+        self._asked = stamp
+        patient = waited < _PATIENCE
         if self._newest is None or stamp - self._newest > _BEHIND_NS:
             return False
         if self._newest < stamp:
             self._given_up |= not patient
             return not self._given_up
         found = self._nearest(stamp)
-        return patient and found is not None and self._lacks(found)
+        return patient and found is not None and self._lacks(found, waited)
 
-    def _lacks(self, found: int) -> bool:
+    def _lacks(self, found: int, waited: float) -> bool:
         """Whether the relief or the transform of its code at `found` [ns] is still to come."""
-        if self._codes[found].in_contact and self._reliefs is not None and self._reliefs.awaited(found):
+        if self._codes[found].in_contact and self._reliefs is not None and self._reliefs.awaited(found, waited):
             return True
         try:
             return isinstance(self._transforms.lookup(self._base, self._frame, found), Wait)
@@ -225,12 +221,9 @@ class _Finger:
                 return
             self.clear()
         self._newest = stamp
-        self._given_up &= stamp < self._asked[0] - _BEHIND_NS
+        self._given_up &= stamp < self._asked - _BEHIND_NS
         code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
         self._codes[stamp] = Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)
         while len(self._codes) > _KEPT:
             self._codes.popitem(last=False)
         self._on_update()
-
-    def _steady_now(self) -> float:
-        return 1e-9 * self._steady.now().nanoseconds

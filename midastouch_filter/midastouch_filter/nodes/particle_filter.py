@@ -53,8 +53,9 @@ class ParticleFilterNode(PipelineNode):
         # Before any topic is announced: who waits for this node's topics finds it ready.
         first = self._objects.initial()
         simulated = self.get_parameter("use_sim_time").value
+        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
-        self._patience_clock = self.get_clock() if simulated else Clock(clock_type=ClockType.STEADY_TIME)
+        self._patience_clock = self.get_clock() if simulated else self._steady_clock
         self._newest: int | None = None
         self._network_id = ""
         self._last_arrival: float | None = None
@@ -77,9 +78,10 @@ class ParticleFilterNode(PipelineNode):
         self._reliefs: ReliefSource | None = None
         self._queue = TransformQueue(
             lambda stamp: self._transforms.lookup(base, sensor, stamp),
-            lambda stamp, measurement: self._relief_is_awaited(stamp, measurement) or self._fingers.awaited(stamp),
+            self._is_incomplete,
             self._now,
             lambda: self.parameters["transform_timeout"],
+            lambda: 1e-9 * self._steady_clock.now().nanoseconds,
         )
         said = self._now, self._process_queue, self.diagnostics.problem
         self._fingers = FingerTopics(self, self.parameters, self._config.refinement, self._transforms, *said)
@@ -98,15 +100,13 @@ class ParticleFilterNode(PipelineNode):
         self.create_service(Empty, "reinitialize_global_localization", self._on_reinitialize)
         self.create_service(Empty, "request_nomotion_update", self._on_nomotion_update)
         self.create_service(SetObject, "set_object", self._on_set_object)
-        self.create_timer(0.05, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(0.05, self._on_timer, clock=self._steady_clock)
 
     def _make_relief_source(self) -> ReliefSource:
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         return ReliefSource(
             self,
             self.parameters["queue_depth"],
             self.parameters["reliable"],
-            now=lambda: 1e-9 * steady.now().nanoseconds,
             on_cloud=self._process_queue,
             on_bad=lambda reason: self.diagnostics.problem("bad_clouds", reason),
         )
@@ -138,8 +138,11 @@ class ParticleFilterNode(PipelineNode):
         self._queue.push(stamp, measurement)
         self._process_queue()
 
-    def _relief_is_awaited(self, stamp: int, measurement: Measurement) -> bool:
-        return self._reliefs is not None and measurement.in_contact and self._reliefs.awaited(stamp)
+    def _is_incomplete(self, stamp: int, measurement: Measurement, waited: float) -> bool:
+        """Whether the code's cloud or what another finger felt is still to come."""
+        if self._reliefs is not None and measurement.in_contact and self._reliefs.awaited(stamp, waited):
+            return True
+        return self._fingers.awaited(stamp, waited)
 
     def _process_queue(self) -> None:
         while (ready := self._queue.pop()) is not None:

@@ -20,14 +20,15 @@ from ..refinement import reduced_relief
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 _PATIENCE = 0.25
+# Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
+_KEPT = 256
 
 
 class ReliefSource:
     """Keeps the last clouds until their code asks for them.
 
-    now: seconds of a clock that never stops. on_cloud: called after every cloud, so that whoever waits can ask
-    again. on_bad: called with a reason for each cloud that cannot be used. Nothing is waited for while nobody
-    publishes clouds: the filter does without.
+    on_cloud: called after every cloud, so that whoever waits can ask again. on_bad: called with a reason for each
+    cloud that cannot be used. Nothing is waited for while nobody publishes clouds: the filter does without.
     """
 
     def __init__(
@@ -35,27 +36,20 @@ class ReliefSource:
         node: Node,
         depth: int,
         reliable: bool,
-        now: Callable[[], float],
         on_cloud: Callable[[], None],
         on_bad: Callable[[str], None],
         topic: str = "tactile/points",
     ):
         self._topic = topic
-        self._node, self._now, self._on_cloud, self._on_bad = node, now, on_cloud, on_bad
+        self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
-        self._asked = (0, 0.0)
         # Live a code waits alone, but the clouds of its successors may already be there.
-        self._kept = max(depth, 10)
-        profile = qos.stream_subscriber(self._kept, reliable)
+        profile = qos.stream_subscriber(max(depth, 10), reliable)
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
-    def awaited(self, stamp: int) -> bool:
-        """Whether the cloud of `stamp` [ns] is still to come."""
-        if stamp in self._clouds or self._node.count_publishers(self._topic) == 0:
-            return False
-        if self._asked[0] != stamp:
-            self._asked = stamp, self._now()
-        return self._now() - self._asked[1] < _PATIENCE
+    def awaited(self, stamp: int, waited: float) -> bool:
+        """Whether the cloud of `stamp` [ns] is still to come, when whoever asks has `waited` seconds for it."""
+        return waited < _PATIENCE and stamp not in self._clouds and self._node.count_publishers(self._topic) > 0
 
     def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
         """Relief (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
@@ -78,6 +72,6 @@ class ReliefSource:
         if self._clouds and stamp < next(reversed(self._clouds)):
             self._clouds.clear()  # time ran backwards: a looped bag
         self._clouds[stamp] = msg
-        while len(self._clouds) > self._kept:
+        while len(self._clouds) > _KEPT:
             self._clouds.popitem(last=False)
         self._on_cloud()

@@ -29,26 +29,29 @@ class TransformQueue:
     """First in, first out; the first one waits for its transform or for the time-out.
 
     lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError when there is no hope.
-    hold: stamp, payload -> whether something else is still to come; it must not say so for ever.
-    now, timeout: functions that return seconds.
+    hold: stamp, payload, seconds since it was put in -> whether something else is still to come. Seconds by `steady`,
+    a clock that never stops; since it was put in, not since it became the first: else items that wait in vain, one
+    after the other, would hold up those behind them ever longer.
+    now, timeout: functions that return seconds, of the wait for the transform.
     """
 
     def __init__(
         self,
         lookup: Callable[[int], np.ndarray | Wait],
-        hold: Callable[[int, Any], bool],
+        hold: Callable[[int, Any, float], bool],
         now: Callable[[], float],
         timeout: Callable[[], float],
+        steady: Callable[[], float],
     ):
-        self._lookup, self._hold, self._now, self._timeout = lookup, hold, now, timeout
-        self._items: deque[tuple[int, Any, float]] = deque()
+        self._lookup, self._hold, self._now, self._timeout, self._steady = lookup, hold, now, timeout, steady
+        self._items: deque[tuple[int, Any, float, float]] = deque()
 
     def __len__(self) -> int:
         return len(self._items)
 
     def push(self, stamp: int, payload: Any) -> None:
         """Queue `payload` until its transform at `stamp` [ns] is there."""
-        self._items.append((stamp, payload, self._now()))
+        self._items.append((stamp, payload, self._now(), self._steady()))
 
     def clear(self) -> list[int]:
         """Forget everything that waits; returns the stamps [ns]."""
@@ -60,8 +63,8 @@ class TransformQueue:
         """The first item if its wait is over, else None."""
         if not self._items:
             return None
-        stamp, payload, arrival = self._items[0]
-        if self._hold(stamp, payload):
+        stamp, payload, arrival, steady_arrival = self._items[0]
+        if self._hold(stamp, payload, self._steady() - steady_arrival):
             return None
         try:
             found = self._lookup(stamp)

@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from filter_fakes import DIAGONAL, SECOND, cloud_msg, code_msg, loader_of, pose_msg, tf_msg, translation
 
 from midastouch_filter.filter import Measurement
+from midastouch_filter.nodes import relief_source
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.nodes.transform_source import Wait
 from midastouch_filter.refinement import reduced_relief
@@ -294,7 +295,8 @@ def penetration(depth: float) -> np.ndarray:
     return out
 
 
-def test_each_code_gets_the_relief_of_its_own_cloud(graph):
+def test_each_code_gets_the_relief_of_its_own_cloud(graph, monkeypatch):
+    monkeypatch.setattr(relief_source, "_PATIENCE", 30.0)
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]
@@ -307,6 +309,19 @@ def test_each_code_gets_the_relief_of_its_own_cloud(graph):
     graph.spin_until(lambda: len(bench.statuses) == 3)
     for measurement, depth in zip(bench.filter.measurements, depths, strict=True):
         np.testing.assert_allclose(measurement.relief, reduced_relief(penetration(depth)), atol=1e-7)
+
+
+def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
+    bench = Bench(graph, **OBJECT)
+    clouds = graph.publisher(PointCloud2, "tactile/points")
+    stamps = [SECOND + 16_000_000 * k for k in range(30)]
+    for stamp in stamps:
+        clouds.publish(cloud_msg(stamp, penetration(1e-3)))
+        bench.codes.publish(code_msg(stamp))
+    for stamp in (stamps[0], stamps[-1]):
+        bench.tf.publish(tf_msg(stamp, T_BASE_OBJ))
+    graph.spin_until(lambda: len(bench.statuses) == len(stamps))
+    assert all(measurement.relief is not None for measurement in bench.filter.measurements)
 
 
 def test_a_lost_or_broken_cloud_costs_the_relief_only(graph):

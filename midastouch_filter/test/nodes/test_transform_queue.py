@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from midastouch_filter.nodes.transform_queue import TransformQueue
 from midastouch_filter.nodes.transform_source import Wait
@@ -13,9 +14,12 @@ class World:
     def __init__(self, timeout: float = 1.0):
         self.now, self.known, self.forgotten = 0.0, 0, 0
         self.held: set[str] = set()
-        self.queue = TransformQueue(
-            self.lookup, lambda _, payload: payload in self.held, lambda: self.now, lambda: timeout
-        )
+        self.waits: dict[str, float] = {}
+        self.queue = TransformQueue(self.lookup, self.hold, lambda: self.now, lambda: timeout, lambda: self.now)
+
+    def hold(self, stamp: int, payload: str, waited: float) -> bool:
+        self.waits[payload] = waited
+        return payload in self.held
 
     def lookup(self, stamp: int):
         if stamp < self.forgotten:
@@ -82,3 +86,18 @@ def test_what_is_held_neither_leaves_nor_times_out():
     assert world.popped() == [], "and the second keeps its place behind it"
     world.held.clear()
     assert [r.payload for r in world.popped()] == ["first", "second"]
+
+
+def test_the_wait_counts_from_when_an_item_was_put_in():
+    """Behind one that is held, the second has waited too when its turn comes."""
+    world = World()
+    world.known = 2
+    world.held.add("first")
+    world.queue.push(1, "first")
+    world.now = 0.1
+    world.queue.push(2, "second")
+    world.now = 0.3
+    world.popped()
+    world.held.clear()
+    world.popped()
+    assert world.waits == {"first": 0.3, "second": pytest.approx(0.2)}
