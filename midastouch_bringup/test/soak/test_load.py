@@ -69,8 +69,13 @@ class Rig:
         if not self.states:
             return "the filter never said anything"
         at, status = self.states[-1]
-        skipped = dict(zip(status.skipped_names, status.skipped_counts, strict=True))
-        return f"{time.monotonic() - at:.1f} s ago the filter said {status.state}: {status.reason}; skipped {skipped}"
+        silence = time.monotonic() - at
+        return f"{silence:.1f} s ago the filter said {status.state}: {status.reason}; skipped {self.skipped()}"
+
+    def skipped(self) -> dict[str, int]:
+        """What the filter says it has skipped since its start, by name."""
+        _, status = self.states[-1]
+        return dict(zip(status.skipped_names, map(int, status.skipped_counts), strict=True))
 
     def warm_up(self, sender: Sender) -> None:
         """Until frames that were sent now are answered."""
@@ -139,6 +144,7 @@ def test_images_at_the_sensors_rate(rig, minutes, figures):
         "answered": answered,
         "left_out": len(sent) - answered,
         "image_to_pose_ms": latency,
+        "filter_skipped": rig.skipped(),
         "resident_mb": {name: {"start": before[name], "growth": after[name] - before[name]} for name in NODES},
     }
     assert answered > 0
