@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import array
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from filter_fakes import SECOND, all_finite, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from filter_fakes import SECOND, all_finite, code_msg, pose_msg, tf_msg, translation
 
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.nodes.localiser import LoadedObject

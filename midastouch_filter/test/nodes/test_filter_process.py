@@ -12,14 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from filter_fakes import SECOND, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from filter_fakes import SECOND, code_msg, pose_msg, tf_msg, translation
 
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject

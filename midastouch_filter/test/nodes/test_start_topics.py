@@ -1,14 +1,9 @@
 from __future__ import annotations
 
-import sys
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from filter_fakes import DIAGONAL, SECOND, FakeTf2, pose_msg, tf_msg, translation
 
 from midastouch_filter.nodes import transform_buffers

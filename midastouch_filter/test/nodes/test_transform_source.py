@@ -1,17 +1,12 @@
 from __future__ import annotations
 
 import math
-import sys
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
-from tf2_msgs.msg import TFMessage
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from filter_fakes import SECOND, FakeTf2, tf_msg, translation
+from tf2_msgs.msg import TFMessage
 
 from midastouch_filter.nodes import transform_buffers
 from midastouch_filter.nodes.transform_buffers import OwnBuffer, Tf2Buffer
