@@ -15,6 +15,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.inputs import SCALE
 
+from .. import memory
 from ..config import FilterConfig
 from ..estimate import Estimate
 from ..filter import ParticleFilter
@@ -39,6 +40,21 @@ class Start:
 
 
 @dataclasses.dataclass(frozen=True)
+class ObjectPrior:
+    """Where the object is said to be: T_base_obj (4, 4), sigma_t [m], sigma_r [rad]."""
+
+    T_base_obj: np.ndarray
+    sigma_t: float
+    sigma_r: float
+
+    def start(self, T_base_gel: np.ndarray) -> Start:
+        """The start of a sensor at T_base_gel (4, 4); raises InputError as `Start`."""
+        T_obj_gel = se3.inverse(self.T_base_obj) @ T_base_gel
+        lever = float(np.linalg.norm(T_obj_gel[:3, 3]))
+        return Start(T_obj_gel, spread_at_lever(self.sigma_t, self.sigma_r, lever), self.sigma_r)
+
+
+@dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
     codebook; None: unknown. network_id: of the codebook's codes; "": unknown."""
@@ -56,6 +72,7 @@ def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed
     codebook = Codebook.load(codebook_path, mesh=mesh)
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     running.warm_up(seed)
+    memory.trim()
     sensor = SensorModel.load(codebook.meta["sensor"]).scaled(SCALE)
     return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]))
 
@@ -64,14 +81,16 @@ class Localiser:
     """Owns the filter, the pose of the last frame it saw and the way it starts.
 
     `first_start` is None for a start that spreads over the whole surface. With `wait` nothing starts before a
-    pose is given. Time that runs backwards starts the filter anew from the last given pose.
+    pose is given. What was said last counts: time that runs backwards starts the filter anew from the last given
+    pose, be it the sensor's on the object or, from where the sensor is then, the object's.
     """
 
     def __init__(self, first_start: Start | None, wait: bool):
         self._start, self._wait = first_start, wait
         self._object: LoadedObject | None = None
         self._T_base_gel: np.ndarray | None = None
-        self._pending_prior: tuple[np.ndarray, float, float] | None = None
+        self._prior: ObjectPrior | None = None  # goes over `_start`
+        self._pending_prior: ObjectPrior | None = None  # the same, until a frame says where the sensor is
         self._started = False
         self.estimate: Estimate | None = None
 
@@ -95,35 +114,39 @@ class Localiser:
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on another object, from scratch: poses on the old one say nothing about it."""
         if self._object is not None:
-            self._start = self._pending_prior = None
+            self._start = self._prior = None
         self._object = loaded
         self.restart()
 
     def restart(self) -> None:
         """Forget all measurements and start as at first, or from the last pose that was given."""
+        self._pending_prior = self._prior
+        self._begin(self._start)
+
+    def _begin(self, start: Start | None) -> None:
         self.estimate = None
         self._T_base_gel = None
-        self._started = self._object is not None and not (self._wait and self._start is None)
+        self._started = self._object is not None and not (self._wait and start is None)
         if not self._started:
             return
-        if self._start is None:
+        if start is None:
             self._object.filter.initialise_uniform()
         else:
-            self._object.filter.initialise_gaussian(self._start.pose, self._start.sigma_t, self._start.sigma_r)
+            self._object.filter.initialise_gaussian(start.pose, start.sigma_t, start.sigma_r)
 
     def start_anywhere(self) -> None:
         """Spread over the whole surface, now and at every later restart."""
-        self._start, self._wait = None, False
+        self._start, self._prior, self._wait = None, None, False
         self.restart()
 
     def start_at(self, start: Start) -> None:
         """Start at a pose of the sensor on the object."""
-        self._start = start
+        self._start, self._prior = start, None
         self.restart()
 
     def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start at the next frame, from where the object is said to be in the robot's base frame."""
-        self._pending_prior = (T_base_obj, sigma_t, sigma_r)
+        self._prior = self._pending_prior = ObjectPrior(T_base_obj, sigma_t, sigma_r)
 
     def T_base_obj(self) -> np.ndarray | None:
         """The object in the base frame (4, 4), while the filter is sure of it."""
@@ -139,11 +162,10 @@ class Localiser:
         Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
         """
         if self._pending_prior is not None and self._object is not None:
-            T_base_obj, sigma_t, sigma_r = self._pending_prior
-            self._pending_prior = None
-            T_obj_gel = se3.inverse(T_base_obj) @ T_base_gel
-            lever = float(np.linalg.norm(T_obj_gel[:3, 3]))
-            self.start_at(Start(T_obj_gel, spread_at_lever(sigma_t, sigma_r, lever), sigma_r))
+            # One that cannot be used is forgotten.
+            prior, self._prior, self._pending_prior = self._pending_prior, None, None
+            self._begin(prior.start(T_base_gel))
+            self._prior = prior
         if self.filter is None:
             return None
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel

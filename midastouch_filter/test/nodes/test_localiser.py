@@ -1,13 +1,7 @@
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from filter_fakes import DIAGONAL, FakeFilter, translation
 
 from midastouch_filter.filter import Measurement
@@ -110,6 +104,30 @@ def test_a_prior_that_nobody_can_start_from_is_refused_and_forgotten():
     subject.restart()
     assert running.starts == ["uniform", "uniform"]
     assert subject.process(np.eye(4), TOUCH) is not None
+
+
+def test_what_was_said_last_counts():
+    subject, running = localiser()
+    subject.expect_object_at(translation(0.5), 0.01, 0.1)
+    subject.start_at(START)
+    subject.process(np.eye(4), TOUCH)
+    assert running.starts[-1][0] is START.pose
+    subject.expect_object_at(translation(0.5), 0.01, 0.1)
+    subject.start_anywhere()
+    subject.process(np.eye(4), TOUCH)
+    assert running.starts[-1] == "uniform"
+
+
+def test_time_that_runs_back_starts_where_the_sensor_is_then_on_the_object_that_was_seen():
+    """A looped bag: the sensor is elsewhere at its beginning than it was when the camera saw the object."""
+    subject, running = localiser(wait=True)
+    T_base_obj = translation(0.5, 0.1)
+    subject.process(T_base_obj @ translation(0.01), TOUCH)
+    subject.expect_object_at(T_base_obj, 0.01, 0.1)
+    subject.process(T_base_obj @ translation(0.03), TOUCH)
+    subject.restart()
+    assert subject.process(T_base_obj @ translation(0.01), TOUCH) is not None
+    np.testing.assert_allclose([start[0] for start in running.starts], [translation(0.03), translation(0.01)])
 
 
 def test_object_pose_is_told_only_while_converged():
