@@ -60,6 +60,8 @@ def broken(book, path, **change):
         ({"codes": np.full((800, 8), np.nan, np.float16)}, "non-finite"),
         ({"codes": np.ones((3, 8), np.float16)}, "do not fit"),
         ({"codes": np.empty((0, 8), np.float16), "poses": np.empty((0, 7), np.float32)}, "do not fit"),
+        ({"codes": np.zeros(800, [("a", float), ("b", float)])}, "not a codebook"),
+        ({"poses": np.full((800, 7), "x")}, "not a codebook"),
         ({"poses": np.full((800, 7), np.nan, np.float32)}, "non-finite"),
         ({"poses": np.zeros((800, 7), np.float32)}, "unit length"),
         ({"meta": np.array(json.dumps({"format": 99}))}, "format 99"),
@@ -80,6 +82,23 @@ def test_foreign_files_are_refused(tmp_path, content):
     path = tmp_path / "foreign.npz"
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a codebook"):
+        Codebook.load(path)
+
+
+def test_a_single_array_is_refused(tmp_path):
+    with (tmp_path / "array.npz").open("wb") as stream:
+        np.save(stream, np.zeros(3))
+    with pytest.raises(InputError, match=r"array\.npz: not a codebook"):
+        Codebook.load(tmp_path / "array.npz")
+
+
+def test_a_damaged_archive_is_refused(tmp_path):
+    path = tmp_path / "damaged.npz"
+    np.savez_compressed(path, poses=np.random.default_rng(0).random((500, 7)))
+    content = bytearray(path.read_bytes())
+    content[60:400] = bytes(value ^ 0x5A for value in content[60:400])
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"damaged\.npz: not a codebook"):
         Codebook.load(path)
 
 

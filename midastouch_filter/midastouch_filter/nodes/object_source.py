@@ -27,6 +27,7 @@ class ObjectSource:
 
     def __init__(self, load: Callable[..., LoadedObject], parameters: Parameters, config: FilterConfig):
         self._load, self._parameters, self._config = load, parameters, config
+        self._folders = [resolve(f, "object_folders") for f in parameters["object_folders"].split(":") if f]
 
     def initial(self) -> NewObject | None:
         """The object of the parameters `mesh` and `codebook`; None if they are empty."""
@@ -39,9 +40,8 @@ class ObjectSource:
         A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
         used ("": no code has come yet).
         """
-        folders = [Path(f).expanduser() for f in self._parameters["object_folders"].split(":") if f]
         for address, what in ((mesh, "mesh"), (codebook, "codebook")):
-            require_within(address, resolve(address, what), folders)
+            require_within(address, resolve(address, what), self._folders)
         new = self._read(mesh, codebook)
         theirs = new.loaded.network_id
         if theirs and network_id and theirs != network_id:
@@ -53,5 +53,8 @@ class ObjectSource:
 
     def _read(self, mesh: str, codebook: str) -> NewObject:
         paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
-        loaded = self._load(*paths, self._config, self._parameters["seed"])
+        try:
+            loaded = self._load(*paths, self._config, self._parameters["seed"])
+        except OSError as error:  # a folder that may not be entered, a name too long
+            raise InputError(f"cannot read {mesh} with {codebook}: {error}") from error
         return NewObject(loaded, mesh if "://" in mesh else paths[0])

@@ -18,8 +18,8 @@ _FILE = "file://"
 def resolve(address: str, what: str) -> Path:
     """The path an address means: a path itself, file:// or package://NAME/PATH.
 
-    Raises InputError naming `what` for an empty address, a package that is not installed and a path that
-    leaves its package.
+    Raises InputError naming `what` for an empty address, a package that is not installed, a path that leaves its
+    package, a user that does not exist and what is no address.
     """
     if not address:
         raise InputError(f"no {what} given: mesh and codebook belong together, set both")
@@ -34,9 +34,12 @@ def resolve(address: str, what: str) -> Path:
         if not path.is_relative_to(share):
             raise InputError(f"{address}: leaves its package; check {what}")
         return path
-    if address.startswith(_FILE):
-        return Path(unquote(urlsplit(address).path))
-    return Path(address).expanduser()
+    try:
+        if address.startswith(_FILE):
+            return Path(unquote(urlsplit(address).path))
+        return Path(address).expanduser()
+    except (ValueError, RuntimeError) as error:  # file://[, ~nobody
+        raise InputError(f"{address}: {error}; check {what}") from error
 
 
 def require_within(address: str, path: Path, folders: Sequence[Path]) -> None:
@@ -46,7 +49,11 @@ def require_within(address: str, path: Path, folders: Sequence[Path]) -> None:
     """
     if not folders or address.startswith(_PACKAGE):
         return
-    real = path.resolve()
-    if not any(real.is_relative_to(folder.resolve()) for folder in folders):
+    try:
+        real = path.resolve()
+        inside = any(real.is_relative_to(folder.resolve()) for folder in folders)
+    except RuntimeError as error:  # links in a circle
+        raise InputError(f"{address}: {error}") from error
+    if not inside:
         allowed = ", ".join(map(str, folders))
         raise InputError(f"{address}: outside of {allowed}; move it there, or change the parameter object_folders")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.resources import require_within, resolve
 from midastouch_perception.errors import InputError
 
 
@@ -41,8 +41,16 @@ def test_a_package_may_link_to_its_sources(package, tmp_path):
         ("package://nothing/mug.ply", "no package 'nothing'"),
         ("package://toys/../../../etc/passwd", "leaves its package"),
         ("package:///etc/passwd", "no package ''"),
+        ("~nobody-of-this-name/mug.ply", "home directory"),
+        ("file://[mug.ply", "IPv6"),
     ],
 )
 def test_refusals(package, address, complaint):
     with pytest.raises(InputError, match=complaint):
         resolve(address, "mesh")
+
+
+def test_links_in_a_circle_are_refused(tmp_path):
+    (tmp_path / "mug.ply").symlink_to("mug.ply")
+    with pytest.raises(InputError, match=r"mug\.ply"):
+        require_within("mug.ply", tmp_path / "mug.ply", [tmp_path / "objects"])
