@@ -17,6 +17,7 @@ from midastouch_perception import se3
 from midastouch_perception.ros.conversions import points_to_msg, pose_to_msg, poses_to_msgs
 
 MAX_POSES = 1000
+_LONGEST_LIFETIME = 2.0**31 - 1  # s; the message holds no more
 _AXIS_LENGTH = 0.01
 _AXIS_COLOURS = (
     ColorRGBA(r=0.9, g=0.2, b=0.2, a=1.0),
@@ -90,7 +91,7 @@ def hypotheses(modes: Sequence, header: Header, lifetime: float) -> MarkerArray:
     for marker in markers:
         marker.header = header
         marker.action = Marker.ADD
-        marker.lifetime.sec, fraction = divmod(round(lifetime * 1e9), 1_000_000_000)
+        marker.lifetime.sec, fraction = divmod(round(min(lifetime, _LONGEST_LIFETIME) * 1e9), 1_000_000_000)
         marker.lifetime.nanosec = fraction
     return MarkerArray(markers=markers)
 

@@ -14,6 +14,9 @@ from midastouch_perception.errors import InputError
 from ..transforms import TransformError
 from .transform_source import Wait
 
+# Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
+_MOST = 4096
+
 
 @dataclass(frozen=True)
 class Ready:
@@ -26,7 +29,7 @@ class Ready:
 
 
 class TransformQueue:
-    """First in, first out; the first one waits for its transform or for the time-out.
+    """First in, first out; the first one waits for its transform, for the time-out or until too many wait behind it.
 
     lookup: stamp [ns] -> (4, 4) or `Wait`; raises TransformError or InputError when there is no hope.
     hold: stamp, payload, seconds since it was put in -> whether something else is still to come. Seconds by `steady`,
@@ -74,7 +77,7 @@ class TransformQueue:
             waited = self._now() - arrival
             if not isinstance(found, Wait):
                 ready = Ready(stamp, payload, found)
-            elif waited < self._timeout():
+            elif waited < self._timeout() and len(self._items) <= _MOST:
                 return None
             else:
                 ready = Ready(stamp, payload, None, f"{found.reason} (waited {waited:.1f} s)")

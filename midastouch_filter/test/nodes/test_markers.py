@@ -91,3 +91,8 @@ def test_mesh_replaces_what_was_shown():
     )
     assert (add.scale.x, add.pose.orientation.w) == (1.0, 1.0)
     assert {m.action for m in markers.cleared_hypotheses(HEADER).markers} == {Marker.DELETEALL}
+
+
+def test_a_marker_stays_no_longer_than_a_message_can_say():
+    array = markers.hypotheses([Mode(1.0, np.eye(4), np.eye(6), 10)], HEADER, lifetime=np.inf)
+    assert {marker.lifetime.sec for marker in array.markers} == {2**31 - 1}

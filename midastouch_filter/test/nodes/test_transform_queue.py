@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from midastouch_filter.nodes import transform_queue
 from midastouch_filter.nodes.transform_queue import TransformQueue
 from midastouch_filter.nodes.transform_source import Wait
 from midastouch_filter.transforms import PastExtrapolationError
@@ -66,6 +67,16 @@ def test_no_hope_is_given_up_at_once():
     (given_up,) = world.popped()
     assert given_up.transform is None
     assert given_up.reason == "before the history"
+
+
+def test_a_clock_that_stands_still_does_not_fill_the_memory(monkeypatch):
+    monkeypatch.setattr(transform_queue, "_MOST", 3)
+    world = World()
+    for stamp in range(1, 6):
+        world.queue.push(stamp, f"item {stamp}")
+    given_up = world.popped()
+    assert [(r.stamp, r.transform) for r in given_up] == [(1, None), (2, None)]
+    assert len(world.queue) == 3
 
 
 def test_clear_forgets_what_waits():
