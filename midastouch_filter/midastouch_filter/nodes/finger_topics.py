@@ -23,11 +23,12 @@ from midastouch_perception.ros.parameters import Parameters
 
 from ..touch import FingerTouch, Measurement
 from ..transforms import TransformError
+from .code_message import measurement_from_msg
 from .localiser import LoadedObject
 from .relief_source import ReliefSource
 from .transform_source import TransformSource, Wait
 
-_FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*")
+_FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
 _PATIENCE = 0.25
 _BEHIND_NS = 250_000_000
@@ -102,11 +103,10 @@ class FingerTopics:
         for name in set(silent) - set(self._silent):
             self._on_bad("silent_fingers", f"no {name}/tactile/code for {self._timeout():.1f} s: going on without it")
         self._silent = silent
-        without = f"; without {', '.join(silent)}" if silent else ""
-        return reason if reason.endswith(without) else reason + without
+        return f"{reason}; without {', '.join(silent)}" if silent else reason
 
     def clear(self) -> None:
-        """Forget what was felt: time ran backwards, or the object was changed."""
+        """Forget what was felt, and since when nothing was: time ran backwards, or the object was changed."""
         for finger in self._fingers:
             finger.clear()
 
@@ -135,6 +135,7 @@ class _Finger:
         self._newest: int | None = None
         self._asked = 0
         self._given_up = False
+        self._unplaced: int | None = None  # stamp of a code whose transform was waited for in vain
         depth, reliable = parameters["queue_depth"], parameters["reliable"]
         self._reliefs: ReliefSource | None = None
         if reliefs:
@@ -156,12 +157,13 @@ class _Finger:
 
     def clear(self) -> None:
         self._codes.clear()
-        self._newest = None
+        self._newest = self._heard = self._unplaced = None
+        self._asked, self._given_up = 0, False
 
     def awaited(self, stamp: int, waited: float) -> bool:
         """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.
 
-        When it was waited for in vain, nobody waits again before it has caught up.
+        When it or its transform was waited for in vain, nobody waits again before it has caught up.
         """
         self._asked = stamp
         patient = waited < _PATIENCE
@@ -171,16 +173,24 @@ class _Finger:
             self._given_up |= not patient
             return not self._given_up
         found = self._nearest(stamp)
-        return patient and found is not None and self._lacks(found, waited)
+        return found is not None and self._lacks(found, waited)
 
     def _lacks(self, found: int, waited: float) -> bool:
         """Whether the relief or the transform of its code at `found` [ns] is still to come."""
         if self._codes[found].in_contact and self._reliefs is not None and self._reliefs.awaited(found, waited):
             return True
-        try:
-            return isinstance(self._transforms.lookup(self._base, self._frame, found), Wait)
-        except (TransformError, InputError):
+        if self._unplaced is not None and isinstance(self._place(self._unplaced), Wait):
             return False
+        lacks = isinstance(self._place(found), Wait)
+        self._unplaced = found if lacks and waited >= _PATIENCE else None
+        return lacks and waited < _PATIENCE
+
+    def _place(self, stamp: int) -> np.ndarray | Wait | None:
+        """T_base_finger (4, 4) at `stamp` [ns]; None if it will never come."""
+        try:
+            return self._transforms.lookup(self._base, self._frame, stamp)
+        except (TransformError, InputError):
+            return None
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> FingerTouch | str:
         """What it felt about `stamp` [ns], or in a word what is missing. Each of its codes is given out once."""
@@ -198,11 +208,8 @@ class _Finger:
                 f"{self.name}/tactile/code: from network {measurement.network_id}, not the codebook's {on.network_id}",
             )
             return "foreign_code"
-        try:
-            T_base_finger = self._transforms.lookup(self._base, self._frame, found)
-        except (TransformError, InputError):
-            return "missing_transform"
-        if isinstance(T_base_finger, Wait):
+        T_base_finger = self._place(found)
+        if not isinstance(T_base_finger, np.ndarray):
             return "missing_transform"
         if self._reliefs is not None and measurement.in_contact and on is not None and on.sensor is not None:
             measurement = dataclasses.replace(measurement, relief=self._reliefs.take(found, on.sensor))
@@ -215,15 +222,14 @@ class _Finger:
 
     def _on_code(self, msg: TactileCode) -> None:
         stamp = stamp_ns(msg.header.stamp)
+        if self._newest is not None and stamp <= self._newest - _JUMP_NS:
+            self.clear()
         self._heard = self._now()
         if self._newest is not None and stamp <= self._newest:
-            if stamp > self._newest - _JUMP_NS:
-                return
-            self.clear()
+            return
         self._newest = stamp
         self._given_up &= stamp < self._asked - _BEHIND_NS
-        code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
-        self._codes[stamp] = Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)
+        self._codes[stamp] = measurement_from_msg(msg)
         while len(self._codes) > _KEPT:
             self._codes.popitem(last=False)
         self._on_update()

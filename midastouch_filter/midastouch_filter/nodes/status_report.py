@@ -1,0 +1,59 @@
+"""The node's state in words and numbers, on its own topic and in the diagnostics."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from midastouch_perception.ros import diagnostics
+
+from ..estimate import Estimate
+from ..filter import ParticleFilter
+from ..state import LOST, STALE, UNINITIALISED, Status
+from .estimate_publisher import EstimatePublisher
+from .finger_topics import FingerTopics
+
+
+class StatusReport:
+    """Publishes a status with every code, and keeps the last one.
+
+    Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
+    fingers and the publishers.
+    """
+
+    def __init__(self, out: EstimatePublisher, fingers: FingerTopics):
+        self.counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0, "no_relief": 0}
+        self._out, self._fingers = out, fingers
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop the numbers of the last step: the object was changed."""
+        self._last = Status(UNINITIALISED, "")
+
+    def say(self, stamp: int, state: str, reason: str) -> None:
+        """Publish a state that no step of the filter made; its other numbers are those of the last step."""
+        self._last = dataclasses.replace(self._last, state=state, reason=reason, ms={})
+        self.repeat(stamp)
+
+    def repeat(self, stamp: int) -> None:
+        """Publish the last state as the answer to the code of `stamp` [ns], which changed nothing."""
+        self._out.status(stamp, self._complete(self._last))
+
+    def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
+        """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""
+        self._last = estimate.status
+        complete = dataclasses.replace(estimate, status=self._complete(estimate.status))
+        self._out.estimate(stamp, complete, running, T_base_obj)
+
+    def describe(self) -> tuple[bytes, str, dict]:
+        """Level, message and values for the diagnostics."""
+        s = self._complete(self._last)
+        level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
+        values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
+        values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
+        return level, f"{s.state}: {s.reason}", values
+
+    def _complete(self, status: Status) -> Status:
+        skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
+        return dataclasses.replace(status, skipped=skipped, reason=self._fingers.qualify(status.reason))
