@@ -48,8 +48,15 @@ class ReliefSource:
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether the cloud of `stamp` [ns] is still to come, when whoever asks has `waited` seconds for it."""
-        return waited < _PATIENCE and stamp not in self._clouds and self._node.count_publishers(self._topic) > 0
+        """Whether the cloud of `stamp` [ns] is still to come, when whoever asks has `waited` seconds for it.
+
+        Clouds come in order: one whose successor is there was lost.
+        """
+        if waited >= _PATIENCE or stamp in self._clouds:
+            return False
+        if self._clouds and next(reversed(self._clouds)) > stamp:
+            return False
+        return self._node.count_publishers(self._topic) > 0
 
     def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
         """Relief (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
