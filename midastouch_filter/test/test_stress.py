@@ -1,7 +1,7 @@
 """Numbers, books and meshes that nobody should give the filter: each ends in a defined state with a reason.
 
 What lies closer to one module is tested there: weights in test_resampling.py, bad codes and odometry one by one in
-test_filter.py, transforms in test_transforms.py, stamps that repeat or run back in nodes/test_particle_filter.py.
+test_filter.py, transforms in test_transforms.py, stamps that repeat or run back in nodes/test_time_jumps.py.
 """
 
 import contextlib

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from sensor_msgs.msg import PointCloud2
-from tf2_msgs.msg import TFMessage
-
-sys.path.insert(0, str(Path(__file__).parent))
-
+from filter_bench import OBJECT, Bench, skipped
 from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, loader_of, tf_msg, translation
+from sensor_msgs.msg import PointCloud2
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.nodes.localiser import LoadedObject
@@ -23,35 +18,20 @@ from midastouch_filter.refinement import reduced_relief
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
-REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0}
-OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
 T_GEL_RIGHT = se3.exp(np.array([0.01, 0, -0.05, np.pi, 0, 0]))
 MS = 1_000_000
 
 
-class Hand:
+class Hand(Bench):
     """A filter node with a second finger, /right, and the topics of both."""
 
     def __init__(self, graph, load=None, **parameters):
-        self.graph, self.filters = graph, []
-        given = {**REPLAY, **OBJECT, "fingers": "/right:right_gel", **parameters}
-        self.node = graph.add(
-            lambda **options: ParticleFilterNode(load=load or loader_of(self.filters), **options), given
-        )
-        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-        self.codes = [graph.publisher(TactileCode, f"{finger}tactile/code") for finger in ("", "/right/")]
-        if given.get("refinement", True):
+        super().__init__(graph, load, **{**OBJECT, "fingers": "/right:right_gel", **parameters})
+        self.touches = [self.codes, graph.publisher(TactileCode, "/right/tactile/code")]
+        if parameters.get("refinement", True):
             self.clouds = [graph.publisher(PointCloud2, f"{finger}tactile/points") for finger in ("", "/right/")]
-        self.tf = graph.publisher(TFMessage, "/tf")
-        graph.spin_until(lambda: self.statuses, "the status at start")
-        self.statuses.clear()
-
-    @property
-    def filter(self):
-        return self.filters[-1]
 
     def place(self, stamp: int, T_base_gel: np.ndarray, T_base_right: np.ndarray | None = None) -> None:
         self.tf.publish(tf_msg(stamp, T_base_gel))
@@ -61,23 +41,15 @@ class Hand:
 
     def answer(self, stamp: int) -> FilterStatus:
         """The status of the frame at `stamp` [ns]."""
-
-        def found() -> list[FilterStatus]:
-            return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]
-
-        self.graph.spin_until(found, f"the answer to {stamp}")
-        return found()[-1]
+        self.graph.spin_until(lambda: self.answers(stamp), f"the answer to {stamp}")
+        return self.answers(stamp)[-1]
 
     def frame(self, stamp: int, fingers=(0, 1), **code) -> FilterStatus:
         """A frame in which these fingers feel something, without clouds."""
         self.place(stamp, translation(1e-9 * stamp * 0.01))
         for finger in sorted(fingers, reverse=True):
-            self.codes[finger].publish(code_msg(stamp, **code))
+            self.touches[finger].publish(code_msg(stamp, **code))
         return self.answer(stamp)
-
-
-def skipped(status: FilterStatus, name: str) -> int:
-    return dict(zip(status.skipped_names, status.skipped_counts, strict=True)).get(name, 0)
 
 
 def test_each_frame_has_what_the_other_finger_felt_and_where(graph):
@@ -97,9 +69,9 @@ def test_images_of_other_stamps_are_placed_where_their_finger_was_then(graph):
     hand = Hand(graph, refinement=False)
     for k in range(3):
         hand.place(SECOND + 100 * MS * k, translation(0.01 * k), translation(0.2, 0.05 * k))
-    hand.codes[1].publish(code_msg(SECOND + 138 * MS))
-    hand.codes[1].publish(code_msg(SECOND + 171 * MS))
-    hand.codes[0].publish(code_msg(SECOND + 150 * MS))
+    hand.touches[1].publish(code_msg(SECOND + 138 * MS))
+    hand.touches[1].publish(code_msg(SECOND + 171 * MS))
+    hand.touches[0].publish(code_msg(SECOND + 150 * MS))
     hand.answer(SECOND + 150 * MS)
     np.testing.assert_allclose(
         hand.filter.others[0]["/right"].T_gel_finger, translation(0.2 - 0.015, 0.05 * 1.38), atol=1e-6
@@ -115,9 +87,9 @@ def test_a_frame_waits_for_the_other_fingers_code_and_cloud(graph):
     for k, penetration in enumerate(maps):
         stamp = (2 + k) * SECOND
         hand.place(stamp, np.eye(4))
-        hand.codes[0].publish(code_msg(stamp))
+        hand.touches[0].publish(code_msg(stamp))
         hand.clouds[0].publish(cloud_msg(stamp, penetration))
-        hand.codes[1].publish(code_msg(stamp + 5 * MS))
+        hand.touches[1].publish(code_msg(stamp + 5 * MS))
         hand.clouds[1].publish(cloud_msg(stamp + 5 * MS, 0.5 * penetration))
         hand.place(stamp + 5 * MS, np.eye(4))
         hand.answer(stamp)
@@ -134,11 +106,23 @@ def test_a_finger_that_falls_silent_is_left_out_and_named(graph):
     assert status.reason.endswith("; without /right")
     assert status.state == "ambiguous"
     assert hand.filter.others[-1] == {}
-    assert skipped(status, "missing_code of /right") == 1
+    assert skipped(status)["missing_code of /right"] == 1
     assert hand.node.diagnostics.counts["silent_fingers"] == 1
     status = hand.frame(3 * SECOND)
     assert "without" not in status.reason
     assert list(hand.filter.others[-1]) == ["/right"]
+
+
+def test_a_finger_that_is_back_is_no_longer_named(graph):
+    hand = Hand(graph, refinement=False, input_timeout=0.3)
+    hand.frame(SECOND)
+    graph.spin_for(0.35)
+    assert hand.frame(2 * SECOND, (0,)).reason.endswith("; without /right")
+    hand.touches[1].publish(code_msg(3 * SECOND))
+    graph.spin_until(lambda: hand.node._fingers._fingers[0]._newest == 3 * SECOND, "the finger's code")
+    hand.touches[0].publish(code_msg(2 * SECOND))
+    graph.spin_until(lambda: len(hand.answers(2 * SECOND)) == 2, "the answer to the repeated code")
+    assert "without" not in hand.answers(2 * SECOND)[1].reason
 
 
 def test_a_finger_that_lags_is_waited_for_once(graph):
@@ -148,10 +132,10 @@ def test_a_finger_that_lags_is_waited_for_once(graph):
     for k in range(1, 6):
         stamp = SECOND + k * 33 * MS
         hand.place(stamp, translation(0.001 * k))
-        hand.codes[0].publish(code_msg(stamp))
+        hand.touches[0].publish(code_msg(stamp))
         statuses.append(hand.answer(stamp))
     assert [others == {} for others in hand.filter.others[1:]] == [True] * 5
-    assert skipped(statuses[-1], "missing_code of /right") == 5
+    assert skipped(statuses[-1])["missing_code of /right"] == 5
     finger = hand.node._fingers._fingers[0]
     assert finger._given_up
     hand.frame(SECOND + 200 * MS)
@@ -162,7 +146,7 @@ def test_a_finger_that_lags_is_waited_for_once(graph):
 def test_a_finger_without_a_place_is_left_out(graph):
     hand = Hand(graph, refinement=False, fingers="/right:nowhere")
     status = hand.frame(SECOND)
-    assert skipped(status, "missing_transform of /right") == 1
+    assert skipped(status)["missing_transform of /right"] == 1
     assert status.state == "ambiguous"
 
 
@@ -174,12 +158,12 @@ def test_codes_of_another_network_cost_that_finger_only(graph):
     loader = loader_of(filters)
     hand = Hand(graph, load=load, refinement=False)
     hand.place(SECOND, np.eye(4))
-    hand.codes[1].publish(code_msg(SECOND, network_id="other"))
-    hand.codes[0].publish(code_msg(SECOND))
+    hand.touches[1].publish(code_msg(SECOND, network_id="other"))
+    hand.touches[0].publish(code_msg(SECOND))
     status = hand.answer(SECOND)
     assert status.state == "ambiguous"
     assert filters[0].others == [{}]
-    assert skipped(status, "foreign_code of /right") == 1
+    assert skipped(status)["foreign_code of /right"] == 1
     assert hand.node.diagnostics.counts["bad_codes"] == 1
 
 
@@ -194,7 +178,7 @@ def test_time_that_runs_back_forgets_what_fingers_felt(graph):
 
 
 @pytest.mark.parametrize(
-    "fingers", ["right", "/right:", "/right:a b", "/right:a,/right:b", ":frame", "/r:digit_gel_frame"]
+    "fingers", ["right", "/right:", "/right:a b", "/right:a,/right:b", ":frame", "/r:digit_gel_frame", "/ré:frame"]
 )
 def test_what_names_no_fingers_is_refused(graph, fingers):
     with pytest.raises(InputError, match="parameter 'fingers'"):
@@ -219,10 +203,10 @@ def test_two_simulated_sensors_tell_what_one_cannot(graph, gripper):
             hand.clouds[finger].publish(cloud_msg(stamp, gripper.penetrations[finger][k]))
             msg = code_msg(stamp, network_id="")
             msg.code = gripper.codes[finger][k].tolist()
-            hand.codes[finger].publish(msg)
+            hand.touches[finger].publish(msg)
         status = hand.answer(stamp)
     assert status.state == "converged", status.reason
-    assert skipped(status, "missing_code of /right") == 0
+    assert skipped(status).get("missing_code of /right", 0) == 0
     estimate = hand.node._localiser.estimate
     error = se3.inverse(gripper.above[-1]) @ estimate.pose
     assert np.linalg.norm(error[:3, 3]) < 1e-3

@@ -2,75 +2,54 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from filter_bench import OBJECT, T_BASE_OBJ, Bench
+from filter_fakes import SECOND, FakeFilter, code_msg, pose_msg, tf_msg, translation
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from filter_fakes import SECOND, FakeFilter, code_msg, pose_msg, tf_msg, translation
-from geometry_msgs.msg import PoseWithCovarianceStamped
-
 from midastouch_filter.nodes.localiser import LoadedObject
-from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.state import CONVERGED
-from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
-T_BASE_OBJ = translation(0.4, 0.1, 0.2)
-STREAMS = {"queue_depth": 100, "reliable": True, "input_timeout": 1000.0, "transform_timeout": 600.0}
-MUG = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
 
 
 def request(name: str, folder: str = "/data") -> SetObject.Request:
     return SetObject.Request(mesh_path=f"{folder}/{name}.ply", codebook_path=f"{folder}/{name}.npz")
 
 
-class Bench:
+class ObjectBench(Bench):
     """A node whose `load` hands out a fake filter per object; `networks` are those of their codebooks."""
 
     def __init__(self, graph, networks=None, **parameters):
-        self.graph, self.filters, self.networks = graph, {}, networks or {}
-        self.node = graph.add(
-            lambda **options: ParticleFilterNode(load=self._load, **options), {**STREAMS, **MUG, **parameters}
-        )
-        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-        self.codes, self.tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
-        graph.spin_until(lambda: self.statuses, "the status at start")
+        self.of, self.networks = {}, networks or {}
+        self.while_loading = lambda: None
+        super().__init__(graph, self._load, **{**OBJECT, "transform_timeout": 600.0, **parameters})
 
     def _load(self, mesh_path, codebook_path, config, seed):
         if mesh_path.stem == "bad":
             raise InputError(f"{mesh_path}: not a mesh")
-        self.filters[mesh_path.stem] = FakeFilter()
+        if mesh_path.stem == "locked":
+            raise PermissionError(13, "Permission denied", str(mesh_path))
+        self.while_loading()
+        self.of[mesh_path.stem] = FakeFilter()
         network = self.networks.get(mesh_path.stem, "")
-        return LoadedObject(self.filters[mesh_path.stem], 0.1, mesh_path.stem, None, network)
-
-    def frame(self, stamp: int, T_base_gel: np.ndarray = T_BASE_OBJ) -> FilterStatus:
-        """Send one frame; the status that answers it."""
-        self.tf.publish(tf_msg(stamp, T_base_gel))
-        self.codes.publish(code_msg(stamp))
-        self.graph.spin_until(lambda: self.answers(stamp), f"the answer to {stamp}")
-        return self.answers(stamp)[-1]
-
-    def answers(self, stamp: int) -> list[FilterStatus]:
-        return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]
+        return LoadedObject(self.of[mesh_path.stem], 0.1, mesh_path.stem, None, network)
 
     def set_object(self, *names) -> SetObject.Response:
         return self.graph.call(SetObject, "set_object", request(*names))
 
 
 def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
-    bench = Bench(graph)
+    bench = ObjectBench(graph)
     meshes, moving = graph.listen(MarkerArray, "object_mesh", latched=True), graph.listen(TFMessage, "/tf")
     graph.spin_until(lambda: meshes, "the first mesh")
-    bench.filters["mug"].state = CONVERGED
+    bench.of["mug"].state = CONVERGED
     assert bench.frame(SECOND).state == "converged"
     answer = bench.set_object("cup")
     assert (answer.success, answer.message) == (True, "")
@@ -81,9 +60,9 @@ def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
     moving.clear()
     status = bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
     assert status.state == "ambiguous"
-    assert len(bench.filters["mug"].measurements) == 1
-    assert bench.filters["cup"].starts == ["uniform"]
-    assert bench.filters["cup"].odometry == [None]  # motion over the old object does not count
+    assert len(bench.of["mug"].measurements) == 1
+    assert bench.of["cup"].starts == ["uniform"]
+    assert bench.of["cup"].odometry == [None]  # motion over the old object does not count
     assert not [t for m in moving for t in m.transforms if t.child_frame_id == "object"]
     graph.spin_until(lambda: len(meshes) == 2, "the new mesh")
     assert [(m.action, m.mesh_resource) for m in meshes[1].markers] == [
@@ -100,18 +79,20 @@ def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
         (SetObject.Request(codebook_path="/data/cup.npz"), "no mesh given"),
         (SetObject.Request(mesh_path="package://no_such_package/a.ply", codebook_path="/a.npz"), "no package"),
         (SetObject.Request(mesh_path="package://rclpy/../../x.ply", codebook_path="/a.npz"), "leaves its package"),
+        (SetObject.Request(mesh_path="~nobody-of-this-name/a.ply", codebook_path="/a.npz"), "home directory"),
+        (SetObject.Request(mesh_path="/data/locked.ply", codebook_path="/data/locked.npz"), "Permission denied"),
     ],
 )
 def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
-    bench = Bench(graph)
+    bench = ObjectBench(graph)
     meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
     bench.frame(SECOND)
     answer = graph.call(SetObject, "set_object", wanted)
     assert not answer.success
     assert complaint in answer.message
     assert bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01)).state == "ambiguous"
-    assert len(bench.filters["mug"].measurements) == 2
-    np.testing.assert_allclose(bench.filters["mug"].odometry[1], translation(0.01), atol=1e-9)
+    assert len(bench.of["mug"].measurements) == 2
+    np.testing.assert_allclose(bench.of["mug"].odometry[1], translation(0.01), atol=1e-9)
     graph.spin_until(lambda: meshes)
     assert len(meshes) == 1
 
@@ -121,18 +102,35 @@ def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp
     inside.mkdir()
     outside.mkdir()
     (inside / "link").symlink_to(outside)
-    bench = Bench(graph, object_folders=f"/opt/nothing:{inside}")
+    bench = ObjectBench(graph, object_folders=f"/opt/nothing:{inside}")
     for folder in (outside, f"{inside}/../secret", f"{inside}/link", f"file://{outside}"):
         answer = bench.set_object("cup", str(folder))
         assert not answer.success
         assert "outside of /opt/nothing, " in answer.message
-    assert set(bench.filters) == {"mug"}  # the object of the parameters may lie anywhere
+    assert set(bench.of) == {"mug"}  # the object of the parameters may lie anywhere
     assert bench.set_object("cup", str(inside)).success
     assert bench.set_object("cup", f"file://{inside}").success
 
 
+def test_nobody_was_silent_while_an_object_was_read(graph):
+    """That takes seconds, in which this node hears nothing."""
+    bench = ObjectBench(graph, fingers="/right:right_gel", input_timeout=100.0)
+    bench.frame(SECOND)
+
+    def pass_time() -> None:
+        bench.node._last_arrival -= 1000.0
+        bench.node._fingers._fingers[0]._heard -= 1000.0
+
+    bench.while_loading = pass_time
+    assert bench.set_object("cup").success
+    graph.spin_for(0.2)
+    assert bench.statuses[-1].state == "uninitialised"
+    assert "without" not in bench.statuses[-1].reason
+    assert "silent_fingers" not in bench.node.diagnostics.counts
+
+
 def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
-    bench = Bench(graph)
+    bench = ObjectBench(graph)
     bench.frame(SECOND)
     for stamp in (2, 3):
         bench.codes.publish(code_msg(stamp * SECOND))
@@ -142,22 +140,22 @@ def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
     assert "the object was changed" in bench.answers(3 * SECOND)[0].reason
     assert bench.answers(3 * SECOND)[0].state == "stale"
     assert bench.frame(4 * SECOND).state == "ambiguous"
-    assert len(bench.filters["cup"].measurements) == 1
+    assert len(bench.of["cup"].measurements) == 1
 
 
 def test_a_codebook_of_another_network_than_the_codes_that_come_is_refused(graph):
-    bench = Bench(graph, networks={"cup": "other", "jug": "fake"})
+    bench = ObjectBench(graph, networks={"cup": "other", "jug": "fake"})
     bench.frame(SECOND)
     answer = bench.set_object("cup")
     assert not answer.success
     assert "built with the network other, but the codes that come are of fake" in answer.message
     assert bench.frame(2 * SECOND).state == "ambiguous"
-    assert len(bench.filters["mug"].measurements) == 2
+    assert len(bench.of["mug"].measurements) == 2
     assert bench.set_object("jug").success
 
 
 def test_before_any_code_has_come_every_network_is_accepted_and_wrong_codes_are_refused_one_by_one(graph):
-    bench = Bench(graph, networks={"cup": "other"})
+    bench = ObjectBench(graph, networks={"cup": "other"})
     assert bench.set_object("cup").success
     bench.codes.publish(code_msg(SECOND, network_id="other"))
     bench.tf.publish(tf_msg(SECOND, T_BASE_OBJ))
@@ -168,7 +166,7 @@ def test_before_any_code_has_come_every_network_is_accepted_and_wrong_codes_are_
 
 
 def test_a_prior_for_the_old_object_is_forgotten(graph):
-    bench = Bench(graph, init_mode="wait")
+    bench = ObjectBench(graph, init_mode="wait")
     priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
     priors.publish(pose_msg("base_link", T_BASE_OBJ))
     graph.spin_until(lambda: bench.node._localiser._pending_prior is not None, "the prior")

@@ -1,0 +1,62 @@
+"""The filter node on a fake filter, with its inputs and what it says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from filter_fakes import code_msg, loader_of, tf_msg, translation
+from tf2_msgs.msg import TFMessage
+
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_perception.ros.conversions import stamp_ns
+
+REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0}
+OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
+T_BASE_OBJ = translation(0.4, 0.1, 0.2)
+
+
+def skipped(status: FilterStatus) -> dict[str, int]:
+    """How often each thing was skipped, by name."""
+    return dict(zip(status.skipped_names, status.skipped_counts, strict=True))
+
+
+class Bench:
+    """A node with its inputs and the statuses it has published since its start.
+
+    load: replaces the one that hands out fake filters; `filters` are those that were handed out.
+    """
+
+    def __init__(self, graph, load: Callable | None = None, **parameters):
+        self.graph, self.filters = graph, []
+        load = load or loader_of(self.filters)
+        self.node = graph.add(
+            lambda **options: ParticleFilterNode(load=load, **options),
+            {**REPLAY, **parameters},
+        )
+        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        self.codes = graph.publisher(TactileCode, "tactile/code")
+        self.tf = graph.publisher(TFMessage, "/tf")
+        graph.spin_until(lambda: self.statuses, "the status at start")
+        self.statuses.clear()
+
+    @property
+    def filter(self):
+        return self.filters[-1]
+
+    def answered(self) -> list[int]:
+        """Stamps [ns] of the statuses."""
+        return [stamp_ns(status.header.stamp) for status in self.statuses]
+
+    def answers(self, stamp: int) -> list[FilterStatus]:
+        """The statuses of a stamp [ns]."""
+        return [status for status in self.statuses if stamp_ns(status.header.stamp) == stamp]
+
+    def frame(self, stamp: int, T_base_gel: np.ndarray = T_BASE_OBJ, **code) -> FilterStatus:
+        """Send transform and code of one frame; the status that answers it."""
+        before = len(self.statuses)
+        self.tf.publish(tf_msg(stamp, T_base_gel))
+        self.codes.publish(code_msg(stamp, **code))
+        self.graph.spin_until(lambda: stamp in self.answered()[before:], f"the answer to {stamp}")
+        return self.statuses[-1]

@@ -1,0 +1,92 @@
+"""What the node publishes of an estimate, for whom and how often."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
+from filter_fakes import SECOND, translation
+from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
+from sensor_msgs.msg import PointCloud2
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_filter.state import CONVERGED
+from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_perception.ros.conversions import stamp_ns, transform_from_msg
+
+pytestmark = pytest.mark.dds
+
+
+def test_nothing_that_is_not_finite_is_published(graph):
+    bench = Bench(graph, **OBJECT)
+    poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
+    modes = graph.listen(PoseModes, "pose_modes")
+    bench.filter.spoil = True
+    status = bench.frame(SECOND, T_BASE_OBJ)
+    assert status.state == "lost"
+    assert "not finite" in status.reason
+    bench.filter.spoil = False
+    bench.frame(2 * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: poses and modes)
+    assert [stamp_ns(m.header.stamp) for m in poses + modes] == [2 * SECOND] * 2
+
+
+def test_object_frame_is_broadcast_only_while_converged(graph):
+    bench = Bench(graph, **OBJECT, transform_tolerance=0.5)
+    sent = graph.listen(TFMessage, "/tf")
+
+    def of_object():
+        return [t for m in sent for t in m.transforms if t.child_frame_id == "object"]
+
+    bench.frame(SECOND, T_BASE_OBJ)
+    bench.filter.state = CONVERGED
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.02))
+    graph.spin_until(of_object)
+    (transform,) = of_object()
+    assert (transform.header.frame_id, stamp_ns(transform.header.stamp)) == ("base_link", 5 * SECOND // 2)
+    np.testing.assert_allclose(transform_from_msg(transform.transform), T_BASE_OBJ, atol=1e-9)
+
+
+def test_what_is_only_looked_at_is_built_for_somebody(graph):
+    bench = Bench(graph, **OBJECT)
+    status = bench.frame(SECOND, T_BASE_OBJ)
+    counts = skipped(status)
+    status = bench.frame(2 * SECOND, T_BASE_OBJ)
+    assert skipped(status)["no_subscriber"] == (counts["no_subscriber"] + 1)
+    particles = graph.listen(PoseArray, "particles")
+    clouds = graph.listen(PointCloud2, "particles/cloud")
+    hypotheses = graph.listen(MarkerArray, "hypotheses")
+    bench.frame(3 * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: particles and clouds and hypotheses)
+    assert (len(particles[0].poses), clouds[0].width) == (1000, 2000)
+    assert {m.header.frame_id for m in [particles[0], clouds[0], *hypotheses[0].markers]} == {"object"}
+
+
+def test_who_comes_late_sees_object_state_and_pose_at_once(graph):
+    """RViz started while the arm rests: nothing is published again."""
+    bench = Bench(graph, **OBJECT)
+    for stamp in (1, 2):
+        bench.frame(stamp * SECOND, translation(0.01 * stamp))
+    late = {
+        topic: graph.listen(kind, topic, latched=True)
+        for kind, topic in (
+            (MarkerArray, "object_mesh"),
+            (FilterStatus, "filter_status"),
+            (PoseWithCovarianceStamped, "pose"),
+        )
+    }
+    for topic in ("filter_status", "pose"):
+        last = lambda topic=topic: late[topic] and stamp_ns(late[topic][-1].header.stamp)  # noqa: E731
+        graph.spin_until(lambda last=last: last() == 2 * SECOND, f"the last {topic}")
+    graph.spin_until(lambda: late["object_mesh"], "the object")
+    assert late["object_mesh"][0].markers[-1].mesh_resource == "file:///data/mug.ply"
+
+
+def test_views_are_limited_in_rate(graph):
+    bench = Bench(graph, **{**OBJECT, "view_rate": 0.01})
+    particles = graph.listen(PoseArray, "particles")
+    for stamp in range(1, 6):
+        bench.frame(stamp * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: particles)
+    assert len(particles) == 1

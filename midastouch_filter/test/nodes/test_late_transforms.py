@@ -1,0 +1,76 @@
+"""Codes whose transforms come late, or never."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from filter_bench import OBJECT, T_BASE_OBJ, Bench
+from filter_fakes import SECOND, code_msg, tf_msg, translation
+from rosgraph_msgs.msg import Clock
+
+pytestmark = pytest.mark.dds
+
+
+def test_codes_wait_for_their_transform_in_order(graph):
+    bench = Bench(graph, **OBJECT)
+    for stamp in (1, 2, 3):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    graph.spin_for(0.2)
+    assert bench.statuses == []
+    for stamp in (1, 2, 3):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(0.01 * stamp)))
+    graph.spin_until(lambda: len(bench.statuses) == 3)
+    assert bench.answered() == [SECOND, 2 * SECOND, 3 * SECOND]
+    np.testing.assert_allclose(bench.filter.odometry[2], translation(0.01), atol=1e-9)
+
+
+def test_transforms_are_interpolated_at_the_stamp_of_the_image(graph):
+    bench = Bench(graph, **OBJECT)
+    for stamp, x in ((1, 0.0), (2, 0.1), (3, 0.2)):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(x)))
+    for stamp in (1.25, 2.5):
+        bench.codes.publish(code_msg(round(stamp * SECOND)))
+    graph.spin_until(lambda: len(bench.statuses) == 2)
+    np.testing.assert_allclose(bench.filter.odometry[1], translation(0.125), atol=1e-9)
+
+
+def test_transform_that_never_comes_is_stale_with_a_reason(graph):
+    bench = Bench(graph, **OBJECT, transform_timeout=0.2)
+    bench.codes.publish(code_msg(SECOND))
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.answered() == [SECOND]
+    assert bench.statuses[0].state == "stale"
+    assert "digit_gel_frame" in bench.statuses[0].reason
+    assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous", "it recovers"
+
+
+def test_image_older_than_all_transforms_is_given_up_at_once(graph):
+    bench = Bench(graph, **OBJECT, transform_timeout=600.0)
+    for stamp in (10, 11):
+        bench.tf.publish(tf_msg(stamp * SECOND, T_BASE_OBJ))
+    # an answer shows that the transforms are there
+    bench.codes.publish(code_msg(round(9.9 * SECOND)))
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.statuses[0].state == "stale"
+    assert "history starts" in bench.statuses[0].reason
+    bench.codes.publish(code_msg(11 * SECOND))
+    graph.spin_until(lambda: len(bench.statuses) == 2)
+    assert bench.statuses[1].state == "ambiguous"
+
+
+def test_paused_simulated_time_does_not_run_out(graph):
+    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
+    clock = graph.publisher(Clock, "/clock")
+
+    def tick(seconds: float):
+        now = round(seconds * SECOND)
+        clock.publish(Clock(clock=code_msg(now).header.stamp))
+        graph.spin_until(lambda: bench.node.get_clock().now().nanoseconds == now)
+
+    tick(10.0)
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_for(0.6)
+    assert bench.statuses == []
+    tick(10.5)
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.statuses[0].state == "stale"

@@ -1,0 +1,59 @@
+"""Stamps that repeat, are late or run backwards: looped bags, and clocks of others."""
+
+from __future__ import annotations
+
+import pytest
+from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
+from filter_fakes import SECOND, code_msg, tf_msg, translation
+
+pytestmark = pytest.mark.dds
+
+
+def test_looped_bag_restarts_once_per_loop(graph):
+    bench = Bench(graph, **OBJECT)
+    for loop in (1, 2, 3):
+        for stamp in (100, 101, 102):
+            assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
+        assert bench.filter.starts == ["uniform"] * loop
+        assert bench.filter.odometry[-3] is None
+    status = bench.statuses[-1]
+    assert skipped(status)["time_jumps"] == 2
+
+
+def test_other_frames_may_have_clocks_of_their_own(graph):
+    """A camera that starts its clock again, a robot beside this one: nothing that the filter asks for."""
+    bench = Bench(graph, **OBJECT)
+    for stamp in (100, 101):
+        bench.frame(stamp * SECOND, translation(0.01 * stamp))
+    for other in (5000, 3, 4000, 2):
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "base_link", "camera"))
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "map", "base_link"))
+    for stamp in (102, 103):
+        assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
+    assert bench.filter.starts == ["uniform"]
+    assert len(bench.filter.odometry) == 4
+    status = bench.statuses[-1]
+    assert skipped(status)["time_jumps"] == 0
+
+
+def test_looped_bag_whose_code_overtakes_its_transform(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(1.0))
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: len(bench.filter.starts) == 2)
+    bench.tf.publish(tf_msg(10 * SECOND, translation(0.1)))
+    graph.spin_until(lambda: bench.answered()[-1] == 10 * SECOND)
+    assert bench.statuses[-1].state == "ambiguous"
+    assert bench.filter.starts == ["uniform"] * 2
+
+
+def test_repeated_and_late_stamps_are_answered_but_not_counted_twice(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(10 * SECOND, T_BASE_OBJ)
+    for stamp in (10 * SECOND, 10 * SECOND - 100_000_000):
+        bench.codes.publish(code_msg(stamp))
+    graph.spin_until(lambda: len(bench.statuses) == 3)
+    assert len(bench.filter.measurements) == 1
+    assert bench.answered()[1:] == [10 * SECOND, 10 * SECOND - 100_000_000]
+    status = bench.statuses[-1]
+    assert skipped(status)["out_of_order"] == 2
