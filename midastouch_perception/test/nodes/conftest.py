@@ -1,15 +1,36 @@
-"""A ROS graph per test."""
+"""A ROS graph per test, and what `tdn` is started with; the stand-ins beside this file can be imported."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
+import cv2
 import pytest
 
 from midastouch_perception.ros.testing import Graph, open_graph
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from perception_fakes import BACKGROUND, FakeDepthStage
 
 
 @pytest.fixture
 def graph() -> Iterator[Graph]:
     with open_graph() as opened:
         yield opened
+
+
+@pytest.fixture
+def background(tmp_path) -> str:
+    """Path of an image of the untouched gel."""
+    path = str(tmp_path / "background.png")
+    cv2.imwrite(path, BACKGROUND)
+    return path
+
+
+@pytest.fixture
+def depth() -> FakeDepthStage:
+    """Stands for the network."""
+    return FakeDepthStage()

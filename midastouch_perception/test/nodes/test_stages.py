@@ -1,12 +1,6 @@
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 
 from midastouch_perception.contact import Contact

@@ -1,17 +1,11 @@
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.nodes.stages import Depth

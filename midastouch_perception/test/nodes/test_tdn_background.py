@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
+import tdn_rig
+from perception_fakes import BACKGROUND, FakeDepthStage, image_msg
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
-sys.path.insert(0, str(Path(__file__).parent))
-
-from perception_fakes import BACKGROUND, FakeDepthStage, image_msg
-
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.errors import InputError
-from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 DIMMED = BACKGROUND - 20
 
 
-def start(graph, **parameters) -> TdnNode:
-    values = {"queue_depth": 100, "reliable": True, "background_frames": 5, **parameters}
-    return graph.add(lambda **options: TdnNode(depth=FakeDepthStage(), **options), values)
+def start(graph, **parameters) -> None:
+    tdn_rig.start(graph, FakeDepthStage(), background_frames=5, **parameters)
 
 
 def capture(graph, pixels: np.ndarray) -> Trigger.Response:
@@ -62,7 +55,6 @@ def test_it_is_used_again_by_the_next_node_of_that_sensor(graph, tmp_path):
 
 
 def test_the_parameter_background_goes_over_it(graph, tmp_path):
-
     cv2.imwrite(str(tmp_path / "given.png"), BACKGROUND)
     cv2.imwrite(str(tmp_path / "D20001.png"), DIMMED)
     start(graph, serial="D20001", background_folder=str(tmp_path), background=str(tmp_path / "given.png"))

@@ -1,0 +1,97 @@
+"""Images and backgrounds that cannot be right are named in the diagnostics."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from perception_fakes import BACKGROUND, image_msg, touched
+from sensor_msgs.msg import Image
+from tdn_rig import REPLAY, start, warnings_of
+
+from midastouch_msgs.msg import TactileContact
+from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.ros.conversions import stamp_ns
+
+pytestmark = pytest.mark.dds
+
+
+def test_bad_images_are_counted_and_survived(graph, depth, background):
+    start(graph, depth, background=background)
+    images = graph.publisher(Image, "image_raw")
+    contacts = graph.listen(TactileContact, "tactile/contact")
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    wrong_length = image_msg(touched(60), 1)
+    wrong_length.height = 319
+    deep = image_msg(touched(60), 1)
+    deep.encoding, deep.step = "rgb16", 2 * deep.step
+    bad = [
+        image_msg(touched(60)[:100], 1),
+        image_msg(np.ascontiguousarray(touched(60).transpose(1, 0, 2)), 1),
+        image_msg(np.zeros((320, 240), np.uint8), 1, "mono8"),
+        image_msg(np.full((320, 240), np.nan, np.float32), 1, "32FC1"),
+        wrong_length,
+        deep,
+        Image(),
+    ]
+    for msg in bad:
+        images.publish(msg)
+    images.publish(image_msg(touched(60), 2))
+    graph.spin_until(lambda: contacts)
+    assert [stamp_ns(c.header.stamp) for c in contacts] == [2]
+
+    def counted():
+        return {v.key: v.value for m in statuses for s in m.status for v in s.values}.get("bad_images")
+
+    graph.spin_until(lambda: counted() == str(len(bad)))
+    assert any("image_raw" in s.message for m in statuses for s in m.status)
+
+
+@pytest.mark.parametrize(("level", "said"), [(0, "black"), (255, "saturated (100 % of it)")])
+def test_images_that_show_nothing_are_no_contact_and_no_background(graph, depth, level, said):
+    """To the network the light that went off is a contact as large as the gel."""
+    start(graph, depth, background_frames=1)
+    images = graph.publisher(Image, "image_raw")
+    contacts = graph.listen(TactileContact, "tactile/contact")
+    warned = warnings_of(graph)
+    for stamp, pixels in enumerate([np.full_like(BACKGROUND, level), BACKGROUND, touched(60)]):
+        images.publish(image_msg(pixels, stamp + 1))
+    graph.spin_until(lambda: len(contacts) == 2)
+    assert [(stamp_ns(c.header.stamp), c.in_contact) for c in contacts] == [(2, False), (3, True)]
+    graph.spin_until(lambda: warned())
+    assert f"image_raw: the image is {said}" in warned()[0]
+
+
+def lit_gel() -> np.ndarray:
+    """Untouched gel (320, 240, 3) lit red from the left, green from the right."""
+    x = np.linspace(-1, 1, 240)
+    row = np.stack([90 - 40 * x, 90 + 40 * x, np.full(240, 80)], axis=1)
+    return np.tile(row, (320, 1, 1)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (lambda image: image[::-1, ::-1], "upside down"),
+        (lambda image: image // 20, "black"),
+        (lambda image: np.full_like(image, 255), "saturated"),
+    ],
+)
+def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, tmp_path, wrong, said):
+    cv2.imwrite(str(tmp_path / "background.png"), np.ascontiguousarray(wrong(lit_gel())[:, :, ::-1]))
+    start(graph, depth, background=str(tmp_path / "background.png"))
+    warned = warnings_of(graph)
+    graph.spin_until(lambda: warned())
+    assert said in warned()[0]
+
+
+def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, background):
+    """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
+    graph.add(TdnNode, {**REPLAY, "background": background})
+    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
+    for stamp in range(25):
+        images.publish(image_msg(BACKGROUND + np.uint8(30 + stamp), stamp + 1))
+    graph.spin_until(lambda: warned())
+    assert "no part of the image" in warned()[0]
+    assert "capture_background" in warned()[0]
