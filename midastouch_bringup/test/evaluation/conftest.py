@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from midastouch_bringup.evaluation.trial import ERROR_KEYS
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
@@ -117,3 +118,22 @@ def draw_contacts(mesh: ObjectMesh):
 def pose_codes():
     """Function poses (n, 4, 4) -> codes (n, D), the codebook's own."""
     return encode
+
+
+@pytest.fixture(scope="session")
+def trials(make_trial) -> list[dict]:
+    """Of the default, exact in two of three, of a slow variant without the third, and of a fast one."""
+
+    def trial(variant: str, seed: int, error: float, filter_ms: float, **final) -> dict:
+        return make_trial(variant, seed, filter_ms, dict.fromkeys(ERROR_KEYS, error) | final)
+
+    return [
+        trial("default", 0, 2.0, 7.0, symmetric_e_trans_mm=1.0),
+        trial("default", 1, 4.0, 9.0),
+        trial("default", 2, 100.0, 7.0, state="ambiguous"),
+        trial("paper", 0, 12.0, 97.0),
+        trial("paper", 1, 12.0, 97.0, state="ambiguous"),
+        trial("1k", 0, 5.0, 1.0),
+        trial("1k", 1, 5.0, 1.0),
+        trial("1k", 2, 5.0, 1.0),
+    ]

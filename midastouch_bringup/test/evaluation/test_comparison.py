@@ -9,24 +9,6 @@ from midastouch_bringup.evaluation.comparison import (
     rows_by_init,
     wrong_converged,
 )
-from midastouch_bringup.evaluation.trial import ERROR_KEYS
-
-
-@pytest.fixture(scope="module")
-def trials(make_trial) -> list[dict]:
-    def trial(variant: str, seed: int, error: float, filter_ms: float, **final) -> dict:
-        return make_trial(variant, seed, filter_ms, dict.fromkeys(ERROR_KEYS, error) | final)
-
-    return [
-        trial("default", 0, 2.0, 7.0, symmetric_e_trans_mm=1.0),
-        trial("default", 1, 4.0, 9.0),
-        trial("default", 2, 100.0, 7.0, state="ambiguous"),
-        trial("paper", 0, 12.0, 97.0),
-        trial("paper", 1, 12.0, 97.0, state="ambiguous"),
-        trial("1k", 0, 5.0, 1.0),
-        trial("1k", 1, 5.0, 1.0),
-        trial("1k", 2, 5.0, 1.0),
-    ]
 
 
 @pytest.fixture
