@@ -6,7 +6,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from .errors import EndOfStreamError
+from .errors import CorruptFrameError, EndOfStreamError, InputError
 from .frame_source import PORTRAIT_SHAPE, Frame, FrameSource, MonotonicClock, SourceInfo
 
 
@@ -49,7 +49,11 @@ class Playback(FrameSource):
         sequence = self._sequence
         # Counted before it is decoded, so that a damaged frame is passed over and not tried for ever.
         self._sequence += 1
-        return Frame(self._next_or_first(), due_ns, sequence)
+        try:
+            return Frame(self._next_or_first(), due_ns, sequence)
+        except InputError as error:
+            # the first image was one of a DIGIT; a stray one among the others must not end the rest
+            raise CorruptFrameError(str(error)) from error
 
     def _next_or_first(self) -> np.ndarray:
         image = self._next_image()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 
 _SHORTEST_WINDOW_S = 1.0
 _FRAMES_PER_WINDOW = 5
@@ -20,15 +21,16 @@ class RateMonitor:
         self._window_ns = round(max(_SHORTEST_WINDOW_S, _FRAMES_PER_WINDOW / fps) * 1e9)
         self._start_ns = now_ns
         self._stamps: deque[int] = deque()
-        self.backward = 0
-        """Stamps that were not later than the one before."""
 
     def add(self, stamp_ns: int) -> None:
         """Counts one frame."""
-        if self._stamps and stamp_ns <= self._stamps[-1]:
-            self.backward += 1
         self._stamps.append(stamp_ns)
         self._forget(stamp_ns)
+
+    @property
+    def backward(self) -> int:
+        """Stamps in the window that were not later than the one before."""
+        return sum(later <= earlier for earlier, later in pairwise(self._stamps))
 
     def rate(self, now_ns: int) -> float | None:
         """Frames per second in the window that ends now; None before one whole window has passed."""

@@ -148,6 +148,8 @@ class FrameReader:
     def _run(self) -> None:
         try:
             self._connect_and_stream()
+            # said here, too: the thread may get free only after ``stop`` has left it alone
+            self._update(state=ReaderState.STOPPED)
         except InputError as error:
             self._settle(ReaderState.FAILED, str(error))
         except EndOfStreamError:

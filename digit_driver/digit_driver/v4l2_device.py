@@ -86,6 +86,7 @@ class V4l2Digit(FrameSource):
         self._find = find
         self._clock = clock or MonotonicClock()
         self._serial = settings.serial
+        self._opened_serial = ""  # of the sensor that was open last
         self._leds = settings.leds
         self._firmware: int | None = None
         self._width, self._height, _ = MODES[settings.resolution]
@@ -112,7 +113,7 @@ class V4l2Digit(FrameSource):
             self.close()
             raise
         if digit:
-            self._serial = digit.serial
+            self._serial = self._opened_serial = digit.serial
         if fps != self._settings.fps:
             warnings.append(f"the camera runs at {fps:g} frames per second instead of {self._settings.fps}")
         serial = digit.serial if digit else ""
@@ -174,7 +175,10 @@ class V4l2Digit(FrameSource):
     def _locate(self) -> tuple[UsbDigit | None, tuple[Path, ...]]:
         if self._settings.video_device:
             node = Path(self._settings.video_device)
-            return find_by_node(node, self._find()), (node,)
+            digit = find_by_node(node, self._find())
+            # A name of udev's (a link) says what is meant. A number goes to another sensor once ours is unplugged.
+            if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
+                return digit, (node,)
         digit = select_digit(self._find(), self._serial)
         return digit, digit.nodes
 

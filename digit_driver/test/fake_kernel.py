@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import mmap
+import os
 import shutil
 import threading
 import time
@@ -106,6 +107,7 @@ class FakeKernel(SystemCalls):
             descriptor.gone = descriptor.gone or descriptor.camera is camera
 
     def open(self, path: str) -> int:
+        path = os.path.realpath(path)
         for camera in self.cameras:
             offset = int(path.removeprefix("/dev/video")) - camera.number
             if offset in (0, 1):

@@ -45,6 +45,9 @@ def test_stamps_that_do_not_advance_are_counted() -> None:
     for stamp in (5, 5, 4, 6):
         monitor.add(stamp)
     assert monitor.backward == 2
+    for i in range(1, 121):
+        monitor.add(i * SECOND // 60)
+    assert monitor.backward == 0, "an old one says nothing about now"
 
 
 def noisy(rng: np.random.Generator, mean: int = 90) -> np.ndarray:

@@ -5,6 +5,8 @@ import threading
 import time
 from collections.abc import Callable
 
+import cv2
+import numpy as np
 import pytest
 from fake_kernel import FakeDigit
 
@@ -125,6 +127,20 @@ def test_foreign_camera_on_our_device_node_is_waited_out(kernel, watch) -> None:
     assert watched.wait_for(lambda status: status.reconnects == 1).state is ReaderState.STREAMING
 
 
+def test_a_sensor_given_by_its_number_is_not_mixed_up_with_another(kernel, watch) -> None:
+    camera = kernel.plug(FakeDigit("D5", number=0))
+    watched = watch(video_device="/dev/video0")
+    before = watched.wait_for(streaming(3)).frames
+    kernel.unplug(camera)
+    watched.wait_for(lambda status: status.state is ReaderState.DISCONNECTED)
+    kernel.plug(FakeDigit("D6", "1-6", number=0))
+    watched.wait_for(lambda status: "no DIGIT D5" in status.last_error)
+    camera.number = 8
+    kernel.plug(camera)
+    status = watched.wait_for(streaming(before + 3))
+    assert (status.info.name, status.info.serial, status.reconnects) == ("/dev/video8", "D5", 1)
+
+
 def test_stalled_stream_is_opened_anew(kernel, watch) -> None:
     camera = kernel.plug(FakeDigit())
     watched = watch()
@@ -193,6 +209,7 @@ def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:
         reader.start()
     camera.hanging = None
     release.set()
+    watched.wait_for(lambda status: status.state is ReaderState.STOPPED)
     assert reader.stop(timeout=5.0)
     assert kernel.descriptors == {}
     reader.start()
@@ -222,9 +239,6 @@ def test_start_twice_and_start_again(kernel, watch) -> None:
 
 
 def test_recording_ends_and_the_reader_says_so(tmp_path) -> None:
-    import cv2
-    import numpy as np
-
     for i in range(3):
         cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros((320, 240, 3), np.uint8))
     watched = Watched(ImageFolder(tmp_path, fps=500.0, loop=False))
@@ -232,6 +246,16 @@ def test_recording_ends_and_the_reader_says_so(tmp_path) -> None:
     status = watched.wait_for(lambda status: status.state is ReaderState.ENDED)
     assert status.frames == 3
     assert watched.reader.take().sequence == 2
+
+
+def test_a_stray_image_in_a_recording_is_passed_over(tmp_path) -> None:
+    for i, shape in enumerate([(320, 240, 3), (100, 100, 3), (320, 240, 3)]):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros(shape, np.uint8))
+    watched = Watched(ImageFolder(tmp_path, fps=500.0, loop=False))
+    watched.reader.start()
+    status = watched.wait_for(lambda status: status.state in (ReaderState.ENDED, ReaderState.DISCONNECTED))
+    assert (status.state, status.frames, status.corrupt) == (ReaderState.ENDED, 2, 1)
+    assert "1.png" in status.last_error
 
 
 def test_bad_recording_fails_with_its_reason(tmp_path) -> None:

@@ -84,6 +84,17 @@ def test_video_device_overrides_the_search(kernel, device) -> None:
     assert (info.name, info.serial) == ("/dev/video2", "D2")
 
 
+def test_a_link_of_udevs_means_whatever_is_plugged_in_there(kernel, device, tmp_path) -> None:
+    link = tmp_path / "by-path"
+    link.symlink_to("/dev/video0")
+    first = kernel.plug(FakeDigit("D1", number=0))
+    digit = device(video_device=str(link))
+    assert digit.open().serial == "D1"
+    kernel.unplug(first)
+    kernel.plug(FakeDigit("D2", number=0))
+    assert digit.open().serial == "D2"
+
+
 def test_leds_are_packed_and_survive_a_replug(kernel, device) -> None:
     camera = kernel.plug(FakeDigit())
     digit = device(leds=(15, 8, 0))

@@ -6,6 +6,7 @@ import sys
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
@@ -71,7 +72,9 @@ class DigitDriver(RobustLifecycleNode):
         self._info_pub = self.create_publisher(CameraInfo, "camera_info", IMAGE_QOS, **options)
         self._diagnostics_pub = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._wake = self.create_guard_condition(self._on_reader_event)
-        self.create_timer(self._values["diagnostics_period"], self._publish_diagnostics)
+        # steady: a wall clock that is set back would silence a timer of its own for as long
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._values["diagnostics_period"], self._publish_diagnostics, clock=steady)
         self.create_service(SetBool, "set_capture", self._on_set_capture)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)

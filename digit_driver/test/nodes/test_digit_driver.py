@@ -12,6 +12,7 @@ from fake_kernel import FakeDigit
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Log
+from rclpy.clock import ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool
@@ -130,6 +131,12 @@ def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) ->
     assert (values["reconnects"], values["source"]) == ("1", "/dev/video6")
     it.subscribe(Image, "image_raw")
     it.wait("image_raw")
+
+
+def test_no_timer_follows_the_wall_clock(peer, folder) -> None:
+    """Set back by an hour, it would silence the diagnostics for an hour."""
+    driver = peer(replay_path=str(folder)).driver
+    assert {timer.clock.clock_type for timer in driver.timers} == {ClockType.STEADY_TIME}
 
 
 def test_uneven_stamps_are_a_warning_in_diagnostics_and_log(peer, camera) -> None:
