@@ -60,7 +60,7 @@ class Peer:
         self.driver.destroy_node()
         self.node.destroy_node()
         self._executor.shutdown()
-        # A lifecycle node's state machine keeps the node below it until it is collected: that one's publisher of /rosout
+        # A lifecycle node's state machine keeps the node below it until it is collected, whose publisher of /rosout
         # would be taken for that of the next node of the same name.
         del self.driver
         gc.collect()
