@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
@@ -73,7 +73,7 @@ class NodeProcesses:
         with self._log(executable).open("ab") as log:
             # a session of its own: Ctrl-C reaches this process alone, which then stops them in order
             self._processes[executable] = subprocess.Popen(
-                command,
+                bound_to_us(command),
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -128,6 +128,16 @@ def _await_ends(processes: list[subprocess.Popen], seconds: float) -> None:
     for process in processes:
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(max(0.0, deadline - time.monotonic()))
+
+
+def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+    """The command of a child that gets SIGTERM when the thread that has started it, and so this process, is gone.
+
+    Also after SIGKILL, which leaves a parent no time to end its children: they would go on, invisibly, with the sensor
+    and the topics in their hands. Without `setpriv` (util-linux, part of every Debian and Ubuntu) the command as it is.
+    """
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "TERM", "--", *command] if setpriv else [*command]
 
 
 def find_executable(name: str) -> str:

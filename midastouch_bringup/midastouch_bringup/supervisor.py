@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from .node_processes import end
+from .node_processes import bound_to_us, end
 
 _STOP = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 _LAST_OUTPUT_S = 1.0
@@ -90,10 +90,17 @@ class Supervisor:
     def _start(self, child: _Child) -> None:
         child.start(self._environment, self._echo)
 
+    def _start_again(self, child: _Child) -> None:
+        try:
+            self._start(child)
+        except OSError as error:  # no memory for the moment, say: the others must not suffer for it
+            name, delay = child.program.name, child.schedule()
+            self._say(f"{name} could not be started: {error.strerror}; trying again in {delay:g} s")
+
     def _look_after(self, child: _Child) -> None:
         if child.due is not None:
             if time.monotonic() >= child.due:
-                self._start(child)
+                self._start_again(child)
             return
         if (status := child.take_status()) is None:
             return
@@ -150,7 +157,7 @@ class _Child:
         self.due, self._born = None, time.monotonic()
         # a session of its own: Ctrl-C reaches this process alone, which then ends them in order
         self.process = subprocess.Popen(
-            self.program.command,
+            bound_to_us(self.program.command),
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

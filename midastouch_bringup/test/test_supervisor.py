@@ -1,7 +1,9 @@
 """Real processes under a supervisor in a process of its own; the programs are lines of shell."""
 
+import errno
 import itertools
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.supervisor import BackOff, _woken_by_signals
+from midastouch_bringup.supervisor import BackOff, Program, Supervisor, _woken_by_signals
 
 SUPERVISE = """
 import json, os, sys
@@ -119,6 +121,24 @@ def test_what_dies_is_started_again_later_each_time(supervise):
     assert run.lines.count("[other] alive") == 1
 
 
+def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
+    start, calls = subprocess.Popen, []
+
+    def short_of_memory(*args, **options):
+        calls.append(args)
+        if len(calls) == 2:
+            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+        if len(calls) == 3:
+            signal.raise_signal(signal.SIGINT)
+        return start(*args, **options)
+
+    monkeypatch.setattr(subprocess, "Popen", short_of_memory)
+    program = Program("mortal", ("sh", "-c", "exit 3"))
+    Supervisor([program], os.environ, lambda: BackOff(0.01, 1.0)).run()
+    assert len(calls) == 3
+    assert "mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in capsys.readouterr().out
+
+
 def test_what_ends_by_itself_is_not_started_again(supervise):
     run = supervise({"replay": "echo played", "failed": "exit 2"}, back_off=(0.0, 0.0), ends=["replay", "failed"])
     assert run.status() == 1
@@ -161,6 +181,15 @@ def test_who_presses_again_waits_no_longer(supervise):
     run.process.send_signal(signal.SIGINT)
     assert run.status() == 0
     assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
+
+
+def test_who_is_killed_takes_its_programs_along(supervise):
+    run = supervise(dict.fromkeys(("one", "other"), f"trap 'exit 0' TERM; echo $$; {FOR_EVER}"))
+    run.until(lambda: len(run.lines) == 2)
+    pids = [int(line.split()[1]) for line in run.lines]
+    run.process.kill()
+    run.process.wait()
+    run.until(lambda: not any(running(pid) for pid in pids))
 
 
 def test_programs_outlive_who_reads_their_output(supervise, tmp_path):

@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 from midastouch_perception.errors import InputError
 
+from ..node_processes import bound_to_us
 from . import require_rerun
 
 _START_S = 30.0
@@ -47,7 +48,7 @@ class ViewServer:
             command += ["--cors-allow-origin", f"http://*:{web_port}"]
         self._log = TemporaryFile()  # noqa: SIM115 - closed in close()
         self._process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, start_new_session=True
+            bound_to_us(command), stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, start_new_session=True
         )
         try:
             self._wait_until_it_listens()
