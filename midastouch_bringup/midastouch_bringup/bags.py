@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +40,7 @@ from midastouch_perception.files import naming
 from .datasets import Sequence
 from .messages import (
     BASE_FRAME,
+    COMPRESSED_TYPE,
     GEL_FRAME,
     IMAGE_TOPIC,
     IMAGE_TYPE,
@@ -54,7 +55,6 @@ from .messages import (
     typestore,
 )
 
-_COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 _FOREVER_S = 1e9
 _UNSET = QosTime(0, 0)
 
@@ -150,7 +150,7 @@ def is_bag(path: str | Path) -> bool:
 def bag_metadata(path: str | Path) -> dict[str, str]:
     """The custom data of a bag, such as `object` and `sequence`; empty for a bag that has none."""
     path = Path(path)
-    with _readable(path):
+    with readable(path):
         if path.is_dir():
             content = yaml.safe_load((path / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
             return content.get("custom_data") or {}
@@ -184,22 +184,23 @@ def read_bag(
 
     All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
     which images and transforms were recorded. Images before the first or after the last transform are left
-    out. Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if its time runs
-    backwards.
+    out, and transforms that are none (not finite, no unit quaternion), as the filter's node leaves them out.
+    Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if the time of a frame
+    runs backwards on which the gel's or the true pose depends.
     """
     path = Path(path)
-    transforms = _all_transforms(path)
+    transforms, refused = _all_transforms(path, ((base_frame, gel_frame), (TRUTH_FRAME, TRUTH_GEL_FRAME)))
     used, reason = False, "it is empty"
     for message in bag_messages(path, {image_topic}):
-        with _readable(path):
+        with readable(path):
             stamp = header_stamp_ns(message.data)
         try:
             pose = transforms.lookup(base_frame, gel_frame, stamp)
         except TransformError as error:
-            reason = str(error)
+            reason = "; ".join(filter(None, (str(error), refused)))
             continue
         used = True
-        yield BagFrame(stamp, _decode_image(message, path), pose, _true_pose(transforms, stamp))
+        yield BagFrame(stamp, decode_image(message, path), pose, _true_pose(transforms, stamp))
     if not used:
         raise InputError(f"{path}: no image on {image_topic} has a pose ({reason}); record /tf and /tf_static")
 
@@ -207,7 +208,7 @@ def read_bag(
 def bag_topics(path: str | Path) -> list[Topic]:
     """The topics of a bag. Raises InputError if it cannot be read."""
     path = Path(path)
-    with _readable(path), AnyReader([path]) as reader:
+    with readable(path), AnyReader([path]) as reader:
         return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections]
 
 
@@ -217,7 +218,7 @@ def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Mes
     Raises InputError if the bag cannot be read or has none of the topics.
     """
     path = Path(path)
-    with _readable(path), AnyReader([path]) as reader:
+    with readable(path), AnyReader([path]) as reader:
         chosen = [c for c in reader.connections if not topics or c.topic in topics]
         if not chosen:
             present = ", ".join(sorted({c.topic for c in reader.connections})) or "nothing"
@@ -232,8 +233,8 @@ def _was_latched(connection: Connection) -> bool:
 
 
 @contextlib.contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    """Any failure of the reading libraries on the bag's bytes as an InputError."""
+def readable(path: Path) -> Iterator[None]:
+    """Any failure of the reading libraries on a bag's bytes as an InputError."""
     if not is_bag(path):
         raise InputError(f"{path}: not a bag; give an .mcap file or a folder with metadata.yaml")
     try:
@@ -246,11 +247,17 @@ def _readable(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _all_transforms(path: Path) -> TransformBuffer:
-    buffer = TransformBuffer(history_s=_FOREVER_S)
+def _all_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[TransformBuffer, str]:
+    """Every transform of a bag, and why one was refused, the last such reason; empty if none was.
+
+    asked: pairs of frames, on the way between which no time may run backwards. Other frames may have odd clocks.
+    """
+    buffer, refused = TransformBuffer(history_s=_FOREVER_S), ""
+    parents: dict[str, str] = {}
+    jumps: dict[str, int] = {}
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
-        with _readable(path):
+        with readable(path):
             content = store.deserialize_cdr(message.data, message.type_name)
         for item in content.transforms:
             stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
@@ -264,10 +271,26 @@ def _all_transforms(path: Path) -> TransformBuffer:
                     static=message.topic == TF_STATIC_TOPIC,
                 )
             except TransformError as error:
-                raise InputError(f"{path}: {error}") from error
+                refused = str(error)
+                continue
+            child = item.child_frame_id.lstrip("/")
+            parents[child] = item.header.frame_id.lstrip("/")
             if outcome is Insertion.TIME_JUMP:
-                raise InputError(f"{path}: time runs backwards at {stamp / 1e9:.3f} s; split the bag there")
-    return buffer
+                jumps.setdefault(child, stamp)
+    for target, source in asked:
+        for child in sorted(jumps.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+            raise InputError(
+                f"{path}: the time of frame '{child}' runs backwards at {jumps[child] / 1e9:.3f} s; split the bag there"
+            )
+    return buffer, refused
+
+
+def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:
+    """A frame and all above it."""
+    chain = {frame}
+    while (frame := parents.get(frame, frame)) not in chain:
+        chain.add(frame)
+    return chain
 
 
 def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
@@ -277,12 +300,15 @@ def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
         return None
 
 
-def _decode_image(message: Message, path: Path) -> np.ndarray:
-    """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage."""
-    with _readable(path):
+def decode_image(message: Message, path: Path) -> np.ndarray:
+    """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage from the bag at `path`.
+
+    Raises InputError if it holds no such image.
+    """
+    with readable(path):
         content = typestore().deserialize_cdr(message.data, message.type_name)
     what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
-    if message.type_name == _COMPRESSED_TYPE:
+    if message.type_name == COMPRESSED_TYPE:
         pixels = cv2.imdecode(np.asarray(content.data), cv2.IMREAD_COLOR_RGB)
         if pixels is None:
             raise InputError(f"{what} cannot be decompressed; record it again")

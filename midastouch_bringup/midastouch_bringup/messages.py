@@ -32,11 +32,13 @@ TRUTH_FRAME = "object_ground_truth"
 TRUTH_GEL_FRAME = "digit_gel_ground_truth"
 
 IMAGE_TOPIC = "/image_raw"
+COMPRESSED_TOPIC = f"{IMAGE_TOPIC}/compressed"
 CAMERA_INFO_TOPIC = "/camera_info"
 TF_TOPIC = "/tf"
 TF_STATIC_TOPIC = "/tf_static"
 
 IMAGE_TYPE = "sensor_msgs/msg/Image"
+COMPRESSED_TYPE = "sensor_msgs/msg/CompressedImage"
 TF_TYPE = "tf2_msgs/msg/TFMessage"
 
 BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.4, -0.15, 0.25]))
@@ -128,7 +130,7 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
         yield _message(store, TF_TOPIC, store.types[TF_TYPE](transforms=transforms), stamp)
         camera_info.header = header
         yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
-        yield _message(store, IMAGE_TOPIC, _image(store, header, sequence.image(i)), stamp)
+        yield image_message(header, sequence.image(i), stamp)
 
 
 def _message(store: Typestore, topic: str, content: object, stamp: int, latched: bool = False) -> Message:
@@ -165,9 +167,11 @@ def _static_transforms(store: Typestore, stamp: int) -> Message:
     return _message(store, TF_STATIC_TOPIC, content, stamp, latched=True)
 
 
-def _image(store: Typestore, header: object, pixels: np.ndarray) -> object:
+def image_message(header: object, pixels: np.ndarray, stamp_ns: int) -> Message:
+    """A tactile image of pixels (H, W, 3) uint8 RGB; header: a `std_msgs/msg/Header` of the type store."""
+    store = typestore()
     height, width, channels = pixels.shape
-    return store.types[IMAGE_TYPE](
+    content = store.types[IMAGE_TYPE](
         header=header,
         height=height,
         width=width,
@@ -176,6 +180,7 @@ def _image(store: Typestore, header: object, pixels: np.ndarray) -> object:
         step=width * channels,
         data=pixels.reshape(-1),
     )
+    return _message(store, IMAGE_TOPIC, content, stamp_ns)
 
 
 def _camera_info(store: Typestore) -> object:

@@ -9,22 +9,24 @@ from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
-from .bags import bag_messages, bag_topics, is_bag
+from .bags import bag_messages, bag_topics, decode_image, is_bag, readable
 from .datasets import load_sequence
 from .messages import (
     CAMERA_INFO_TOPIC,
+    COMPRESSED_TOPIC,
     IMAGE_TOPIC,
+    IMAGE_TYPE,
     SEQUENCE_TOPICS,
     TF_STATIC_TOPIC,
     TF_TOPIC,
     Message,
+    Topic,
+    image_message,
     sequence_messages,
     typestore,
 )
 
-INPUT_TOPICS = frozenset(
-    {IMAGE_TOPIC, f"{IMAGE_TOPIC}/compressed", CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"}
-)
+INPUT_TOPICS = frozenset({IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"})
 """Topics of a bag that are inputs of the pipeline, not its results."""
 
 ESTIMATED_FRAMES = frozenset({"object"})
@@ -39,21 +41,25 @@ def is_image(topic: str) -> bool:
 class ReplaySource:
     """The sequence or bag at `path`; `topics` are the ones it will send.
 
-    Of a bag only those in `wanted` are taken. Raises InputError if `path` is neither or cannot be read, also
-    while messages are read.
+    Of a bag only those in `wanted` are taken; without it, the inputs of the pipeline. That listens to raw images, so
+    compressed ones are then decompressed, or left out where there are raw ones, too. Raises InputError if `path` is
+    neither or cannot be read, also while messages are read.
     """
 
-    def __init__(self, path: str | Path, wanted: Collection[str] = INPUT_TOPICS) -> None:
+    def __init__(self, path: str | Path, wanted: Collection[str] = ()) -> None:
         self._path = Path(path)
+        self._decompresses = False
         self._sequence = None if is_bag(self._path) else load_sequence(self._path)
         if self._sequence is not None:
             self.topics = list(SEQUENCE_TOPICS)
             return
         present = bag_topics(self._path)
-        self.topics = [topic for topic in present if topic.name in wanted]
+        self.topics = [topic for topic in present if topic.name in (wanted or INPUT_TOPICS)]
         if not self.topics:
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self._path}: has no {', '.join(sorted(wanted))}; it has {names}")
+            raise InputError(f"{self._path}: has no {', '.join(sorted(wanted or INPUT_TOPICS))}; it has {names}")
+        if not wanted:
+            self._prefer_raw_images()
 
     def messages(self, lead_ns: int = 0, offset_ns: int = 0) -> Iterator[Message]:
         """The messages in the order in which a replay sends them, without those of the first `offset_ns`.
@@ -73,32 +79,53 @@ class ReplaySource:
             if message.latched or message.stamp_ns >= start:
                 yield message
 
+    def _prefer_raw_images(self) -> None:
+        names = {topic.name for topic in self.topics}
+        if COMPRESSED_TOPIC not in names:
+            return
+        self.topics = [topic for topic in self.topics if topic.name != COMPRESSED_TOPIC]
+        if IMAGE_TOPIC not in names:
+            self._decompresses = True
+            self.topics.append(Topic(IMAGE_TOPIC, IMAGE_TYPE))
+
     def _bag_messages(self, lead_ns: int) -> Iterator[Message]:
         names = {topic.name for topic in self.topics}
+        if self._decompresses:
+            names = names - {IMAGE_TOPIC} | {COMPRESSED_TOPIC}
         if lead_ns == 0:
-            yield from _without_estimates(bag_messages(self._path, names))
+            yield from map(self._as_sent, self._without_estimates(bag_messages(self._path, names)))
             return
         # Two passes over the file: one reader cannot be at two places.
         images = (message for message in bag_messages(self._path, names) if is_image(message.topic))
         others = (message for message in bag_messages(self._path, names) if not is_image(message.topic))
-        yield from heapq.merge(
-            _without_estimates(others),
-            images,
-            key=lambda message: message.stamp_ns + (lead_ns if is_image(message.topic) else 0),
+        yield from map(
+            self._as_sent,
+            heapq.merge(
+                self._without_estimates(others),
+                images,
+                key=lambda message: message.stamp_ns + (lead_ns if is_image(message.topic) else 0),
+            ),
         )
 
+    def _as_sent(self, message: Message) -> Message:
+        if not self._decompresses or message.topic != COMPRESSED_TOPIC:
+            return message
+        pixels = decode_image(message, self._path)
+        header = typestore().deserialize_cdr(message.data, message.type_name).header
+        return image_message(header, pixels, message.stamp_ns)
 
-def _without_estimates(messages: Iterator[Message]) -> Iterator[Message]:
-    store = typestore()
-    for message in messages:
-        if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):
-            yield message
-            continue
-        content = store.deserialize_cdr(message.data, message.type_name)
-        kept = [t for t in content.transforms if t.child_frame_id not in ESTIMATED_FRAMES]
-        if len(kept) == len(content.transforms):
-            yield message
-        elif kept:
-            content.transforms = kept
-            data = bytes(store.serialize_cdr(content, message.type_name))
-            yield dataclasses.replace(message, data=data)
+    def _without_estimates(self, messages: Iterator[Message]) -> Iterator[Message]:
+        store = typestore()
+        for message in messages:
+            if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):
+                yield message
+                continue
+            with readable(self._path):
+                content = store.deserialize_cdr(message.data, message.type_name)
+            kept = [t for t in content.transforms if t.child_frame_id not in ESTIMATED_FRAMES]
+            if len(kept) == len(content.transforms):
+                yield message
+            elif kept:
+                content.transforms = kept
+                data = bytes(store.serialize_cdr(content, message.type_name))
+                yield dataclasses.replace(message, data=data)

@@ -168,6 +168,18 @@ def test_a_chain_with_a_static_mount(tmp_path):
     np.testing.assert_allclose(frame.base_from_gel[:3, 3], [0.1, 0, 0.1], atol=1e-12)
 
 
+def test_frames_that_do_not_matter_may_have_odd_clocks_and_values(tmp_path):
+    odd = [tf(stamp, STILL, child="tracker", recorded_ns=SECOND + i) for i, stamp in enumerate([9 * SECOND, 0, SECOND])]
+    above = [
+        tf(stamp, STILL, parent="map", child=BASE_FRAME, recorded_ns=SECOND + i)
+        for i, stamp in enumerate([9 * SECOND, SECOND])
+    ]
+    broken = [tf(SECOND, [0, 0, 0, 0, 0, 0, 0], child="hand"), tf(SECOND + 1, [np.nan, 0, 0, 0, 0, 0, 1])]
+    path = write(tmp_path / "x.mcap", *odd, *above, *broken, tf(SECOND, STILL), tf(2 * SECOND, MOVED), image(SECOND))
+    (frame,) = read_bag(path)
+    np.testing.assert_allclose(frame.base_from_gel, np.eye(4), atol=1e-12)
+
+
 def test_bgr_padded_and_compressed_images(tmp_path):
     pixels = np.zeros((320, 240, 3), np.uint8)
     pixels[..., 0] = 200
@@ -215,7 +227,16 @@ def test_images_that_are_none_are_refused(tmp_path, bad, message):
         ([tf(SECOND, [np.nan, 0, 0, 0, 0, 0, 1]), image(SECOND)], "NaN"),
         (
             [tf(9 * SECOND, STILL), tf(2 * SECOND, STILL, recorded_ns=10 * SECOND), image(2 * SECOND)],
-            "time runs backwards at 2.000 s; split",
+            f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split",
+        ),
+        (
+            [
+                tf(9 * SECOND, STILL, child="tool0"),
+                tf(2 * SECOND, STILL, child="tool0", recorded_ns=10 * SECOND),
+                tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
+                image(2 * SECOND),
+            ],
+            "the time of frame 'tool0' runs backwards at 2.000 s; split",
         ),
     ],
 )

@@ -2,10 +2,11 @@
 
 import dataclasses
 
+import cv2
 import pytest
 
 from midastouch_bringup.bags import BagWriter, write_bag
-from midastouch_bringup.messages import Message, sequence_messages, typestore
+from midastouch_bringup.messages import COMPRESSED_TYPE, Message, sequence_messages, typestore
 from midastouch_bringup.replay_source import ReplaySource
 from midastouch_perception.errors import InputError
 
@@ -90,6 +91,41 @@ def test_transforms_can_lead_their_images(tmp_path, simulated_sequence):
     assert transforms_before_image(0, frame=4) <= 4  # that of frame 4 is still missing
     assert transforms_before_image(SECOND // 2, frame=4) >= 5
     assert len(list(ReplaySource(tmp_path / "x.mcap").messages(lead_ns=SECOND // 2))) == len(messages)
+
+
+def compressed(message: Message) -> Message:
+    """An image message without loss, as image_transport would publish it."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    png = cv2.imencode(".png", content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
+    small = STORE.types[COMPRESSED_TYPE](content.header, "rgb8; png compressed bgr8", png)
+    data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
+    return Message("/image_raw/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
+
+
+@pytest.mark.parametrize("lead_ns", [0, SECOND])
+def test_compressed_images_are_sent_as_the_raw_ones_that_the_pipeline_hears(tmp_path, simulated_sequence, lead_ns):
+    messages = list(sequence_messages(simulated_sequence(n=3)))
+    small = [compressed(m) if m.topic == "/image_raw" else m for m in messages]
+    both = [copy for m, s in zip(messages, small, strict=True) for copy in ([m] if m is s else [m, s])]
+    for name, recorded in (("small", small), ("both", both)):
+        with BagWriter(tmp_path / f"{name}.mcap") as bag:
+            for message in recorded:
+                bag.write(message)
+        source = ReplaySource(tmp_path / f"{name}.mcap")
+        assert {topic.name for topic in source.topics} == {m.topic for m in messages}
+        images = [m for m in source.messages(lead_ns) if m.topic.startswith("/image_raw")]
+        assert images == [m for m in messages if m.topic == "/image_raw"]
+    asked = ReplaySource(tmp_path / "both.mcap", {"/image_raw/compressed"})
+    assert [m.topic for m in asked.messages()] == ["/image_raw/compressed"] * 3
+
+
+def test_transforms_that_cannot_be_read_are_bad_input(tmp_path, simulated_sequence):
+    static, transforms, *_ = list(sequence_messages(simulated_sequence(n=1)))
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        bag.write(static)
+        bag.write(dataclasses.replace(transforms, data=transforms.data[:20]))
+    with pytest.raises(InputError, match=r"x\.mcap: cannot be read as a bag"):
+        list(ReplaySource(tmp_path / "x.mcap").messages())
 
 
 def test_neither_bag_nor_sequence(tmp_path):

@@ -1,10 +1,14 @@
-"""Message classes by their ROS names."""
+"""Message classes by their ROS names, and topics of a bag by those of the running nodes."""
 
 from __future__ import annotations
 
 import importlib
 
 from midastouch_perception.errors import InputError
+
+from ..messages import TF_STATIC_TOPIC, TF_TOPIC
+
+_GLOBAL = (TF_TOPIC, TF_STATIC_TOPIC, "/diagnostics")
 
 
 def message_class(type_name: str) -> type:
@@ -15,3 +19,8 @@ def message_class(type_name: str) -> type:
     except (ImportError, AttributeError, ValueError) as error:
         package = type_name.split("/")[0]
         raise InputError(f"message type '{type_name}' is not known here; install {package}") from error
+
+
+def live_name(topic: str) -> str:
+    """The name of a bag's topic in a node: relative to its namespace, as the live nodes use it, but for global ones."""
+    return topic if topic in _GLOBAL else topic.lstrip("/")

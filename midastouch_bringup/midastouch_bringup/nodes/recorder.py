@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import shutil
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,18 +21,21 @@ from midastouch_perception.ros.spin import run
 
 from ..bags import BagWriter
 from ..messages import SEQUENCE_TOPICS, Message, Topic
-from .message_types import message_class
+from .message_types import live_name, message_class
 
 TOPICS = (
     *SEQUENCE_TOPICS,
+    Topic("/joint_states", "sensor_msgs/msg/JointState"),
+    Topic("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
     Topic("/tactile/contact", "midastouch_msgs/msg/TactileContact"),
     Topic("/tactile/code", "midastouch_msgs/msg/TactileCode"),
     Topic("/filter_status", "midastouch_msgs/msg/FilterStatus", latched=True),
     Topic("/pose", "geometry_msgs/msg/PoseWithCovarianceStamped", latched=True),
     Topic("/pose_modes", "midastouch_msgs/msg/PoseModes"),
     Topic("/particles", "geometry_msgs/msg/PoseArray"),
+    Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray"),
 )
-"""Inputs and results of the pipeline."""
+"""Inputs and results of the pipeline, and the health of its nodes."""
 
 PARAMETERS = (
     Parameter("path", "", "Bag to write: an .mcap file, or a folder for any other name"),
@@ -46,14 +51,16 @@ PARAMETERS = (
 
 _DEPTH = 1000
 _MIB = 2**20
+_MOST_EARLY = 64 * _MIB  # of what comes before the clock starts
 
 
 class Recorder(PipelineNode):
     """Records `topics` into the bag named by the parameter `path`, which appears when the node is destroyed.
 
-    Messages are stamped with the node's clock: with `use_sim_time` that is the time of a replay. What comes
-    before the clock starts is stamped with its start. `metadata` are texts kept in the bag. Raises InputError
-    if the path is taken or a message type is not installed.
+    The topics are those of the node's namespace, under which they are in the bag. Messages are stamped with the
+    node's clock: with `use_sim_time` that is the time of a replay. What comes before the clock starts is stamped
+    with its start, as much of it as fits into the memory set aside for it, and everything latched. `metadata` are
+    texts kept in the bag. Raises InputError if the path is taken or a message type is not installed.
 
     Once the disk is nearly full the bag is completed with what it has; `failure` then says why it ends there.
     """
@@ -66,8 +73,10 @@ class Recorder(PipelineNode):
             raise InputError("recorder: parameter 'path' is empty; name the bag to write")
         self.failure = ""
         kinds = [message_class(topic.type_name) for topic in topics]
+        topics = [dataclasses.replace(t, name=self.resolve_topic_name(live_name(t.name))) for t in topics]
         self.counts = dict.fromkeys((topic.name for topic in topics), 0)
         self._early: list[tuple[Topic, bytes]] = []
+        self._early_size = 0
         self._open = contextlib.ExitStack()
         self._bag = self._open.enter_context(BagWriter(self._path, metadata))
         for topic, kind in zip(topics, kinds, strict=True):
@@ -76,7 +85,7 @@ class Recorder(PipelineNode):
                 kind, topic.name, lambda data, topic=topic: self._on_message(topic, data), profile, raw=True
             )
         self.create_timer(0.5, self._watch_disk, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        Diagnostics(self, self._describe)
+        self._diagnostics = Diagnostics(self, self._describe)
 
     def destroy_node(self) -> None:
         """Complete the bag, then destroy the node."""
@@ -108,13 +117,25 @@ class Recorder(PipelineNode):
     def _on_message(self, topic: Topic, data: bytes) -> None:
         if self.failure:
             return
-        self.counts[topic.name] += 1
         now = self.get_clock().now().nanoseconds
         if now == 0:
-            self._early.append((topic, data))
+            self._keep_early(topic, data)
             return
+        self.counts[topic.name] += 1
         self._write_early(now)
         self._write(topic, data, now)
+
+    def _keep_early(self, topic: Topic, data: bytes) -> None:
+        self._early_size += len(data)
+        if self._early_size > _MOST_EARLY and not topic.latched:
+            self._early_size -= len(data)
+            self._diagnostics.problem(
+                "before_clock",
+                "nobody publishes /clock, messages are lost: start the replay, or set use_sim_time to false",
+            )
+            return
+        self.counts[topic.name] += 1
+        self._early.append((topic, data))
 
     def _write_early(self, now: int) -> None:
         early, self._early = self._early, []
@@ -131,12 +152,19 @@ class Recorder(PipelineNode):
             self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
 
 
+def _heed_hang_up() -> None:
+    """Take SIGHUP for SIGTERM: a terminal that is closed, or an ssh that breaks off, would cost the whole recording."""
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not under nohup
+        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Entry point of the executable; exit code 1: the disk was too full for all of it."""
     nodes: list[Recorder] = []
 
     def make() -> list[Recorder]:
         nodes.append(Recorder())
+        _heed_hang_up()
         return nodes
 
     return run(make, args) or (1 if nodes and nodes[0].failure else 0)

@@ -6,14 +6,14 @@ import contextlib
 import math
 import sys
 import threading
+import time
 from collections.abc import Callable, Sequence
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
-from rosgraph_msgs.msg import Clock as ClockMsg
+from rosgraph_msgs.msg import Clock
 
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.errors import InputError
@@ -25,10 +25,10 @@ from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
 
 from ..keyboard import Keyboard
-from ..messages import TF_STATIC_TOPIC, TF_TOPIC, Message, Topic, header_stamp_ns
+from ..messages import TF_TOPIC, Message, Topic, header_stamp_ns
 from ..playback import Playback
-from ..replay_source import INPUT_TOPICS, ReplaySource, is_image
-from .message_types import message_class
+from ..replay_source import ReplaySource, is_image
+from .message_types import live_name, message_class
 from .replay_control import KEYS_HELP, ReplayControl
 from .replay_parameters import PARAMETERS
 
@@ -55,14 +55,14 @@ class Replay(PipelineNode):
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
         self._on_end = on_end
         self.finished = threading.Event()
-        self.error: InputError | None = None
+        self.error: Exception | None = None
         self.frames_sent = self.frames_repeated = self.frames_lost = 0
         self._told = 0  # newest time on /clock, ns
         self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
 
-        self._source = ReplaySource(self._settings["source"], self._settings["topics"].split() or INPUT_TOPICS)
+        self._source = ReplaySource(self._settings["source"], self._settings["topics"].split())
         self._outputs = {topic.name: self._output(topic) for topic in self._source.topics}
-        self._clock_output = self.create_publisher(ClockMsg, "/clock", 10) if self._settings["clock"] else None
+        self._clock_output = self.create_publisher(Clock, "/clock", 10) if self._settings["clock"] else None
         if self._settings["ack_topic"]:
             self.create_subscription(FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50))
         self.control = ReplayControl(self, self._playback, lambda: self.position)
@@ -104,11 +104,12 @@ class Replay(PipelineNode):
             self.get_logger().info(
                 f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
             )
-        except InputError as error:
-            self.error = error
-        except RCLError:
-            if self.context.ok():
-                raise  # otherwise the process was told to stop in the middle of a call
+        except Exception as error:
+            if isinstance(error, RCLError) and not self.context.ok():
+                return  # the process was told to stop in the middle of a call
+            self.error = error  # whatever it was: who waits for the end must not take it for a good one
+            if not isinstance(error, InputError):
+                raise
         finally:
             self.finished.set()
             self._on_end()
@@ -125,7 +126,8 @@ class Replay(PipelineNode):
                 return
             if self._told == 0:
                 self._begin = (offset, message.stamp_ns)
-            frame.append(message)
+            if self._settings["ack_topic"]:  # else nothing is sent again, and what has no images would pile up
+                frame.append(message)
             self._send(message)
             if is_image(message.topic):
                 self._until_acknowledged(frame)
@@ -141,7 +143,7 @@ class Replay(PipelineNode):
 
     def _until_acknowledged(self, frame: list[Message]) -> None:
         """Hold the next frame back; repeat this one, transforms included, while no status answers it."""
-        if not self._settings["ack_topic"]:
+        if not frame:
             return
         stamp = header_stamp_ns(frame[-1].data)
         timeout, attempts = self._settings["ack_timeout"], self._settings["ack_attempts"]
@@ -162,17 +164,14 @@ class Replay(PipelineNode):
         self.frames_lost += 1
 
     def _output(self, topic: Topic) -> Publisher:
-        # names relative to the node's namespace, as the live nodes use them; /tf is global by custom
-        name = topic.name if topic.name in (TF_TOPIC, TF_STATIC_TOPIC) else topic.name.lstrip("/")
         if topic.latched:
             profile = qos.latched(_DEPTH)
         else:
             profile = qos.TF if topic.name == TF_TOPIC else qos.stream_publisher(_DEPTH)
-        return self.create_publisher(message_class(topic.type_name), name, profile)
+        return self.create_publisher(message_class(topic.type_name), live_name(topic.name), profile)
 
     def _wait_for_listeners(self) -> None:
         """Until as many as asked for listen; of a filter that acknowledges, until it listens to TF too."""
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         ack_topic = self._settings["ack_topic"]
         images = [topic for topic in self._outputs if is_image(topic)]
         while not self._playback.stopped:
@@ -187,7 +186,7 @@ class Replay(PipelineNode):
             if not waits_for:
                 return
             self.get_logger().info(f"waiting for {', '.join(waits_for)}", throttle_duration_sec=5.0)
-            steady.sleep_for(Duration(seconds=0.02))
+            time.sleep(0.02)  # of Python: rclpy's raises when the process is told to stop meanwhile
 
     def _listeners(self, topic: str) -> int:
         return self._outputs[topic].get_subscription_count()
@@ -198,7 +197,7 @@ class Replay(PipelineNode):
             return
         self._told = recorded_ns
         if self._clock_output is not None:
-            self._clock_output.publish(ClockMsg(clock=stamp_from_ns(recorded_ns)))
+            self._clock_output.publish(Clock(clock=stamp_from_ns(recorded_ns)))
 
     def _on_status(self, status: FilterStatus) -> None:
         self._playback.acknowledge(stamp_ns(status.header.stamp))
@@ -233,7 +232,7 @@ def main(args: Sequence[str] | None = None) -> int:
         code = run(make, args)
     if nodes and nodes[0].error is not None:
         print(nodes[0].error, file=sys.stderr)
-        return 2
+        return 2 if isinstance(nodes[0].error, InputError) else 1
     return code
 
 

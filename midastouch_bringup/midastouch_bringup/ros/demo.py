@@ -43,7 +43,7 @@ from ..report.figures import error_figure, run_figure, save
 from ..report.object_view import ObjectView
 from ..report.page import Page
 from ..report.snapshot import moments
-from ..run_record import DIAGNOSTICS, PENETRATION, RunRecord, read_run
+from ..run_record import PENETRATION, RunRecord, read_run
 from ..slide_simulation import cached_slide
 
 NODES = ("tdn", "tcn", "particle_filter")
@@ -140,11 +140,7 @@ def _run_nodes(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
 
 
 def _recorder(bag: Path, sequence: Sequence) -> Recorder:
-    topics = (
-        *TOPICS,
-        Topic(PENETRATION, IMAGE_TYPE),
-        Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray"),
-    )
+    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE))
     overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=True)]
     metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
     return Recorder(topics, metadata, parameter_overrides=overrides)

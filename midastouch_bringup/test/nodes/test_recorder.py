@@ -3,6 +3,9 @@
 import errno
 import os
 import shutil
+import signal
+import subprocess
+import sys
 import types
 
 import numpy as np
@@ -14,6 +17,7 @@ from rosbags.rosbag2 import Writer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags import bag_messages, bag_metadata, bag_topics, read_bag
 from midastouch_bringup.messages import Topic
@@ -79,6 +83,64 @@ def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
         graph.spin_until(lambda n=n: recorder.counts["/image_raw"] == n, "the image")
     graph.remove_all()
     assert [message.stamp_ns for message in bag_messages(path)] == [5 * 10**9, 5 * 10**9, 7 * 10**9]
+
+
+def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, monkeypatch):
+    monkeypatch.setattr("midastouch_bringup.nodes.recorder._MOST_EARLY", 1000)
+    path = tmp_path / "x.mcap"
+    topics = [Topic("/image_raw", "sensor_msgs/msg/Image"), Topic("/filter_status", TYPE_OF_STATUS, latched=True)]
+    recorder = graph.add(Recorder, {"path": str(path), "use_sim_time": True}, topics=topics)
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    images, statuses = graph.publisher(Image, "image_raw"), graph.publisher(FilterStatus, "filter_status", latched=True)
+    for _ in range(10):
+        images.publish(Image(data=bytes(300)))
+    graph.spin_until(
+        lambda: any("nobody publishes /clock" in s.message for r in reports for s in r.status), "a warning"
+    )
+    statuses.publish(FilterStatus(reason="x" * 1000))
+    graph.spin_until(lambda: recorder.counts["/filter_status"], "the status")
+    assert 0 < recorder.counts["/image_raw"] < 4
+    clock = graph.publisher(Clock, "/clock")
+    clock.publish(Clock(clock=Time(sec=5)))
+    graph.spin_until(lambda: recorder.get_clock().now().nanoseconds, "the time")
+    graph.remove_all()
+    assert len(list(bag_messages(path))) == sum(recorder.counts.values())
+
+
+def test_a_closed_terminal_does_not_cost_the_recording(graph, tmp_path):
+    path = tmp_path / "x.mcap"
+    domain = str(graph.companion.context.get_domain_id())
+    node = [sys.executable, "-m", "midastouch_bringup.nodes.recorder"]
+    running = subprocess.Popen(
+        ["env", "--default-signal=HUP", *node, "--ros-args", "-p", f"path:={path}", "-p", "min_free:=0.0"],
+        env=os.environ | {"ROS_DOMAIN_ID": domain},
+    )
+    codes = graph.publisher(TactileCode, "/tactile/code")
+    reports = graph.listen(DiagnosticArray, "/diagnostics")
+    codes.publish(TactileCode(network_id="kept"))
+    graph.spin_until(lambda: ("/tactile/code", "1") in told(reports), "the message in the recorder's counts")
+    running.send_signal(signal.SIGHUP)
+    assert running.wait(timeout=30) == 0
+    assert "/tactile/code" in {message.topic for message in bag_messages(path)}
+
+
+def told(reports) -> set[tuple[str, str]]:
+    return {(value.key, value.value) for report in reports for status in report.status for value in status.values}
+
+
+TYPE_OF_STATUS = "midastouch_msgs/msg/FilterStatus"
+
+
+def test_the_topics_are_those_of_its_namespace(graph, tmp_path):
+    path = tmp_path / "x.mcap"
+    topics = [topic for topic in TOPICS if topic.name in ("/tactile/code", "/tf")]
+    recorder = graph.add(Recorder, {"path": str(path)}, topics=topics, namespace="left")
+    codes, moving = graph.publisher(TactileCode, "/left/tactile/code"), graph.publisher(TFMessage, "/tf")
+    codes.publish(TactileCode())
+    moving.publish(TFMessage())
+    graph.spin_until(lambda: all(recorder.counts.values()), "both messages")
+    graph.remove_all()
+    assert {message.topic for message in bag_messages(path)} == {"/left/tactile/code", "/tf"}
 
 
 CODES = [Topic("/tactile/code", "midastouch_msgs/msg/TactileCode")]

@@ -1,5 +1,7 @@
 """The replay over real DDS: every frame, in order, with its transforms and answers; and its ends."""
 
+import weakref
+
 import numpy as np
 import pytest
 from filter_fakes import code_msg, loader_of
@@ -199,6 +201,23 @@ def test_a_damaged_image_ends_the_replay_with_its_name(graph, simulated_sequence
 def test_bad_sources_are_refused_at_the_start(graph, source, message):
     with pytest.raises(InputError, match=message):
         replay(graph, source)
+
+
+def test_what_was_sent_is_forgotten_where_no_answer_is_awaited(graph, tmp_path, simulated_sequence, monkeypatch):
+    """A long bag without images must not end up in memory."""
+    write_bag(simulated_sequence(n=50), tmp_path / "x.mcap")
+    node = replay(graph, tmp_path / "x.mcap", topics="/tf")
+    send, sent, kept = node._send, [], []
+
+    def note(message):
+        kept.append(sum(one() is not None for one in sent))
+        sent.append(weakref.ref(message))
+        send(message)
+
+    monkeypatch.setattr(node, "_send", note)
+    play(graph, node)
+    assert len(sent) == 50
+    assert max(kept) < 5
 
 
 def test_destroying_ends_a_replay_that_waits(graph, simulated_sequence):

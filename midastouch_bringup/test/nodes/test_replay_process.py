@@ -4,9 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from rcl_interfaces.msg import Log
 from sensor_msgs.msg import Image
+
+from midastouch_bringup.nodes.replay import Replay, main
 
 pytestmark = pytest.mark.dds
 
@@ -39,6 +43,30 @@ def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, sim
     out, err = damaged.communicate(timeout=60)
     assert damaged.returncode == 2
     assert err.strip().endswith("1.jpg: not a readable image; get the file again")
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_sequence):
+    def surprise(*_):
+        raise ZeroDivisionError("surprise")
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(Replay, "_play_once", surprise)
+    source = simulated_sequence(n=1).path
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        assert main(["replay", "--ros-args", "-p", f"source:={source}"]) == 1
+    assert "surprise" in capsys.readouterr().err
+
+
+def test_an_interrupt_while_it_waits_for_listeners_ends_it_cleanly(graph, simulated_sequence):
+    running = process(graph, f"source:={simulated_sequence(n=1).path}", "wait_for_subscribers:=9")
+    heard = graph.listen(Log, "/rosout", latched=True)
+    graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=60)
+    assert running.returncode == 0, err
+    assert "Traceback" not in err
 
 
 def test_an_interrupt_ends_the_executable_cleanly(graph, simulated_sequence):
