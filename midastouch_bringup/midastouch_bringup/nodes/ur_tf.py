@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import threading
 import time
@@ -12,6 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from digit_driver.clock_offset import ClockOffset
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
@@ -39,6 +41,7 @@ PARAMETERS = (
 )
 
 _CLOCK_STEP_NS = 1_000_000_000
+_SILENT_S = 1.0
 
 
 class UrTf(PipelineNode):
@@ -65,6 +68,7 @@ class UrTf(PipelineNode):
 
         self._trouble = "not connected yet"
         self._samples, self._connections, self._newest_stamp = 0, 0, 0
+        self._heard = -math.inf  # when the last sample was published, on the monotonic clock
         self._diagnostics = Diagnostics(self, self._describe, hardware_id=self._settings["robot_ip"])
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rtde", daemon=True)
@@ -87,23 +91,30 @@ class UrTf(PipelineNode):
                 self.get_logger().info(f"connected to {self._settings['robot_ip']}")
                 try:
                     self._follow(arm)
+                except RuntimeError as error:  # of ur-rtde; or of rclpy, whose context was shut down in mid-call
+                    if not self.context.ok():
+                        return
+                    self._report(f"connection lost: {error}")
                 finally:
                     arm.close()
             self._stop.wait(self._settings["reconnect_period"])
 
     def _follow(self, arm: RtdeReceiver) -> None:
         """Publish every new state until the connection ends or the node is stopped."""
-        clock, newest, since = RobotClock(), None, time.monotonic()
+        # The robot's clock is followed on the monotonic one: a step of the wall clock is one of the stamps at once.
+        clock, wall = RobotClock(), ClockOffset()
+        newest, since = None, time.monotonic()
         period, timeout = 1.0 / self._settings["rate"], self._settings["timeout"]
         while not self._stop.is_set():
             state = arm.read()
-            arrival = self.get_clock().now().nanoseconds
+            arrival = time.monotonic_ns()
             if state is None:
                 self._report("connection lost")
                 return
             if state.robot_time != newest:
                 newest, since = state.robot_time, time.monotonic()
-                stamp = clock.stamp(state.robot_time, arrival)
+                wall.update()
+                stamp = wall.to_wall_ns(clock.stamp(state.robot_time, arrival))
                 # The first samples of a connection may be stamped late, as long as the delay is not known. Those that
                 # then come out earlier would put the arm back; far earlier, our own clock was set back.
                 if not 0 <= self._newest_stamp - stamp < _CLOCK_STEP_NS:
@@ -131,7 +142,7 @@ class UrTf(PipelineNode):
             )
         )
         self._samples += 1
-        self._trouble = ""
+        self._trouble, self._heard = "", time.monotonic()
 
     def _report(self, trouble: str) -> None:
         self._trouble = trouble
@@ -139,7 +150,11 @@ class UrTf(PipelineNode):
 
     def _describe(self) -> tuple[bytes, str, dict]:
         values = {"samples": self._samples, "connections": self._connections}
-        return (ERROR, self._trouble, values) if self._trouble else (OK, "connected", values)
+        silent = time.monotonic() - self._heard
+        trouble = self._trouble
+        if not trouble and silent > self._settings["timeout"] + _SILENT_S:  # a call that hangs reports nothing
+            trouble = f"no sample for {silent:.0f} s"
+        return (ERROR, trouble, values) if trouble else (OK, "connected", values)
 
 
 def _stamped(header: Header, child: str, transform) -> TransformStamped:

@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from digit_driver.clock_offset import ClockOffset
 from midastouch_bringup.nodes import ur_tf
 from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_bringup.rtde_receiver import ArmState
@@ -26,12 +27,17 @@ POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
 
 
 class FakeArm:
-    """Counts up its clock at each read, or stays silent, or has lost the connection."""
+    """Counts up its clock at each read, or shows a fault: is silent, has lost the connection, fails, hangs."""
 
     def __init__(self):
         self.now, self.silent, self.lost, self.closed, self.pose = 10.0, False, False, False, POSE
+        self.failing, self.free = False, threading.Event()
+        self.free.set()
 
     def read(self):
+        self.free.wait()
+        if self.failing:
+            raise RuntimeError("unable to get state data for specified key: timestamp")
         if self.lost:
             return None
         if not self.silent:
@@ -136,6 +142,7 @@ def test_stamps_advance_with_the_arm_and_lie_in_the_past(bench):
 
 def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):
     base, ms = 1_000_000_000_000, 1_000_000
+    monkeypatch.setattr(ur_tf.ClockOffset, "to_wall_ns", lambda _, monotonic_ns: monotonic_ns)
     told = iter([base, base - 50 * ms, base, base + 10 * ms, base - 2000 * ms, *range(base, base + 9000 * ms, ms)])
     monkeypatch.setattr(ur_tf.RobotClock, "stamp", lambda *_: next(told))
     b = bench()
@@ -144,7 +151,33 @@ def test_the_arm_is_never_put_back_unless_our_clock_is(bench, monkeypatch):
     assert stamps == [0, 10 * ms, -2000 * ms, 0]
 
 
-@pytest.mark.parametrize("fault", ["silent", "lost"])
+def test_a_step_of_our_clock_is_one_of_the_stamps_at_once(bench, monkeypatch):
+    step = 3600 * 10**9
+    ahead = [0]
+    monkeypatch.setattr(ur_tf, "ClockOffset", lambda: ClockOffset(wall_ns=lambda: time.time_ns() + ahead[0]))
+    b = bench()
+    b.until(lambda: len(b.tf) > 5)
+    ahead[0] = step
+    b.until(lambda: stamp_ns(b.tf[-1].transforms[0].header.stamp) > time.time_ns() + step // 2)
+    seen = len(b.tf)
+    b.until(lambda: len(b.tf) > seen + 5)
+    stamps = np.array([stamp_ns(m.transforms[0].header.stamp) for m in b.tf])
+    before, after = stamps[stamps < time.time_ns() + step // 2], stamps[stamps >= time.time_ns() + step // 2]
+    assert len(before) + len(after) == len(stamps)
+    assert after[0] - before[-1] == pytest.approx(step, abs=10**9)
+
+
+def test_a_call_that_hangs_is_told(bench):
+    b = bench()
+    b.until(lambda: b.tf)
+    b.arms.made[0].free.clear()
+    b.until(lambda: b.status("no sample for"))
+    b.arms.made[0].free.set()
+    b.tf.clear()
+    b.until(lambda: b.tf)
+
+
+@pytest.mark.parametrize("fault", ["silent", "lost", "failing"])
 def test_connects_again_after(bench, fault):
     b = bench()
     b.until(lambda: b.tf)
