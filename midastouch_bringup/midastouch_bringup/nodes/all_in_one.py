@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
+import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
@@ -25,6 +27,8 @@ from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.ros import spin
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.tcn import TactileCodeNet
+
+_LOOK_S = 0.5
 
 
 def make_nodes(
@@ -57,13 +61,17 @@ def make_driver() -> Node:
     from digit_driver.nodes.digit_driver import DigitDriver
 
     try:
-        return DigitDriver()
+        driver = DigitDriver()
     except DriverInputError as error:
         raise InputError(str(error)) from error
+    # in a process of its own a driver that gives up ends it; the others must not go on blind
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    driver.create_timer(_LOOK_S, lambda: rclpy.try_shutdown() if driver.failure else None, clock=steady)
+    return driver
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Entry point of the executable."""
+    """Entry point of the executable; exit code 1: the driver gave up."""
     parser = argparse.ArgumentParser(
         prog="all_in_one",
         description="tdn, tcn and particle_filter in one process; parameters by node name, as for the single "
@@ -71,7 +79,14 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--driver", action="store_true", help="run digit_driver in this process, too")
     chosen = parser.parse_args(remove_ros_args(args)[1:])
-    return spin.run(lambda: [*([make_driver()] if chosen.driver else []), *make_nodes()], args)
+    drivers: list[Node] = []
+
+    def make() -> list[Node]:
+        if chosen.driver:
+            drivers.append(make_driver())
+        return [*drivers, *make_nodes()]
+
+    return spin.run(make, args) or int(any(driver.failure for driver in drivers))
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/n
 
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 
+from midastouch_bringup.nodes import all_in_one
 from midastouch_bringup.nodes.all_in_one import main, make_nodes
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception import se3
@@ -215,6 +216,14 @@ def test_help_names_the_driver(capsys):
         main(["all_in_one", "--help"])
     assert ended.value.code == 0
     assert "--driver" in capsys.readouterr().out
+
+
+def test_a_driver_that_gives_up_ends_the_process(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(all_in_one, "make_nodes", list)
+    settings = {"serial": "no-such-serial", "wait_for_device_timeout": "0.1", "reconnect_timeout": "0.1"}
+    words = [word for name, value in settings.items() for word in ("-p", f"digit_driver:{name}:={value}")]
+    assert main(["all_in_one", "--driver", "--ros-args", *words]) == 1
 
 
 def test_bad_parameter_is_one_line_and_exit_code_2():
