@@ -68,7 +68,7 @@ MODULES = {
     "launch": ["LaunchContext", "LaunchDescription", "LaunchDescriptionEntity"],
     "launch.actions": [
         "DeclareLaunchArgument", "ExecuteProcess", "IncludeLaunchDescription", "OpaqueFunction",
-        "RegisterEventHandler", "SetEnvironmentVariable", "Shutdown",
+        "LogInfo", "RegisterEventHandler", "SetEnvironmentVariable", "Shutdown",
     ],
     "launch.event_handlers": ["OnProcessExit"],
     "launch.conditions": [IfCondition, UnlessCondition],
@@ -109,14 +109,17 @@ def load(name):
     return module.generate_launch_description()
 
 
-def carry_out(name, **given):
-    """All processes a launch starts: (package, executable) -> keyword arguments of its node."""
+def carry_out(name, said=None, **given):
+    """All processes a launch starts: (package, executable) -> keyword arguments of its node.
+
+    said: list that gets what the launch logs.
+    """
     started = {}
-    _carry_out(name, given, started, [])
+    _carry_out(name, given, started, [], [] if said is None else said)
     return started
 
 
-def _carry_out(name, given, started, ran):
+def _carry_out(name, given, started, ran, said):
     actions = list(load(name).args[0])
     while actions:
         action = actions.pop(0)
@@ -136,7 +139,7 @@ def _carry_out(name, given, started, ran):
             (location,) = action.args[0].args
             arguments = {key: perform(value, given) for key, value in action.kwargs["launch_arguments"]}
             if isinstance(location, str):
-                _carry_out(Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran)
+                _carry_out(Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran, said)
             else:
                 package, *inside = location.args[0]
                 started[package.args[0], "/".join(inside)] = arguments
@@ -148,6 +151,8 @@ def _carry_out(name, given, started, ran):
             # as if the process it waits for had ended well
             event = types.SimpleNamespace(returncode=0, process_name="")
             actions.append(action.args[0].kwargs["on_exit"](event, None))
+        elif kind == "LogInfo":
+            said.append(action.kwargs["msg"])
         elif kind == "SetEnvironmentVariable":
             name, value = action.args
             assert value.args == (name,)  # what the user has set stays
@@ -240,6 +245,22 @@ def test_live_starts_the_chain_and_no_arm_unless_asked():
     assert arguments["robot_ip"] == "10.0.0.7"
     assert arguments["ur_type"] == "ur10e"
     assert arguments["launch_rviz"] == "false"
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_an_arm_without_its_calibration_is_warned_of():
+    asked = {"arm": "ur_driver", "robot_ip": "10.0.0.7"}
+    said = []
+    without = carry_out("live_ur", said, **asked)["ur_robot_driver", "launch/ur_control.launch.py"]
+    assert "kinematics_params_file" not in without  # what the driver takes by itself is its own affair
+    assert "ur_calibration" in said[0]
+    said.clear()
+    calibrated = carry_out("live_ur", said, **asked, kinematics_params_file="/data/arm.yaml")
+    arguments = calibrated["ur_robot_driver", "launch/ur_control.launch.py"]
+    assert arguments["kinematics_params_file"] == "/data/arm.yaml"
+    carry_out("live_ur", said, **asked, use_mock_hardware="true")
+    carry_out("live_ur", said)
+    assert said == []
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -357,7 +378,7 @@ def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
     monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: Path(path).is_file())
     started = {}
     ran = []
-    _carry_out("demo", {"use_rviz": "false"}, started, ran)
+    _carry_out("demo", {"use_rviz": "false"}, started, ran, [])
     assert [arguments[0] for arguments in ran] == ["simulate", "build-codebook"]
     slide, codebook = (build_parser().parse_args(arguments).out for arguments in ran)
     values = parameters(started["midastouch_bringup", "replay"])
@@ -367,7 +388,7 @@ def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
     Path(slide).mkdir(parents=True)
     Path(codebook).parent.mkdir(parents=True)
     Path(codebook).touch()
-    _carry_out("demo", {"use_rviz": "false"}, started, ran := [])
+    _carry_out("demo", {"use_rviz": "false"}, started, ran := [], [])
     assert ran == []
 
 

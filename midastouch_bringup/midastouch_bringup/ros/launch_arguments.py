@@ -92,6 +92,10 @@ ARGUMENTS = {
         ("ur3", "ur3e", "ur5", "ur5e", "ur7e", "ur10", "ur10e", "ur12e", "ur16e", "ur15", "ur20", "ur30"),
         launch_only=True,
     ),
+    "kinematics_params_file": Argument(
+        "Calibration of this very arm (ur_calibration), for arm:=ur_driver; without it the tool may be centimetres off",
+        launch_only=True,
+    ),
     "use_mock_hardware": Argument("Mock arm, for arm:=ur_driver", "false", _YES_NO, launch_only=True),
     "tf_prefix": Argument(
         "Put before the arm's frames and joints, as in the UR driver",

@@ -92,8 +92,8 @@ SETUPS = {
         "a DIGIT on a UR arm: driver, mount, localisation",
         (
             *(*_COMMON, "autostart", "composed", *_PERCEPTION, *_FILTER),
-            *("arm", "robot_ip", "ur_type", "use_mock_hardware", "tf_prefix", "frames_file", "tool_frame"),
-            *("sensor_prefix", *_RVIZ),
+            *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
+            *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
         ),
         (
             Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")),
