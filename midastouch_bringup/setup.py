@@ -46,6 +46,7 @@ setup(
             "detection_prior = midastouch_bringup.nodes.detection_prior:main",
             "midastouch = midastouch_bringup.cli:main",
             "mount_tf = midastouch_bringup.nodes.mount_tf:main",
+            "recorder = midastouch_bringup.nodes.recorder:main",
             "replay = midastouch_bringup.nodes.replay:main",
             "ur_tf = midastouch_bringup.nodes.ur_tf:main",
         ]

@@ -59,6 +59,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -
         from midastouch_bringup.nodes.view import View
 
         return View(scene=FakeNet(), **options)
+    if name == "recorder":
+        from midastouch_bringup.nodes.recorder import Recorder
+
+        return Recorder(**options)
     from midastouch_bringup.nodes.replay import Replay
 
     return Replay(**options)
@@ -68,6 +72,8 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
+    if name == "recorder":
+        return {"path": str(tmp_path / "recorded.mcap")}
     if name != "replay":
         return {}
     image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))

@@ -12,6 +12,7 @@ from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
 from ..nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
 from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
+from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay_parameters import PARAMETERS as REPLAY
 from ..nodes.ur_tf import PARAMETERS as UR_TF
 from ..nodes.view import PARAMETERS as VIEW
@@ -22,6 +23,7 @@ TABLES = {
     "tcn": TCN,
     "particle_filter": PARTICLE_FILTER,
     "replay": REPLAY,
+    "recorder": RECORDER,
     "ur_tf": UR_TF,
     "mount_tf": MOUNT_TF,
     "detection_prior": DETECTION_PRIOR,

@@ -18,8 +18,8 @@ def sub_commands() -> dict[str, argparse.ArgumentParser]:
 def test_the_commands_of_the_design_are_there():
     assert set(sub_commands()) == {
         "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "evaluate-presses", "evaluate-checks",
-        "single-touch", "bench", "benchmark", "to-bag", "replay", "run", "view", "download", "train-tdn", "train-tcn",
-        "import-weights", "report", "doctor",
+        "single-touch", "bench", "benchmark", "to-bag", "replay", "time-offset", "run", "view", "download", "train-tdn",
+        "train-tcn", "import-weights", "report", "doctor",
     }  # fmt: skip
 
 
@@ -53,6 +53,7 @@ def test_every_option_is_explained(name):
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
         (["to-bag", "no/such/seq", "--out", "x.mcap"], "no/such/seq"),
         (["replay", "no/such/bag"], "no/such/bag"),
+        (["time-offset", "no/such.mcap"], "no/such.mcap: not a bag"),
         (["report", "no/such.json", "--out", "x"], "no/such.json: no such result file"),
         (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
         (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),

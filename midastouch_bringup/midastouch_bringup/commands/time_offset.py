@@ -1,0 +1,42 @@
+"""`midastouch time-offset`: how far the clocks of camera and arm are apart."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "time-offset",
+        run,
+        "tell from a recorded slide how far the stamps of the images are from those of the arm",
+        "midastouch time-offset out/touch.mcap",
+        "Slide over something that can be felt for 10 s or longer, start and stop several times, and record it. The\n"
+        "moment at which images change is compared with that at which the arm moves.",
+    )
+    parser.add_argument("bag", metavar="BAG", help="bag with images and transforms (.mcap file or folder)")
+    parser.add_argument("--image-topic", default="/image_raw", metavar="TOPIC", help="images (default /image_raw)")
+    parser.add_argument("--base-frame", default="base_link", metavar="FRAME", help="(default base_link)")
+    parser.add_argument("--gel-frame", default="digit_gel_frame", metavar="FRAME", help="(default digit_gel_frame)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_perception.errors import InputError
+
+    from ..bags import read_bag
+    from ..time_offset import estimate_time_offset
+
+    frames = read_bag(args.bag, args.image_topic, args.base_frame, args.gel_frame)
+    try:
+        offset = estimate_time_offset(frames)
+    except InputError as error:
+        raise InputError(f"{args.bag}: {error}") from error
+    late = "late" if offset.seconds >= 0 else "early"
+    print(f"images are stamped {1e3 * abs(offset.seconds):.0f} ms too {late} (correlation {offset.correlation:.2f})")
+    print(f"add {round(-1e9 * offset.seconds)} to the parameter timestamp_offset of digit_driver")
+    return 0

@@ -1,0 +1,81 @@
+"""How far the stamps of images are from those of the arm's transforms, told by a recording of a slide.
+
+While the sensor slides its image changes, faster the faster the arm moves, and not at all while the arm rests. The
+shift in time at which the two agree best is the offset (cross-correlation).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+from .bags import BagFrame
+
+_BLOCKS = (12, 16)  # columns and rows: noise averages out, what moves does not
+_LEVER = 0.01  # m; turning by an angle changes the image about as moving its edge by so much
+_STEP = 0.005  # s
+_SHORTEST = 5.0  # s
+_CLEAR = 0.5  # of a correlation
+
+
+class TimeOffset(NamedTuple):
+    """seconds: stamp of an image minus that of the transform of the same moment; correlation at it, at most 1."""
+
+    seconds: float
+    correlation: float
+
+
+def estimate_time_offset(frames: Iterable[BagFrame], largest: float = 0.5) -> TimeOffset:
+    """The offset, of at most `largest` seconds either way, from images and the poses at their stamps.
+
+    Raises InputError when they do not tell: too short, an arm that never changes its speed, a sensor that slides over
+    nothing.
+    """
+    times, changes, speeds = _activity(frames)
+    if len(times) < 2 or times[-1] - times[0] < _SHORTEST + 2 * largest:
+        raise InputError(f"needs {_SHORTEST + 2 * largest:g} s of images with poses; record a longer slide")
+    grid = np.arange(times[0], times[-1], _STEP)
+    # roots: neither grows in proportion to the other when it is large
+    change, speed = (np.sqrt(np.interp(grid, times, values)) for values in (changes, speeds))
+    lags = np.arange(-round(largest / _STEP), round(largest / _STEP) + 1)
+    agreement = np.array([_correlation(change, speed, lag) for lag in lags])
+    best = int(agreement.argmax())
+    if agreement[best] < _CLEAR or best in (0, len(lags) - 1):
+        raise InputError(
+            f"images and arm do not tell (correlation {agreement[best]:.2f} within {largest:g} s): slide over "
+            "something that can be felt, and start and stop several times"
+        )
+    before, at, after = agreement[best - 1 : best + 2]
+    vertex = 0.5 * (before - after) / (before - 2 * at + after)
+    return TimeOffset(float((lags[best] + vertex) * _STEP), float(at))
+
+
+def _activity(frames: Iterable[BagFrame]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Between each frame and the next: middle [s], change of the image [grey levels / s], speed of the gel [m / s]."""
+    rows, last = [], None
+    for frame in frames:
+        small = cv2.resize(frame.image, _BLOCKS, interpolation=cv2.INTER_AREA).astype(np.float32)
+        if last is not None and frame.stamp_ns > last[0]:
+            seconds = 1e-9 * (frame.stamp_ns - last[0])
+            moved = se3.log(se3.inverse(last[2]) @ frame.base_from_gel)
+            way = np.linalg.norm(moved[:3]) + _LEVER * np.linalg.norm(moved[3:])
+            middle = 1e-9 * last[0] + 0.5 * seconds
+            rows.append((middle, float(np.abs(small - last[1]).mean()) / seconds, way / seconds))
+        last = frame.stamp_ns, small, frame.base_from_gel
+    times, changes, speeds = np.array(rows).reshape(-1, 3).T
+    return times, changes, speeds
+
+
+def _correlation(change: np.ndarray, speed: np.ndarray, lag: int) -> float:
+    """Pearson's, of the change `lag` steps later with the speed; 0 where one of them is constant."""
+    later = change[lag:] if lag >= 0 else change[:lag]
+    earlier = speed[: len(speed) - lag] if lag >= 0 else speed[-lag:]
+    later, earlier = later - later.mean(), earlier - earlier.mean()
+    norm = np.linalg.norm(later) * np.linalg.norm(earlier)
+    return float(later @ earlier / norm) if norm > 0 else 0.0
