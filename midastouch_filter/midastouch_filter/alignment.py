@@ -19,6 +19,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer, draw_share
 
 from . import tangent
+from .lookup import ROTATION_SCALE
 
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
 # m, residual at which a pixel's weight has halved (Geman and McClure 1987), iteration by iteration: wide first, so that
@@ -26,6 +27,8 @@ _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is
 _OUTLIER = (2e-3, 2e-3, 1e-3, 1e-3, 5e-4, 5e-4, 3e-4, 3e-4)
 _SMALL_STEP = 5e-5, 2e-3  # m, rad: no second iteration at the same width after one this small
 _NEAR = 0.9  # fit at a width, beyond which a second iteration at the same tells no more
+# Between places a relief counts as if its error were half as large again: what it mistakes looks like another place
+_BETWEEN_PLACES = 1 / 1.5**2
 _STEEPEST = 3.0  # slope beyond which a finite difference across a silhouette says nothing
 
 
@@ -69,13 +72,19 @@ class ReliefAlignment:
         pose = np.ascontiguousarray(pose, float)
         state, offset, hessian, cost, fit = _descend(
             pose, np.ascontiguousarray(pose if start is None else start, float), prior, relief, self._information,
-            _OUTLIER, self._scene, self._tangents, self._gel_depth, self.sensor.gel_distance,
+            _OUTLIER, _first_width(covariance), self._scene, self._tangents, self._gel_depth, self.sensor.gel_distance,
         )  # fmt: skip
         posterior = prior + hessian
-        log_evidence = -0.5 * (
+        log_evidence = (-0.5 * _BETWEEN_PLACES) * (
             cost + offset @ prior @ offset + np.linalg.slogdet(posterior)[1] - np.linalg.slogdet(prior)[1]
         )
         return Aligned(state, np.linalg.inv(posterior), float(log_evidence), fit)
+
+
+def _first_width(covariance: np.ndarray) -> int:
+    """The first of `_OUTLIER` that is needed: residuals are hardly larger than a prior's (6, 6) spread."""
+    spread = np.sqrt(np.trace(covariance[:3, :3]) + ROTATION_SCALE**2 * np.trace(covariance[3:, 3:]))
+    return max((k for k in range(0, len(_OUTLIER), 2) if _OUTLIER[k] >= spread), default=0)
 
 
 def without_jitter(
@@ -94,14 +103,14 @@ def without_jitter(
 
 
 @numba.njit(cache=True, nogil=True)
-def _descend(pose, start, prior, relief, information, widths, scene, tangents, gel_depth, distance):
+def _descend(pose, start, prior, relief, information, widths, first, scene, tangents, gel_depth, distance):
     """Gauss-Newton from `start`; the last state, its offset (6,) from `pose`, and the normal equations there."""
     state, offset = start.copy(), tangent.log(tangent.inverse(pose) @ start)
     settled = np.inf
     poses = np.empty((1, 4, 4))
     rendered = np.empty((1, *relief.shape), np.float32)
     faces = np.empty((1, 0, 0), np.int32)
-    for k in range(len(widths) + 1):
+    for k in range(first, len(widths) + 1):
         last = k == len(widths)
         outlier = widths[-1] if last else widths[k]
         if outlier == settled and not last:

@@ -77,7 +77,7 @@ class FilterConfig:
         math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
     )
     relief_fit: float = _number(0.6, 0.0, 1.0, "", "share of touched pixels a pose must explain to be believed")
-    relief_noise: float = _number(1.5e-4, 1e-6, 1e-2, "m", "error of a felt relief, sigma")
+    relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt relief, sigma")
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
 
     # --- hindsight: other places that explain the last touches as well

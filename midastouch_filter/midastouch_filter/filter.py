@@ -19,6 +19,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from . import gates, initialisation, kld, resampling
+from .alignment import Aligned
 from .belief import covariance_about
 from .config import FilterConfig
 from .estimate import Estimate, Mode, modes_from_moments
@@ -161,7 +162,7 @@ class ParticleFilter:
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
         self._exploration = Exploration(self.config)
         self._modes: list[Mode] = []  # of the particles
-        self._fitted: list[int] = []  # those that the last reliefs fitted
+        self._fitted: dict[int, Aligned] = {}  # those that the last reliefs fitted, and how
         self._fitted_to: set[str] = set()  # the fingers these reliefs are of
         self._answers: list[Mode] = []  # the same, sharpened by the relief of the frame where it could be
         self._path_since_lookup = 0.0
@@ -400,7 +401,7 @@ class ParticleFilter:
         if self._modes and self._gates["unmoved_modes"].skips(changed):
             return
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
-        self._fitted, self._fitted_to = [], set()
+        self._fitted, self._fitted_to = {}, set()
 
     def _usable(self, felt: FeltRelief) -> bool:
         """Whether the relief is there and can be compared with rendered ones."""
@@ -430,13 +431,12 @@ class ParticleFilter:
         aligned = {finder.peaks[k]: a for k, a in aligned.items() if a.fit > self.config.relief_fit}
         self._weights = self._particles.weights
         self._modes = modes_from_moments(finder.moments(self._particles, self._weights))
-        self._fitted = [k for k, peak in enumerate(finder.peaks) if peak in aligned]
+        self._fitted = {k: aligned[peak] for k, peak in enumerate(finder.peaks) if peak in aligned}
         self._fitted_to = {each.name for each in reliefs}
-        if self._fitted[:1] == [0]:
+        if 0 in self._fitted:
             self._trend.explained()
         self._answers = [
-            sharpened(mode, aligned[peak]) if peak in aligned else mode
-            for mode, peak in zip(self._modes, finder.peaks, strict=True)
+            sharpened(mode, self._fitted[k]) if k in self._fitted else mode for k, mode in enumerate(self._modes)
         ]
 
     def _look_back(
@@ -504,8 +504,13 @@ class ParticleFilter:
 
     @property
     def poses(self) -> np.ndarray:
-        """Particles `T_obj_gel` (N, 4, 4); N = 0 while uninitialised."""
-        return self._particles.poses if self._particles else np.empty((0, 4, 4))
+        """Particles `T_obj_gel` (N, 4, 4) at this very frame, as `Estimate.modes`; N = 0 while uninitialised."""
+        if self._particles is None:
+            return np.empty((0, 4, 4))
+        if not self._fitted:
+            return self._particles.poses
+        members = self._mode_finder.members(self._particles)
+        return self._refinement.sharpened(self._particles, members, self._modes, self._fitted).poses
 
     @property
     def weights(self) -> np.ndarray:

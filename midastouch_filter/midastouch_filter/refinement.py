@@ -109,6 +109,18 @@ class Refinement:
             self._weigh(particles, members, aligned, share, len(modes))
         return aligned
 
+    def sharpened(
+        self, particles: Particles, members: np.ndarray, modes: list[Mode], aligned: dict[int, Aligned]
+    ) -> Particles:
+        """A copy of the particles with those of the aligned modes where this very frame has them, as `sharpened`."""
+        maps = {
+            k: _GaussianMap.between(modes[k].pose, _in_own_frame(modes[k]) + np.diag(_FLOOR), a.pose, a.covariance)
+            for k, a in aligned.items()
+        }
+        copy = replace(particles, positions=particles.positions.copy(), quaternions=particles.quaternions.copy())
+        self._move(copy, members, maps, len(modes))
+        return copy
+
     def is_narrow(self, mode: Mode) -> bool:
         """Whether the mode is close enough to a Gaussian to be aligned."""
         c = self._config

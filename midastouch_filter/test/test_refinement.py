@@ -75,6 +75,23 @@ def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
     np.testing.assert_array_equal(sharpened(mode_of(start, 400), aligned[0]).pose, aligned[0].pose)
 
 
+def test_particles_of_one_frame_are_where_it_has_the_mode(refinement, touch):
+    """The copy has the aligned pose and covariance; the particles themselves, and those of no mode, stay."""
+    truth, sigma = touch[0], 0.1 * SIGMA
+    particles = cloud(truth, 4000, np.random.default_rng(5))
+    before = particles.poses
+    members = np.repeat(np.array([0, -1], np.int32), 2000)
+    pose = truth @ se3.exp(np.array([5e-4, 2e-4, -1e-4, 0.01, 0.02, -0.01]))
+    shown = refinement.sharpened(
+        particles, members, [mode_of(truth, 2000)], {0: Aligned(pose, np.diag(sigma**2), 0.0, 1.0)}
+    )
+    deviation = se3.log(se3.inverse(pose) @ shown.poses[:2000])
+    np.testing.assert_allclose(deviation.mean(axis=0) / sigma, 0, atol=0.1)
+    np.testing.assert_allclose(deviation.std(axis=0) / sigma, 1, atol=0.1)
+    np.testing.assert_array_equal(shown.poses[2000:], before[2000:])
+    np.testing.assert_array_equal(particles.poses, before)
+
+
 def test_wide_modes_are_left_alone(refinement, touch):
     truth, relief, _ = touch
     particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
