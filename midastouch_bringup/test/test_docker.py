@@ -13,6 +13,7 @@ import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from midastouch_bringup.cli import build_parser
+from midastouch_bringup.ros.setups import SETUPS, executables
 
 ROOT = Path(__file__).parents[2]
 DOCKER = ROOT / "docker"
@@ -195,6 +196,13 @@ def test_commands_are_ours():
             assert {"object", "serial", "robot_ip"} <= given
         programs += 1
     assert programs == 2
+
+
+def test_live_is_healthy_when_all_its_nodes_are():
+    form, entrypoint, script, *asked = COMPOSE["services"]["live"]["healthcheck"]["test"]
+    assert (form, entrypoint, script) == ("CMD", "/usr/local/bin/entrypoint.sh", "healthcheck.py")
+    # its launch file has another node, which reports nothing, in the place of mount_tf
+    assert set(asked) == {one.name for one in executables("live_ur", SETUPS["live_ur"].values())} - {"mount_tf"}
 
 
 @pytest.fixture
