@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import sys
 import threading
 import time
@@ -24,8 +23,10 @@ from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
 
+from ..frame_answers import FrameAnswers
 from ..keyboard import Keyboard
-from ..messages import TF_TOPIC, Message, Topic, header_stamp_ns
+from ..look_ahead import LookAhead
+from ..messages import TF_TOPIC, Message, Topic
 from ..playback import Playback
 from ..replay_source import ReplaySource, is_image
 from .message_types import live_name, message_class
@@ -35,9 +36,6 @@ from .replay_parameters import PARAMETERS
 RCLError = rclpy_implementation.RCLError
 
 _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
-# The first frame may be lost between two other nodes that have not found each other yet. That the filter sees it
-# twice does no harm: it answers a stamp it knows at once.
-_FIRST_TIMEOUT_S = 2.0
 _LEAD_NS = 500_000_000  # of transforms over images, when every image's result is waited for
 
 
@@ -56,7 +54,7 @@ class Replay(PipelineNode):
         self._on_end = on_end
         self.finished = threading.Event()
         self.error: Exception | None = None
-        self.frames_sent = self.frames_repeated = self.frames_lost = 0
+        self.frames_sent = 0
         self._told = 0  # newest time on /clock, ns
         self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
 
@@ -65,6 +63,14 @@ class Replay(PipelineNode):
         self._clock_output = self.create_publisher(Clock, "/clock", 10) if self._settings["clock"] else None
         if self._settings["ack_topic"]:
             self.create_subscription(FilterStatus, self._settings["ack_topic"], self._on_status, qos.latched(depth=50))
+        self._answers = FrameAnswers(
+            self._playback,
+            self._settings["ack_timeout"],
+            self._settings["ack_attempts"],
+            self._send,
+            lambda message: self._outputs[message.topic].publish(message.data),
+            lambda text: self.get_logger().warning(text, throttle_duration_sec=1.0),
+        )
         self.control = ReplayControl(self, self._playback, lambda: self.position)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
@@ -72,6 +78,16 @@ class Replay(PipelineNode):
     def start(self) -> None:
         """Begin to play, in a thread of its own; the node must be spun meanwhile."""
         self._thread.start()
+
+    @property
+    def frames_repeated(self) -> int:
+        """Frames that were sent again."""
+        return self._answers.repeated
+
+    @property
+    def frames_lost(self) -> int:
+        """Frames that were never answered."""
+        return self._answers.lost
 
     @property
     def position(self) -> float:
@@ -117,7 +133,8 @@ class Replay(PipelineNode):
     def _play_once(self, offset: float) -> None:
         frame: list[Message] = []
         lead = _LEAD_NS if self._settings["ack_topic"] else 0
-        for message in self._source.messages(lead, round(offset * 1e9)):
+        ahead = LookAhead(self._source.messages(lead, round(offset * 1e9)))
+        for message in ahead:
             # What is latched may be of a time that is left out: neither pace nor clock begin there.
             if message.latched:
                 self._outputs[message.topic].publish(message.data)
@@ -130,7 +147,8 @@ class Replay(PipelineNode):
                 frame.append(message)
             self._send(message)
             if is_image(message.topic):
-                self._until_acknowledged(frame)
+                if frame:
+                    self._answers.wait(frame, ahead)
                 self._playback.frame_sent()
                 self.frames_sent += 1
                 frame = []
@@ -140,28 +158,6 @@ class Replay(PipelineNode):
     def _send(self, message: Message) -> None:
         self._tick(message.stamp_ns)
         self._outputs[message.topic].publish(message.data)
-
-    def _until_acknowledged(self, frame: list[Message]) -> None:
-        """Hold the next frame back; repeat this one, transforms included, while no status answers it."""
-        if not frame:
-            return
-        stamp = header_stamp_ns(frame[-1].data)
-        timeout, attempts = self._settings["ack_timeout"], self._settings["ack_attempts"]
-        if self.frames_sent == 0 and timeout > _FIRST_TIMEOUT_S:
-            attempts = math.ceil(attempts * timeout / _FIRST_TIMEOUT_S)
-            timeout = _FIRST_TIMEOUT_S
-        for attempt in range(1, attempts + 1):
-            if self._playback.wait_for_acknowledgement(stamp, timeout) or self._playback.interrupted:
-                return
-            self.get_logger().warning(
-                f"no {self._settings['ack_topic']} for the frame at {stamp / 1e9:.3f} s after {timeout} s "
-                f"(attempt {attempt})"
-            )
-            if attempt < attempts:
-                self.frames_repeated += 1
-                for message in frame:
-                    self._send(message)
-        self.frames_lost += 1
 
     def _output(self, topic: Topic) -> Publisher:
         if topic.latched:

@@ -11,8 +11,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags import write_bag
-from midastouch_bringup.messages import BASE_FROM_OBJECT
+from midastouch_bringup.bags import BagWriter, write_bag
+from midastouch_bringup.messages import BASE_FROM_OBJECT, sequence_messages
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.msg import FilterStatus, TactileCode
@@ -148,6 +148,31 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     assert len(images) == 20 * rounds
     assert filters[0].starts == ["uniform"] * rounds
     assert len(filters[0].measurements) == 20 * rounds
+
+
+def test_images_without_transforms_do_not_each_wait_for_the_time_out(graph, tmp_path, simulated_sequence):
+    """A bag whose arm came 2.5 s after the camera, had a gap of 2 s, and left 0.4 s earlier, at 10 Hz."""
+    sequence = simulated_sequence(n=68)
+    present = {*sequence.stamps_ns[25:40].tolist(), *sequence.stamps_ns[60:65].tolist()}
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in sequence_messages(sequence):
+            if message.topic != "/tf" or message.stamp_ns in present:
+                bag.write(message)
+    filters = []
+    parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
+    parameters["transform_timeout"] = 600.0
+    graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
+    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(100))
+
+    def feel(image):
+        codes.publish(code_msg(stamp_ns(image.header.stamp)))
+
+    graph.companion.create_subscription(Image, "image_raw", feel, qos.stream_subscriber(100, reliable=True))
+    node = replay(graph, tmp_path / "x.mcap", ack_topic="filter_status", wait_for_subscribers=1, ack_timeout=600.0)
+    play(graph, node)
+    assert (node.frames_sent, node.frames_lost) == (68, 0)
+    # what lies within the gap is interpolated over it; only before and after there is nothing
+    assert len(filters[0].measurements) == 40
 
 
 def test_an_offset_beyond_the_end_is_said(graph, simulated_sequence):
