@@ -61,15 +61,16 @@ class Supervised:
 
 
 @pytest.fixture
-def hang_up_is_heard():
-    """As in a terminal, also when the tests themselves were started with nohup."""
-    former = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+def signals_are_heard():
+    """As in a terminal, also when the tests themselves were started with nohup or in the background of a script."""
+    former = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGQUIT)}
     yield
-    signal.signal(signal.SIGHUP, former)
+    for number, handler in former.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture
-def supervise(hang_up_is_heard):
+def supervise(signals_are_heard):
     made = []
 
     def make(*args, **options):
