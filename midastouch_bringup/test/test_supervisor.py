@@ -105,7 +105,8 @@ def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
     ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
 )
 def test_a_death_is_reported_and_the_others_go_on(supervise, end, words):
-    run = supervise({"mortal": end, "other": f"trap 'echo bye; exit 0' INT; {FOR_EVER}"})
+    run = supervise({"mortal": end, "other": f"trap 'echo bye; exit 0' INT; echo ready; {FOR_EVER}"})
+    run.said("[other] ready")
     run.said(f"[midastouch] mortal died: {words}")
     run.process.send_signal(signal.SIGINT)
     assert run.status() == 1
