@@ -13,9 +13,10 @@ from hypothesis import settings
 import digit_driver  # noqa: F401
 import midastouch_bringup  # noqa: F401
 import midastouch_filter  # noqa: F401
+import midastouch_kernels  # noqa: F401
 import midastouch_perception  # noqa: F401
 
-# the first example of a test may have to compile a kernel, so time says nothing about the code
+# on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
 

@@ -11,13 +11,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON_PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
-PACKAGES = ["midastouch_msgs", *PYTHON_PACKAGES]
+CMAKE_PACKAGES = ["midastouch_msgs", "midastouch_kernels"]
+PACKAGES = [*CMAKE_PACKAGES, *PYTHON_PACKAGES]
 
 # Imported module -> rosdep key, for modules whose key is not their own name.
 ROSDEP_KEYS = {
     "cv2": "python3-opencv",
     "matplotlib": "python3-matplotlib",
-    "numba": "python3-numba",
     "numpy": "python3-numpy",
     "onnxruntime": "python3-onnxruntime-pip",
     "PIL": "python3-pil",
@@ -65,7 +65,7 @@ def test_manifest_is_complete(package):
     assert texts(root, "version") == texts(manifest("midastouch_msgs"), "version")
     assert root.find("maintainer").get("email")
     build_type = root.find("export/build_type").text
-    assert build_type == ("ament_cmake" if package == "midastouch_msgs" else "ament_python")
+    assert build_type == ("ament_cmake" if package in CMAKE_PACKAGES else "ament_python")
     dependencies = texts(root, "depend", "exec_depend")
     assert dependencies == sorted(set(dependencies)) or package == "midastouch_msgs"
 

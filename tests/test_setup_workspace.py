@@ -22,11 +22,14 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "LOCK", tmp_path / "lock.txt")
     monkeypatch.setattr(tool, "FIX_EXPORTS", tmp_path / "fix.py")
     monkeypatch.setattr(tool, "INTERFACES", [tmp_path / "msgs"])
+    monkeypatch.setattr(tool, "KERNELS", tmp_path / "kernels")
     monkeypatch.setattr(tool, "PACKAGES", [tmp_path / "package"])
     (tmp_path / "lock.txt").write_text("numpy==1\n")
     (tmp_path / "fix.py").touch()
     (tmp_path / "msgs").mkdir()
     (tmp_path / "msgs" / "A.msg").write_text("bool a\n")
+    (tmp_path / "kernels").mkdir()
+    (tmp_path / "kernels" / "a.cpp").touch()
     (tmp_path / "package").mkdir()
     for name in ("setup.py", "setup.cfg", "package.xml"):
         (tmp_path / "package" / name).touch()
@@ -44,11 +47,12 @@ def workspace(load_tool, tmp_path, monkeypatch):
     monkeypatch.setattr(tool, "make_environment", step("environment"))
     monkeypatch.setattr(tool, "install_dependencies", step("dependencies"))
     monkeypatch.setattr(tool, "build_interfaces", step("interfaces"))
+    monkeypatch.setattr(tool, "build_kernels", step("kernels"))
     monkeypatch.setattr(tool, "install_packages", step("packages"))
     return tool
 
 
-ALL = ["environment", "dependencies", "interfaces", "packages"]
+ALL = ["environment", "dependencies", "interfaces", "kernels", "packages"]
 
 
 def again(tool) -> list[str]:
@@ -68,8 +72,9 @@ def test_second_call_does_nothing(workspace, capsys):
 @pytest.mark.parametrize(
     ("changed", "steps"),
     [
-        ("lock.txt", ["dependencies", "interfaces", "packages"]),
+        ("lock.txt", ["dependencies", "interfaces", "kernels", "packages"]),
         ("msgs/A.msg", ["interfaces"]),
+        ("kernels/a.cpp", ["kernels"]),
         ("package/setup.py", ["packages"]),
     ],
 )
@@ -109,7 +114,7 @@ def test_interrupted_build_goes_on_where_it_was(workspace, monkeypatch):
         patch.setattr(workspace, "build_interfaces", fails)
         with pytest.raises(workspace.SetupError):
             again(workspace)
-    assert again(workspace) == ["interfaces", "packages"]
+    assert again(workspace) == ["interfaces", "kernels", "packages"]
 
 
 def test_moved_environment_is_made_anew(workspace, monkeypatch):

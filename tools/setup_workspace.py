@@ -32,6 +32,7 @@ PIP_INSTALL = [PYTHON, "-m", "pip", "--disable-pip-version-check", "install"]
 LOCK = ROOT / "tools" / "requirements" / "lock.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
+KERNELS = ROOT / "midastouch_kernels"
 PACKAGES = [
     ROOT / name for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
 ]
@@ -171,12 +172,17 @@ def install_dependencies(progress):
 
 
 def build_interfaces(progress):
-    mend = (
-        "Generating or compiling the messages failed. If the compiler or cmake has changed, "
-        "rm -rf .venv and run make again."
-    )
+    build_with_cmake(progress, INTERFACES)
+
+
+def build_kernels(progress):
+    build_with_cmake(progress, [KERNELS])
+
+
+def build_with_cmake(progress, sources):
     variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
-    for source in INTERFACES:
+    for source in sources:
+        mend = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
         build = VENV / "build" / source.name
         # A message that is gone from the sources must go from the environment as well.
         manifest = build / "install_manifest.txt"
@@ -243,6 +249,7 @@ def set_up(lock):
             build_interfaces,
             "messages: " + ", ".join(source.name for source in INTERFACES),
         ),
+        ("kernels", content_hash([KERNELS], dependencies_key), build_kernels, "compiled inner loops"),
         (
             "packages",
             content_hash(described_by, dependencies_key),

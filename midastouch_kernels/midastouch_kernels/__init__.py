@@ -1,0 +1,31 @@
+"""Compiled inner loops over NumPy arrays. What each does is said where it is bound, in `src/`.
+
+The arrays must have the very type and layout that a kernel asks for (C order, float32 or float64, ...): nothing is
+converted on the way, so that what a kernel writes arrives. Kernels release the GIL.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import platform
+from pathlib import Path
+
+# The instructions of the level x86-64-v3 that the compiler may use and that processors are without.
+_V3 = {"avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "abm"}
+
+
+def _knows_v3() -> bool:
+    """Whether this processor runs the faster of the two modules."""
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return False
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("flags"):
+                return set(line.split()) >= _V3
+    return False
+
+
+if _knows_v3():
+    from ._kernels_v3 import *  # noqa: F403
+else:
+    from ._kernels import *  # noqa: F403

@@ -1,0 +1,39 @@
+// Types of the arrays that kernels take and give, and how their arguments are named.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+
+namespace nb = nanobind;
+
+template <class T, nb::ssize_t... Sizes>
+using In = nb::ndarray<const T, nb::shape<Sizes...>, nb::c_contig, nb::device::cpu>;
+
+template <class T, nb::ssize_t... Sizes>
+using InOut = nb::ndarray<T, nb::shape<Sizes...>, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+using Out = nb::ndarray<nb::numpy, T>;
+
+// A new array of zeros that Python owns.
+template <class T>
+Out<T> make_array(std::initializer_list<std::size_t> shape) {
+    std::size_t size = 1;
+    for (std::size_t n : shape) size *= n;
+    T* data = new T[size]();
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+    return Out<T>(data, shape.size(), shape.begin(), owner);
+}
+
+// A named argument that is never converted: a converted copy would swallow what a kernel writes.
+inline nb::arg named(const char* name) {
+    nb::arg argument(name);
+    argument.noconvert();
+    return argument;
+}

@@ -1,0 +1,53 @@
+// The Python module: every file of kernels adds its own.
+#include "arrays.hpp"
+#include "parallel.hpp"
+
+#include <sched.h>
+
+#include <stdexcept>
+
+void bind_alignment(nb::module_&);
+void bind_belief(nb::module_&);
+void bind_measurement(nb::module_&);
+void bind_modes(nb::module_&);
+void bind_motion(nb::module_&);
+void bind_pose_lookup(nb::module_&);
+void bind_regions(nb::module_&);
+void bind_renderer(nb::module_&);
+void bind_resampling(nb::module_&);
+void bind_surface(nb::module_&);
+void bind_triangle_grid(nb::module_&);
+
+namespace {
+
+int available() {
+    cpu_set_t set;
+    return sched_getaffinity(0, sizeof(set), &set) == 0 ? CPU_COUNT(&set) : 1;
+}
+
+int threads = 0;  // 0: one per available core
+
+}  // namespace
+
+int thread_count() { return threads ? threads : available(); }
+
+void set_thread_count(int count) {
+    if (count < 0) throw std::invalid_argument("a negative number of threads");
+    threads = count;
+}
+
+NB_MODULE(MODULE_NAME, m) {
+    m.def("set_threads", &set_thread_count, nb::arg("count"),
+          "Threads that kernels over batches start; 0: one per available core.");
+    bind_alignment(m);
+    bind_belief(m);
+    bind_measurement(m);
+    bind_modes(m);
+    bind_motion(m);
+    bind_pose_lookup(m);
+    bind_regions(m);
+    bind_renderer(m);
+    bind_resampling(m);
+    bind_surface(m);
+    bind_triangle_grid(m);
+}
