@@ -6,10 +6,11 @@ told how far away the truth lies if it is another one.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-from . import quaternion
+import midastouch_kernels as kernels
+from midastouch_perception import se3
+
 from .estimate import Mode
 from .particles import Particles
 
@@ -30,27 +31,8 @@ def covariance_about(mode: Mode, others: np.ndarray, particles: Particles, weigh
     sampled = float(weights[which].sum())
     if not sampled:
         return mode.covariance
-    turn = quaternion.from_matrix(mode.pose[:3, :3])
-    moment = _second_moment(
-        particles.positions[which], particles.quaternions[which], weights[which], mode.pose[:3, 3], turn
+    place = se3.to_xyzquat(mode.pose)
+    moment = kernels.second_moment(
+        particles.positions[which], particles.quaternions[which], weights[which], place[:3], place[3:]
     )
     return (1.0 - mass) * mode.covariance + (mass / sampled) * moment
-
-
-@numba.njit(cache=True, nogil=True)
-def _second_moment(positions, quaternions, weights, centre, turn):
-    """Sum (6, 6) of w d d', d = (position - centre, rotation vector from `turn` (4,)), fixed axes."""
-    out = np.zeros((6, 6))
-    d = np.empty(6)
-    for i in range(len(weights)):
-        for a in range(3):
-            d[a] = positions[i, a] - centre[a]
-        x, y, z, w = quaternion.multiply(
-            quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3],
-            -turn[0], -turn[1], -turn[2], turn[3],
-        )  # fmt: skip
-        d[3], d[4], d[5] = quaternion.rotation_vector(x, y, z, w)
-        for a in range(6):
-            for b in range(6):
-                out[a, b] += weights[i] * d[a] * d[b]
-    return out

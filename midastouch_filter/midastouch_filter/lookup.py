@@ -12,10 +12,10 @@ directions first. With the nearest entries alone the walk gets stuck where they 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from pykdtree.kdtree import KDTree
 
+import midastouch_kernels as kernels
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -28,18 +28,16 @@ ROTATION_SCALE = 0.01
 _NEIGHBOURS = 24
 _LINKS = 48
 _CANDIDATES = 64  # nearest entries that links are chosen from
-_DETOUR = 1.2  # a link is left out if the way over another one is shorter by this factor
-_HOPS = 8
+_HOPS = 8  # that a walk takes at most
 
 
 class PoseLookup:
     """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
 
     Attributes: records (M, 8) float32, each position, 0, quaternion; neighbours (M, K) int32, the K nearest
-    other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; links (M, L) int32, the entries
-    that a walk can go to from each; spacing m, the typical distance to the nearest other entry; largest_gap m, which
-    99 % of these keep below; stride m, the typical distance that one hop along the graph can cover. Raises InputError
-    for fewer than two poses.
+    other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to
+    the nearest other entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop
+    along the graph can cover. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers):
@@ -60,7 +58,8 @@ class PoseLookup:
         distance = distance[keep].reshape(len(rows), candidates)
         self.neighbours = np.ascontiguousarray(index[:, :_NEIGHBOURS])
         self.neighbour_distance = np.ascontiguousarray(distance[:, :_NEIGHBOURS])
-        self.links = _choose_links(features, index, distance, min(_LINKS, candidates))
+        links, lengths = kernels.choose_links(features, index, distance, min(_LINKS, candidates))
+        self._graph = kernels.LinkGraph(self.records, links, lengths)
         nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
@@ -94,11 +93,10 @@ class PoseLookup:
         distance = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
-            lambda low, high, _: _walk(
-                low, high, particles.positions, particles.quaternions, self.records, self.links,
-                particles.entries, distance,
+            lambda low, high, _: self._graph.walk(
+                low, high, particles.positions, particles.quaternions, particles.entries, distance
             ),
-        )  # fmt: skip
+        )
         return distance
 
 
@@ -120,64 +118,3 @@ def _features(poses: np.ndarray) -> np.ndarray:
     """(N, 12) float32 whose Euclidean distance is the distance between the poses (N, 4, 4)."""
     rotation = (ROTATION_SCALE / np.sqrt(2)) * poses[:, :3, :3].reshape(-1, 9)
     return np.concatenate([poses[:, :3, 3], rotation], axis=1).astype(np.float32)
-
-
-@numba.njit(cache=True, inline="always")
-def squared_distance(x, y, z, qx, qy, qz, qw, record):
-    """Squared pose distance [m^2] between a pose and a record; (2 r sin(a/2))^2 = 4 r^2 (1 - (q.q')^2)."""
-    dx, dy, dz = x - record[0], y - record[1], z - record[2]
-    dot = qx * record[4] + qy * record[5] + qz * record[6] + qw * record[7]
-    scale = np.float32(4 * ROTATION_SCALE**2)
-    return dx * dx + dy * dy + dz * dz + scale * (np.float32(1.0) - dot * dot)
-
-
-@numba.njit(cache=True)
-def _choose_links(features, index, distance, count):
-    """Links (M, count) int32 from the nearest entries (M, C), nearest first, at their distances (M, C).
-
-    A candidate is passed over if one of the links taken is that much nearer to it than the entry is: the walk gets
-    there through that link. What is left of `count` is filled up with the nearest ones passed over.
-    """
-    links = np.empty((len(index), count), np.int32)
-    passed_over = np.empty(index.shape[1], np.int32)
-    for i in range(len(index)):
-        taken = passed = 0
-        for j in range(index.shape[1]):
-            if taken == count:
-                break
-            candidate = index[i, j]
-            limit = (distance[i, j] / _DETOUR) ** 2
-            for link in links[i, :taken]:
-                squared = np.float32(0.0)
-                for k in range(features.shape[1]):
-                    squared += (features[candidate, k] - features[link, k]) ** 2
-                if squared < limit:
-                    passed_over[passed] = candidate
-                    passed += 1
-                    break
-            else:
-                links[i, taken] = candidate
-                taken += 1
-        links[i, taken:] = passed_over[: count - taken]
-    return links
-
-
-@numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def _walk(low, high, positions, quaternions, records, links, entries, distance):
-    k = links.shape[1]
-    for i in range(low, high):
-        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
-        qx, qy, qz, qw = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
-        best = entries[i]
-        least = squared_distance(x, y, z, qx, qy, qz, qw, records[best])
-        for _ in range(_HOPS):
-            start = best
-            for j in range(k):
-                candidate = links[start, j]
-                d = squared_distance(x, y, z, qx, qy, qz, qw, records[candidate])
-                if d < least:
-                    least, best = d, candidate
-            if best == start:
-                break
-        entries[i] = best
-        distance[i] = np.sqrt(max(least, np.float32(0.0)))

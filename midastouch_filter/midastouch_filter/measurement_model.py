@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import copy
 
-import numba
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception.errors import InputError
 
 from .config import FilterConfig
-from .lookup import PoseLookup, squared_distance
+from .lookup import PoseLookup
 from .particles import Particles
 from .workers import Workers
 
@@ -113,7 +113,7 @@ class MeasurementModel:
         """
         out = np.empty(len(rows), np.float32)
         code = np.ascontiguousarray(code, np.float32)
-        self._workers.run(len(rows), lambda low, high, _: _dot(low, high, self._codes, rows, code, out))
+        self._workers.run(len(rows), lambda low, high, _: kernels.dot_rows(low, high, self._codes, rows, code, out))
         return out
 
     def _relative_likelihood(self, scores: np.ndarray) -> np.ndarray:
@@ -128,11 +128,11 @@ class MeasurementModel:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
         if not self._smoothing:
             return self.log_ratio[particles.entries]
-        lookup, rate = self._lookup, np.float32(-0.5 / max(self._lookup.spacing, _NARROWEST) ** 2)
+        lookup, rate = self._lookup, -0.5 / max(self._lookup.spacing, _NARROWEST) ** 2
         out = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
-            lambda low, high, _: _interpolate(
+            lambda low, high, _: kernels.interpolate_entries(
                 low, high, particles.positions, particles.quaternions, particles.entries, lookup.records,
                 lookup.neighbours, self._smoothing, rate, self.log_ratio, out,
             ),
@@ -156,32 +156,3 @@ def _calibration(meta: dict, name: str, below: float) -> float:
             f"codebook: {name} {meta.get(name)} is not a calibration; build it again or set the parameter `{name}`"
         )
     return value
-
-
-@numba.njit(cache=True, nogil=True)
-def _interpolate(low, high, positions, quaternions, entries, records, neighbours, k, rate, log_ratio, out):
-    for i in range(low, high):
-        x, y, z = positions[i, 0], positions[i, 1], positions[i, 2]
-        qx, qy, qz, qw = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
-        entry = entries[i]
-        nearest = squared_distance(x, y, z, qx, qy, qz, qw, records[entry])
-        total, weighted = np.float32(1.0), log_ratio[entry]
-        for j in range(k):
-            other = neighbours[entry, j]
-            d = squared_distance(x, y, z, qx, qy, qz, qw, records[other])
-            # relative to the nearest entry, so that a particle far from all of them still gets a weight; one that has
-            # not reached its nearest entry yet must not overflow
-            w = np.exp(rate * max(d - nearest, np.float32(0.0)))
-            total += w
-            weighted += w * log_ratio[other]
-        out[i] = weighted / total
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True)
-def _dot(low, high, codes, rows, code, out):
-    for i in range(low, high):
-        row = codes[rows[i]]
-        total = np.float32(0.0)
-        for j in range(code.size):
-            total += row[j] * code[j]
-        out[i] = total

@@ -10,23 +10,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
-from .lookup import PoseLookup, squared_distance
+import midastouch_kernels as kernels
+
+from .lookup import PoseLookup
 from .particles import Particles
 from .regions import Regions
 from .workers import CHUNKS, Workers
 
-_VALLEY = 0.5  # two peaks stay two modes if the density between them falls below this share of the lower one
 _MOST_MODES = 64  # reported; the mass of any further ones counts as "rest"
 
 # while particles are spread all over, only the heaviest regions can belong to a mode worth reporting; the mass of the
 # others counts as "rest"
 _MOST_REGIONS = 4096
 
-# sums per mode: weight, w*t (3), w*t*t' (6), w*q (4), w*q*q' (10), w*t*q' (12), number of particles
-_SUMS = 37
+_SUMS = 37  # numbers that `kernels.sum_modes` adds up per mode
 
 _TRIANGLE = {n: np.triu_indices(n) for n in (3, 4)}
 
@@ -61,7 +60,7 @@ class ModeFinder:
     def __init__(self, lookup: PoseLookup, regions: Regions, radius: float, min_mass: float, workers: Workers):
         self._regions, self._workers = regions, workers
         self._centres = np.ascontiguousarray(lookup.records[regions.centre])
-        self._squared_radius, self._min_mass = np.float32(radius**2), min_mass
+        self._squared_radius, self._min_mass = radius**2, min_mass
 
     def find(self, particles: Particles, weights: np.ndarray) -> Moments:
         """Moments of the modes of particles with normalised weights (N,)."""
@@ -88,9 +87,9 @@ class ModeFinder:
         occupied = np.flatnonzero(mass)
         if len(occupied) > _MOST_REGIONS:
             occupied = np.sort(occupied[np.argpartition(-mass[occupied], _MOST_REGIONS)[:_MOST_REGIONS]])
-        density = _smooth(occupied, mass, r.start, r.neighbours)
+        density = kernels.smooth_regions(occupied, mass, r.start, r.neighbours)
         order = occupied[np.argsort(-density[occupied], kind="stable")]
-        root = _climb(order, density, r.start, r.neighbours, self._centres, self._squared_radius)
+        root = kernels.climb_regions(order, density, r.start, r.neighbours, self._centres, self._squared_radius)
         mass_of_root = np.bincount(root[occupied], mass[occupied], minlength=len(mass))
         peaks = np.flatnonzero(mass_of_root)
         peaks = peaks[np.argsort(-mass_of_root[peaks], kind="stable")][:_MOST_MODES]
@@ -106,7 +105,7 @@ class ModeFinder:
         partial = np.zeros((CHUNKS, len(peaks), _SUMS))
         self._workers.run(
             len(particles),
-            lambda low, high, chunk: _accumulate(
+            lambda low, high, chunk: kernels.sum_modes(
                 low, high, particles.positions, particles.quaternions, particles.entries, weights,
                 self._regions.of_entry, mode_of_region, reference, partial[chunk],
             ),
@@ -136,97 +135,3 @@ def _symmetric(upper: np.ndarray, n: int) -> np.ndarray:
     out[:, i, j] = upper
     out[:, j, i] = upper
     return out
-
-
-@numba.njit(cache=True, nogil=True)
-def _smooth(occupied, mass, start, neighbours):
-    """Mass of each occupied region plus half that of its neighbours: a density with less sampling noise."""
-    density = np.zeros(mass.size)
-    for r in occupied:
-        around = 0.0
-        for j in range(start[r], start[r + 1]):
-            around += mass[neighbours[j]]
-        density[r] = mass[r] + 0.5 * around
-    return density
-
-
-@numba.njit(cache=True, nogil=True)
-def _climb(order, density, start, neighbours, centres, squared_radius):
-    """Root (K,) of each region in `order` (by falling density); the number of regions, K, for all others."""
-    count = density.size
-    root = np.full(count, count, np.int64)
-    for r in order:
-        best = -1
-        for j in range(start[r], start[r + 1]):
-            other = neighbours[j]
-            if root[other] < count and (best < 0 or density[other] > density[best]):
-                best = other
-        if best < 0:
-            root[r] = r
-            continue
-        own = _find(root, best)
-        root[r] = own
-        for j in range(start[r], start[r + 1]):
-            if root[neighbours[j]] == count:
-                continue
-            rival = _find(root, neighbours[j])
-            if rival == own:
-                continue
-            lower, higher = (rival, own) if density[rival] < density[own] else (own, rival)
-            a, b = centres[lower], centres[higher]
-            near = squared_distance(a[0], a[1], a[2], a[4], a[5], a[6], a[7], b) <= squared_radius
-            if near and density[r] >= _VALLEY * density[lower]:
-                root[lower] = higher
-                own = higher if own == lower else own
-    for r in order:
-        root[r] = _find(root, r)
-    return root
-
-
-@numba.njit(cache=True, inline="always")
-def _find(root, r):
-    while root[r] != r:
-        root[r] = root[root[r]]
-        r = root[r]
-    return r
-
-
-@numba.njit(cache=True, nogil=True)
-def _accumulate(low, high, positions, quaternions, entries, weights, of_entry, mode_of_region, reference, out):
-    t, q = np.empty(3), np.empty(4)
-    for i in range(low, high):
-        mode = mode_of_region[of_entry[entries[i]]]
-        w = weights[i]
-        if mode < 0:
-            continue
-        sums, origin = out[mode], reference[mode]
-        dot = 0.0
-        for a in range(3):
-            t[a] = positions[i, a] - origin[a]
-        for a in range(4):
-            q[a] = quaternions[i, a]
-            dot += q[a] * origin[4 + a]
-        if dot < 0:
-            for a in range(4):
-                q[a] = -q[a]
-        sums[0] += w
-        k = 1
-        for a in range(3):
-            sums[k] += w * t[a]
-            k += 1
-        for a in range(3):
-            for b in range(a, 3):
-                sums[k] += w * t[a] * t[b]
-                k += 1
-        for a in range(4):
-            sums[k] += w * q[a]
-            k += 1
-        for a in range(4):
-            for b in range(a, 4):
-                sums[k] += w * q[a] * q[b]
-                k += 1
-        for a in range(3):
-            for b in range(4):
-                sums[k] += w * t[a] * q[b]
-                k += 1
-        sums[k] += 1.0

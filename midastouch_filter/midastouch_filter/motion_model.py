@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
-from . import quaternion
+import midastouch_kernels as kernels
+
 from .config import FilterConfig
 from .lookup import ROTATION_SCALE
 from .particles import Particles
@@ -38,7 +38,7 @@ class Odometry:
             raise ValueError(f"odometry of shape {transform.shape} instead of (4, 4)")
         if not np.isfinite(transform).all():
             raise ValueError("odometry is not finite")
-        error, row, transform = _decompose(transform)
+        error, row, transform = kernels.decompose(transform)
         if not error < _ORTHONORMAL:
             raise ValueError("odometry is not a rigid transform")
         distance = math.hypot(*row[:3])
@@ -113,7 +113,7 @@ class MotionModel:
         def kernel(low: int, high: int, chunk: int) -> None:
             if noisy:
                 self._streams[chunk].standard_normal(out=noise[low:high], dtype=np.float32)
-            _compose(low, high, particles.positions, particles.quaternions, odometry.row, noise, noisy, scale)
+            kernels.compose(low, high, particles.positions, particles.quaternions, odometry.row, noise, scale)
 
         self._workers.run(len(particles), kernel)
 
@@ -125,51 +125,6 @@ def carried(particles: Particles, transform: np.ndarray, workers: Workers) -> Pa
     noise, scale = np.empty((0, 6), np.float32), np.zeros(6, np.float32)
     workers.run(
         len(particles),
-        lambda low, high, _: _compose(low, high, positions, quaternions, row, noise, False, scale),
+        lambda low, high, _: kernels.compose(low, high, positions, quaternions, row, noise, scale),
     )
     return Particles(positions, quaternions, particles.log_weights, particles.entries)
-
-
-@numba.njit(cache=True)
-def _decompose(transform):
-    """How far (4, 4) is from a rigid transform, its row [x y z qx qy qz qw], and that row as a transform."""
-    r = transform[:3, :3]
-    error = np.abs(transform[3] - np.array([0.0, 0.0, 0.0, 1.0])).max()
-    for i in range(3):
-        for j in range(3):
-            dot = r[0, i] * r[0, j] + r[1, i] * r[1, j] + r[2, i] * r[2, j]
-            error = max(error, abs(dot - (i == j)))
-    determinant = (
-        r[0, 0] * (r[1, 1] * r[2, 2] - r[1, 2] * r[2, 1])
-        - r[0, 1] * (r[1, 0] * r[2, 2] - r[1, 2] * r[2, 0])
-        + r[0, 2] * (r[1, 0] * r[2, 1] - r[1, 1] * r[2, 0])
-    )
-    row = np.empty(7)
-    row[:3] = transform[:3, 3]
-    row[3:] = quaternion.from_matrix(r)
-    rigid = np.eye(4)
-    rigid[:3, 3] = row[:3]
-    rigid[:3, :3] = quaternion.to_matrix(row[3:])
-    return (error if determinant > 0 else np.inf), row, rigid
-
-
-@numba.njit(cache=True, nogil=True)
-def _compose(low, high, positions, quaternions, step, noise, noisy, scale):
-    one = np.float32(1.0)
-    for i in range(low, high):
-        qx, qy, qz, qw = quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3]
-        x, y, z = quaternion.rotate(qx, qy, qz, qw, step[0], step[1], step[2])
-        x, y, z = positions[i, 0] + x, positions[i, 1] + y, positions[i, 2] + z
-        qx, qy, qz, qw = quaternion.multiply(qx, qy, qz, qw, step[3], step[4], step[5], step[6])
-        if noisy:
-            dx, dy, dz = quaternion.rotate(
-                qx, qy, qz, qw, scale[0] * noise[i, 0], scale[1] * noise[i, 1], scale[2] * noise[i, 2]
-            )
-            x, y, z = x + dx, y + dy, z + dz
-            qx, qy, qz, qw = quaternion.multiply(
-                qx, qy, qz, qw, scale[3] * noise[i, 3], scale[4] * noise[i, 4], scale[5] * noise[i, 5], one
-            )
-        shrink = one / np.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
-        positions[i, 0], positions[i, 1], positions[i, 2] = x, y, z
-        quaternions[i, 0], quaternions[i, 1] = qx * shrink, qy * shrink
-        quaternions[i, 2], quaternions[i, 3] = qz * shrink, qw * shrink

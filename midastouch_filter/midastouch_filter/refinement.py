@@ -13,14 +13,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
-from . import quaternion
 from .alignment import Aligned, ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
@@ -152,7 +151,7 @@ class Refinement:
         table = tuple(np.stack(column) for column in zip(*maps.values(), strict=True))
         self._workers.run(
             len(particles),
-            lambda low, high, _: _map(
+            lambda low, high, _: kernels.map_modes(
                 low, high, map_of[members[low:high]], *table, particles.positions, particles.quaternions
             ),
         )
@@ -230,42 +229,5 @@ class _GaussianMap(NamedTuple):
     def between(cls, pose: np.ndarray, prior: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> _GaussianMap:
         """By the Cholesky factors of both covariances, each in its pose's own frame."""
         shrink = np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(prior))
-        parts = ((p[:3, 3], p[:3, :3], quaternion.from_matrix(p[:3, :3])) for p in (pose, mean))
+        parts = ((p[:3, 3], p[:3, :3], se3.to_xyzquat(p)[3:]) for p in (pose, mean))
         return cls(*itertools.chain(*parts), shrink)
-
-
-@numba.njit(cache=True, nogil=True)
-def _map(
-    low, high, map_of, position, rotation, turn, new_position, new_rotation, new_turn, shrink, positions, quaternions
-):
-    """Apply map `map_of` (high - low,) to each particle of a range, -1: none."""
-    deviation = np.empty(6)
-    mapped = np.empty(6)
-    for i in range(low, high):
-        k = map_of[i - low]
-        if k < 0:
-            continue
-        for a in range(3):
-            deviation[a] = 0.0
-            for b in range(3):
-                deviation[a] += rotation[k, b, a] * (positions[i, b] - position[k, b])
-        x, y, z, w = quaternion.multiply(
-            -turn[k, 0], -turn[k, 1], -turn[k, 2], turn[k, 3],
-            quaternions[i, 0], quaternions[i, 1], quaternions[i, 2], quaternions[i, 3],
-        )  # fmt: skip
-        deviation[3], deviation[4], deviation[5] = quaternion.rotation_vector(x, y, z, w)
-        for a in range(6):
-            mapped[a] = 0.0
-            for b in range(a + 1):
-                mapped[a] += shrink[k, a, b] * deviation[b]
-        for a in range(3):
-            moved = new_position[k, a]
-            for b in range(3):
-                moved += new_rotation[k, a, b] * mapped[b]
-            positions[i, a] = moved
-        angle = np.sqrt(mapped[3] ** 2 + mapped[4] ** 2 + mapped[5] ** 2)
-        scale = np.sin(angle / 2) / angle if angle > 0 else 0.5
-        quaternions[i] = quaternion.multiply(
-            new_turn[k, 0], new_turn[k, 1], new_turn[k, 2], new_turn[k, 3],
-            scale * mapped[3], scale * mapped[4], scale * mapped[5], np.cos(angle / 2),
-        )  # fmt: skip

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+import midastouch_kernels as kernels
 
 
 def log_sum_exp(values: np.ndarray) -> float:
@@ -25,22 +26,4 @@ def systematic(weights: np.ndarray, n: int, rng: np.random.Generator) -> np.ndar
     A particle of normalised weight w is drawn floor(n w) or ceil(n w) times, one of weight 0 never
     (Thrun, Burgard and Fox 2005, table 4.4: the paper's reference 67).
     """
-    return _systematic(weights, n, rng.random())
-
-
-@numba.njit(cache=True, nogil=True)
-def _systematic(weights, n, offset):
-    last = weights.size - 1
-    while last > 0 and weights[last] == 0:
-        last -= 1
-    total = weights.sum()
-    out = np.empty(n, np.int64)
-    j = 0
-    cumulative = weights[0]
-    for i in range(n):
-        target = (i + offset) / n * total
-        while cumulative <= target and j < last:
-            j += 1
-            cumulative += weights[j]
-        out[i] = j
-    return out
+    return kernels.systematic(weights, n, rng.random())

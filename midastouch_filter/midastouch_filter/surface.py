@@ -7,9 +7,9 @@ interpolated trilinearly.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception.mesh import ObjectMesh
 
 from .config import FilterConfig
@@ -66,11 +66,10 @@ class SurfaceGrid:
         out = np.empty(len(positions), np.float32)
         workers.run(
             len(positions),
-            lambda low, high, _: _interpolate(
-                low, high, positions, self._values, self._origin32, np.float32(1 / self.spacing),
-                np.float32(_UNIT), np.float32(self.limit), out,
+            lambda low, high, _: kernels.interpolate_grid(
+                low, high, positions, self._values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
             ),
-        )  # fmt: skip
+        )
         return out
 
     def project(self, particles: Particles, lowest: float, highest: float, workers: Workers) -> None:
@@ -163,27 +162,3 @@ class SurfaceConstraint:
     def project(self, particles: Particles) -> None:
         """Move particles beyond either limit back to it."""
         self._grid.project(particles, -self._config.max_penetration, self._config.max_hover, self._workers)
-
-
-@numba.njit(cache=True, nogil=True)
-def _interpolate(low, high, positions, values, origin, per_metre, unit, limit, out):
-    nx, ny, nz = values.shape
-    one = np.float32(1.0)
-    for i in range(low, high):
-        x = (positions[i, 0] - origin[0]) * per_metre
-        y = (positions[i, 1] - origin[1]) * per_metre
-        z = (positions[i, 2] - origin[2]) * per_metre
-        if not (x >= 0 and y >= 0 and z >= 0 and x < nx - 1 and y < ny - 1 and z < nz - 1):
-            out[i] = limit
-            continue
-        ix, iy, iz = int(x), int(y), int(z)
-        fx, fy, fz = x - np.float32(ix), y - np.float32(iy), z - np.float32(iz)
-        gx, gy, gz = one - fx, one - fy, one - fz
-        v = gx * (
-            gy * (gz * np.float32(values[ix, iy, iz]) + fz * np.float32(values[ix, iy, iz + 1]))
-            + fy * (gz * np.float32(values[ix, iy + 1, iz]) + fz * np.float32(values[ix, iy + 1, iz + 1]))
-        ) + fx * (
-            gy * (gz * np.float32(values[ix + 1, iy, iz]) + fz * np.float32(values[ix + 1, iy, iz + 1]))
-            + fy * (gz * np.float32(values[ix + 1, iy + 1, iz]) + fz * np.float32(values[ix + 1, iy + 1, iz + 1]))
-        )
-        out[i] = v * unit

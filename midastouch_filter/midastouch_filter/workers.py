@@ -1,8 +1,7 @@
 """Threads for kernels that release the GIL.
 
-Kernels are compiled once, for one thread, over a range of particles; the ranges go to a small thread pool.
-Compared with Numba's own parallel loops this halves the compile time, has no second thread layer spinning beside
-the inference engine's, and may be called from several Python threads at once.
+Kernels work on a range of particles in one thread; the ranges go to a small thread pool, that may be used from
+several Python threads at once.
 """
 
 from __future__ import annotations

@@ -92,13 +92,6 @@ def test_a_running_filter_knows_the_nearest_entries(world, tool, spread):
         assert (found <= 1.01 * nearest + 1e-6).mean() >= 0.99
 
 
-def test_links_hold_the_nearest_entry_and_no_entry_twice(world, lookup):
-    assert lookup.links.shape == (len(world.poses), 48)
-    np.testing.assert_array_equal(lookup.links[:, 0], lookup.neighbours[:, 0])
-    assert (np.diff(np.sort(lookup.links, axis=1), axis=1) > 0).all()
-    assert (lookup.links != np.arange(len(world.poses))[:, None]).all()
-
-
 def test_relocation_finds_particles_that_jumped(world, lookup):
     queries = world.random_poses(world.mesh, 500, np.random.default_rng(6))
     particles = Particles.from_poses(queries, np.zeros(500, np.int32))

@@ -98,34 +98,36 @@ nb::tuple choose_links(In<float, -1, -1> features, In<int32_t, -1, -1> index, In
         throw nb::value_error("features, index and distance of different sizes, or fewer candidates than links");
     auto links = make_array<int32_t>({n, count});
     auto lengths = make_array<float>({n, count});
-    nb::gil_scoped_release released;
-    parallel_for(n, 1024, [&](std::size_t first, std::size_t last) {
-        std::vector<std::size_t> passed_over;
-        for (std::size_t i = first; i < last; ++i) {
-            int32_t* to = links.data() + i * count;
-            float* length = lengths.data() + i * count;
-            const int32_t* candidate = index.data() + i * candidates;
-            const float* at = distance.data() + i * candidates;
-            std::size_t taken = 0;
-            passed_over.clear();
-            for (std::size_t j = 0; j < candidates && taken < count; ++j) {
-                const float limit = (at[j] / kDetour) * (at[j] / kDetour);
-                const float* a = features.data() + dimension * candidate[j];
-                const bool reached = std::any_of(to, to + taken, [&](int32_t link) {
-                    const float* b = features.data() + dimension * link;
-                    float squared = 0;
-                    for (std::size_t k = 0; k < dimension; ++k) squared += (a[k] - b[k]) * (a[k] - b[k]);
-                    return squared < limit;
-                });
-                if (reached)
-                    passed_over.push_back(j);
-                else
-                    to[taken] = candidate[j], length[taken++] = at[j];
+    {
+        nb::gil_scoped_release released;
+        parallel_for(n, 1024, [&](std::size_t first, std::size_t last) {
+            std::vector<std::size_t> passed_over;
+            for (std::size_t i = first; i < last; ++i) {
+                int32_t* to = links.data() + i * count;
+                float* length = lengths.data() + i * count;
+                const int32_t* candidate = index.data() + i * candidates;
+                const float* at = distance.data() + i * candidates;
+                std::size_t taken = 0;
+                passed_over.clear();
+                for (std::size_t j = 0; j < candidates && taken < count; ++j) {
+                    const float limit = (at[j] / kDetour) * (at[j] / kDetour);
+                    const float* a = features.data() + dimension * candidate[j];
+                    const bool reached = std::any_of(to, to + taken, [&](int32_t link) {
+                        const float* b = features.data() + dimension * link;
+                        float squared = 0;
+                        for (std::size_t k = 0; k < dimension; ++k) squared += (a[k] - b[k]) * (a[k] - b[k]);
+                        return squared < limit;
+                    });
+                    if (reached)
+                        passed_over.push_back(j);
+                    else
+                        to[taken] = candidate[j], length[taken++] = at[j];
+                }
+                for (std::size_t k = 0; taken < count; ++k)
+                    to[taken] = candidate[passed_over[k]], length[taken++] = at[passed_over[k]];
             }
-            for (std::size_t k = 0; taken < count; ++k)
-                to[taken] = candidate[passed_over[k]], length[taken++] = at[passed_over[k]];
-        }
-    });
+        });
+    }
     return nb::make_tuple(links, lengths);
 }
 
