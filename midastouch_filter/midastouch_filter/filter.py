@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
@@ -310,17 +311,15 @@ class ParticleFilter:
             log_ratios.insert(0, self._log_ratio(code, book_distance))
             shares.insert(0, share)
             touching.append(share)
-        belief = particles.log_weights
-        self._trend.update(resampling.log_sum_exp(belief + sum(log_ratios)) / len(touching), max(touching))
+        evidence = sum(log_ratios)
+        tempered = sum(share * log_ratio for share, log_ratio in zip(shares, log_ratios, strict=True))
+        log_weights, weights = np.empty(len(particles)), np.empty(len(particles))
+        likelihood, total = kernels.reweigh(particles.log_weights, evidence, tempered, log_weights, weights)
+        self._trend.update(likelihood / len(touching), max(touching))
         self._exploration.update(self._modes[0].weight if self._modes else 0.0, max(touching))
-        log_weights = sum(share * log_ratio for share, log_ratio in zip(shares, log_ratios, strict=True))
-        log_weights += belief
-        total = resampling.log_sum_exp(log_weights)
         if not np.isfinite(total):
             return False
-        log_weights -= total
-        particles.log_weights = log_weights
-        self._weights = np.exp(log_weights)
+        particles.log_weights, self._weights = log_weights, weights
         return True
 
     def _log_ratio(self, code: np.ndarray, book_distance: np.ndarray) -> np.ndarray:
@@ -543,8 +542,8 @@ class ParticleFilter:
 
     def _covariance(self) -> np.ndarray:
         """Of the whole belief about the published pose."""
-        others = self._mode_finder.members(self._particles) != 0
-        return covariance_about(self._answers[0], others, self._particles, self._weights)
+        members = self._mode_finder.members(self._particles)
+        return covariance_about(self._answers[0], members, self._particles, self._weights)
 
     def _status(self) -> Status:
         skipped = {name: gate.skipped for name, gate in self._gates.items()} | dict(self._refused)

@@ -34,7 +34,7 @@ _HOPS = 8  # that a walk takes at most
 class PoseLookup:
     """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
 
-    Attributes: records (M, 8) float32, each position, 0, quaternion; neighbours (M, K) int32, the K nearest
+    Attributes: graph, the compiled form; records (M, 8) float32, each position, 0, quaternion; neighbours (M, K) int32, the K nearest
     other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to
     the nearest other entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop
     along the graph can cover. Raises InputError for fewer than two poses.
@@ -59,7 +59,7 @@ class PoseLookup:
         self.neighbours = np.ascontiguousarray(index[:, :_NEIGHBOURS])
         self.neighbour_distance = np.ascontiguousarray(distance[:, :_NEIGHBOURS])
         links, lengths = kernels.choose_links(features, index, distance, min(_LINKS, candidates))
-        self._graph = kernels.LinkGraph(self.records, links, lengths)
+        self.graph = kernels.PoseGraph(self.records, links, lengths, self.neighbours)
         nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
@@ -93,7 +93,7 @@ class PoseLookup:
         distance = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
-            lambda low, high, _: self._graph.walk(
+            lambda low, high, _: self.graph.walk(
                 low, high, particles.positions, particles.quaternions, particles.entries, distance
             ),
         )

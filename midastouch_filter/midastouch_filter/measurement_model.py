@@ -47,7 +47,6 @@ class MeasurementModel:
         self._forget()
 
     def _forget(self) -> None:
-        self._is_occupied = np.zeros(len(self._codes), bool)
         self.log_ratio = np.zeros(len(self._codes), np.float32)
         self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
 
@@ -94,17 +93,12 @@ class MeasurementModel:
         The book's mean is then the exact sum over these entries plus a fixed sample's for the rest.
         """
         self._scored = None
-        occupied = self._is_occupied
-        occupied[:] = False
-        occupied[particles.entries] = True
-        if self._smoothing:
-            occupied[self._lookup.neighbours[particles.entries, : self._smoothing]] = True
-        rows = np.flatnonzero(occupied)
+        occupied, rows = kernels.occupied_entries(particles.entries, self._lookup.neighbours, self._smoothing)
         scores = np.concatenate([self._similarity(rows, code), self._similarity(self._sample, code)])
         likelihood = self._relative_likelihood(scores)
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :][~occupied[self._sample]]
-        rest = elsewhere.mean(dtype=float) * (len(occupied) - len(rows)) if len(elsewhere) else 0.0
-        self._set(rows, here, (here.sum(dtype=float) + rest) / len(occupied))
+        rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
+        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))
 
     def _similarity(self, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
         """Cosines (n,) float32 of the codes of entries `rows` (n,) with a unit code.
@@ -128,13 +122,13 @@ class MeasurementModel:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
         if not self._smoothing:
             return self.log_ratio[particles.entries]
-        lookup, rate = self._lookup, -0.5 / max(self._lookup.spacing, _NARROWEST) ** 2
+        rate = -0.5 / max(self._lookup.spacing, _NARROWEST) ** 2
         out = np.empty(len(particles), np.float32)
         self._workers.run(
             len(particles),
-            lambda low, high, _: kernels.interpolate_entries(
-                low, high, particles.positions, particles.quaternions, particles.entries, lookup.records,
-                lookup.neighbours, self._smoothing, rate, self.log_ratio, out,
+            lambda low, high, _: self._lookup.graph.interpolate(
+                low, high, particles.positions, particles.quaternions, particles.entries, self._smoothing, rate,
+                self.log_ratio, out,
             ),
         )  # fmt: skip
         return out

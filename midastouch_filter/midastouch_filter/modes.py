@@ -25,9 +25,7 @@ _MOST_MODES = 64  # reported; the mass of any further ones counts as "rest"
 # others counts as "rest"
 _MOST_REGIONS = 4096
 
-_SUMS = 37  # numbers that `kernels.sum_modes` adds up per mode
-
-_TRIANGLE = {n: np.triu_indices(n) for n in (3, 4)}
+_SUMS = 65  # numbers that `kernels.sum_modes` adds up per mode: an (8, 8) matrix and a count
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ class ModeFinder:
 
     def find(self, particles: Particles, weights: np.ndarray) -> Moments:
         """Moments of the modes of particles with normalised weights (N,)."""
-        mass = np.bincount(self._regions.of_entry[particles.entries], weights, minlength=len(self._regions))
+        mass = kernels.region_mass(self._regions.of_entry, particles.entries, weights, len(self._regions))
         self._regions_of_peaks, self._mode_of_region = self._cluster(mass)
         return self.moments(particles, weights)
 
@@ -114,24 +112,10 @@ class ModeFinder:
         # the order of the regions' masses, rounding aside; sorted again so that it is exact
         order = np.argsort(-total[:, 0], kind="stable")
         total, reference = total[order], reference[order]
-        mean = total[:, 1:-1] / np.maximum(total[:, :1], np.finfo(float).tiny)
-        moments = Moments(
-            np.concatenate([reference[:, :3], reference[:, 4:]], axis=1),
-            total[:, 0],
-            total[:, -1].astype(int),
-            mean[:, 0:3],
-            _symmetric(mean[:, 3:9], 3),
-            mean[:, 9:13],
-            _symmetric(mean[:, 13:23], 4),
-            mean[:, 23:35].reshape(-1, 3, 4),
-        )
+        square = total[:, :-1].reshape(-1, 8, 8)
+        mass = square[:, 0, 0].copy()
+        square /= np.maximum(mass, np.finfo(float).tiny)[:, None, None]
+        parts = square[:, 0, 1:4], square[:, 1:4, 1:4], square[:, 0, 4:], square[:, 4:, 4:], square[:, 1:4, 4:]
+        reference = np.concatenate([reference[:, :3], reference[:, 4:]], axis=1)
+        moments = Moments(reference, mass, total[:, -1].astype(int), *map(np.ascontiguousarray, parts))
         return moments, order
-
-
-def _symmetric(upper: np.ndarray, n: int) -> np.ndarray:
-    """(m, n, n) symmetric matrices from rows of their upper triangles."""
-    out = np.empty((len(upper), n, n))
-    i, j = _TRIANGLE[n]
-    out[:, i, j] = upper
-    out[:, j, i] = upper
-    return out

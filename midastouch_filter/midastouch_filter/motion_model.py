@@ -78,13 +78,13 @@ class Exploration:
 class MotionModel:
     """Moves particles by odometry and noise.
 
-    Noise is drawn from generators spawned once from `rng`, one per range of particles, so that it does not
-    depend on the number of threads.
+    Noise is drawn from streams seeded once from `rng`, one per range of particles, so that it does not depend on the
+    number of threads.
     """
 
     def __init__(self, config: FilterConfig, rng: np.random.Generator, workers: Workers):
         self._config, self._workers = config, workers
-        self._streams = rng.spawn(CHUNKS)
+        self._streams = [kernels.NormalStream(seed) for seed in rng.integers(2**63, size=CHUNKS).tolist()]
 
     def propagate(self, particles: Particles, odometry: Odometry, exploration: float) -> None:
         """Apply equation 1 in place: every particle moves by the odometry, then by its own noise.
@@ -105,26 +105,25 @@ class MotionModel:
         self._move(particles, Odometry.from_matrix(np.eye(4)), sigma)
 
     def _move(self, particles: Particles, odometry: Odometry, sigma: np.ndarray) -> None:
-        noisy = bool(sigma.any())
         # a turn by w is the quaternion (w/2, 1), normalised
         scale = (sigma * [1, 1, 1, 0.5, 0.5, 0.5]).astype(np.float32)
-        noise = np.empty((len(particles) if noisy else 0, 6), np.float32)
-
-        def kernel(low: int, high: int, chunk: int) -> None:
-            if noisy:
-                self._streams[chunk].standard_normal(out=noise[low:high], dtype=np.float32)
-            kernels.compose(low, high, particles.positions, particles.quaternions, odometry.row, noise, scale)
-
-        self._workers.run(len(particles), kernel)
+        noisy = bool(sigma.any())
+        self._workers.run(
+            len(particles),
+            lambda low, high, chunk: kernels.compose(
+                low, high, particles.positions, particles.quaternions, odometry.row, scale,
+                self._streams[chunk] if noisy else None,
+            ),
+        )  # fmt: skip
 
 
 def carried(particles: Particles, transform: np.ndarray, workers: Workers) -> Particles:
     """The poses of another frame, that lies at `transform` (4, 4) in each particle's; weights and entries shared."""
     row = Odometry.from_matrix(transform).row
     positions, quaternions = particles.positions.copy(), particles.quaternions.copy()
-    noise, scale = np.empty((0, 6), np.float32), np.zeros(6, np.float32)
+    still = np.zeros(6, np.float32)
     workers.run(
         len(particles),
-        lambda low, high, _: kernels.compose(low, high, positions, quaternions, row, noise, scale),
+        lambda low, high, _: kernels.compose(low, high, positions, quaternions, row, still, None),
     )
     return Particles(positions, quaternions, particles.log_weights, particles.entries)

@@ -310,17 +310,17 @@ def test_two_fingers_tell_more_at_the_first_touch(filter_, pair):
 def test_another_finger_counts_while_the_reference_is_in_the_air(filter_, pair):
     air = [Measurement(False)] * 40
     start = pair[0][0] @ se3.exp(np.array([4e-3, -4e-3, 0, 0, 0, 0.1]))
-    errors = []
-    for others in (lambda k: {}, lambda k: {"other": pair[3][k]}):
-        filter_.reset(1)
-        filter_.initialise_gaussian(start, 6e-3, 0.15)
-        for k in range(40):
-            estimate = filter_.step(pair[1][k], air[k], others(k))
-        errors.append(np.linalg.norm(estimate.pose[:3, 3] - pair[0][-1][:3, 3]))
-        states = estimate.status.state
-    assert states in (state.AMBIGUOUS, state.CONVERGED)
-    assert errors[1] < 5e-3
-    assert errors[1] < 0.7 * errors[0]
+    errors = np.empty((2, 4))
+    for case, others in enumerate((lambda k: {}, lambda k: {"other": pair[3][k]})):
+        for seed in range(4):
+            filter_.reset(seed)
+            filter_.initialise_gaussian(start, 6e-3, 0.15)
+            for k in range(40):
+                estimate = filter_.step(pair[1][k], air[k], others(k))
+            errors[case, seed] = np.linalg.norm(estimate.pose[:3, 3] - pair[0][-1][:3, 3])
+            assert not case or estimate.status.state in (state.AMBIGUOUS, state.CONVERGED)
+    assert errors[1].max() < 5e-3
+    assert errors[1].mean() < 0.8 * errors[0].mean()
 
 
 def test_the_reference_in_the_air_is_not_inside_the_object(filter_, pair, parts):
@@ -373,16 +373,20 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
 def test_a_finger_explores_while_the_first_one_rests(gripper):
     """As a thumb that holds the object; the first finger's one touch fits two places."""
     filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]
-    filter_.reset(2)
-    filter_.initialise_uniform()
     resting = Measurement(True, gripper.codes[0][0], relief=reduced_relief(gripper.penetrations[0][0]))
     below = gripper.above @ gripper.between
-    for k, gel in enumerate(below):
-        exploring = Measurement(True, gripper.codes[1][k], relief=reduced_relief(gripper.penetrations[1][k]))
-        others = {"below": FingerTouch(se3.inverse(truth) @ gel, exploring)}
-        estimate = filter_.step(np.eye(4) if k else None, resting, others)
-    assert estimate.status.state == state.CONVERGED, estimate.status.reason
-    assert np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]) < 2e-3
+    errors = []
+    for seed in range(3):
+        filter_.reset(seed)
+        filter_.initialise_uniform()
+        for k, gel in enumerate(below):
+            exploring = Measurement(True, gripper.codes[1][k], relief=reduced_relief(gripper.penetrations[1][k]))
+            others = {"below": FingerTouch(se3.inverse(truth) @ gel, exploring)}
+            estimate = filter_.step(np.eye(4) if k else None, resting, others)
+        assert estimate.status.state == state.CONVERGED, estimate.status.reason
+        errors.append(np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]))
+    assert np.median(errors) < 1e-3
+    assert max(errors) < 5e-3
 
 
 def test_a_relief_that_is_none_costs_only_itself(gripper):

@@ -1,12 +1,12 @@
 // Alignment of a sensor pose to the penetration map that it feels: Gauss-Newton on the pose's own rendered view.
 #include "arrays.hpp"
 #include "cholesky.hpp"
+#include "lanes.hpp"
 #include "renderer.hpp"
 #include "tangent.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <vector>
 
 namespace {
@@ -19,32 +19,6 @@ constexpr double kSmallStep[] = {5e-5, 2e-3};  // m, rad: no second iteration at
 constexpr double kNear = 0.9;       // fit at a width, beyond which a second iteration at the same tells no more
 constexpr float kSteepest = 3.0f;   // slope beyond which a finite difference across a silhouette says nothing
 constexpr double kRotationScale = 0.01;  // m that one radian counts as
-
-constexpr int kLanes = 8;
-typedef float Lanes __attribute__((vector_size(kLanes * sizeof(float))));
-typedef int32_t Mask __attribute__((vector_size(kLanes * sizeof(int32_t))));
-
-inline Lanes load(const float* p) {
-    Lanes out;
-    std::memcpy(&out, p, sizeof(out));
-    return out;
-}
-
-inline Lanes all(float value) { return Lanes{} + value; }
-
-inline Lanes magnitude(Lanes x) { return x < 0 ? -x : x; }
-
-inline bool any(Mask mask) {
-    int32_t bits = 0;
-    for (int l = 0; l < kLanes; ++l) bits |= mask[l];
-    return bits != 0;
-}
-
-inline double sum(Lanes x) {
-    double total = 0;
-    for (int l = 0; l < kLanes; ++l) total += x[l];
-    return total;
-}
 
 // A map (H, W) as single precision, with room behind its end for a whole load.
 template <class T>

@@ -4,33 +4,50 @@
 
 namespace {
 
-Out<double> second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions, In<double, -1> weights,
-                          In<double, 3> centre, In<double, 4> turn) {
+// Mass of the particles outside of mode 0, and the mean (6, 6) of d d' over them, d = (position, rotation vector) from
+// `place` [x y z qx qy qz qw] in fixed axes. At most about `most` of them are looked at, every n-th: that is systematic
+// sampling.
+nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions, In<double, -1> weights,
+                        In<int32_t, -1> members, In<double, 7> place, std::size_t most) {
     const std::size_t n = weights.shape(0);
-    if (positions.shape(0) != n || quaternions.shape(0) != n) throw nb::value_error("poses and weights of different sizes");
+    if (positions.shape(0) != n || quaternions.shape(0) != n || members.shape(0) != n)
+        throw nb::value_error("poses, weights and members of different sizes");
+    if (!most) throw nb::value_error("no particle to look at");
     auto out = make_array<double>({6, 6});
-    nb::gil_scoped_release released;
-    const double *c = centre.data(), *u = turn.data();
-    double sums[6][6] = {};
-    for (std::size_t i = 0; i < n; ++i) {
-        const float *t = positions.data() + 3 * i, *q = quaternions.data() + 4 * i;
-        double d[6];
-        for (int a = 0; a < 3; ++a) d[a] = t[a] - c[a];
-        rotation_vector(multiply(Quaternion<double>{q[0], q[1], q[2], q[3]},
-                                 Quaternion<double>{-u[0], -u[1], -u[2], u[3]}),
-                        d + 3);
+    double mass = 0;
+    {
+        nb::gil_scoped_release released;
+        std::size_t count = 0;
+        for (std::size_t i = 0; i < n; ++i)
+            if (members.data()[i] != 0) mass += weights.data()[i], ++count;
+        const std::size_t every = count / most > 1 ? count / most : 1;
+        const double* c = place.data();
+        double sums[6][6] = {}, sampled = 0;
+        for (std::size_t i = 0, k = 0; i < n; ++i) {
+            if (members.data()[i] == 0 || k++ % every || !(weights.data()[i] > 0)) continue;
+            const float *t = positions.data() + 3 * i, *q = quaternions.data() + 4 * i;
+            const double w = weights.data()[i];
+            double d[6];
+            for (int a = 0; a < 3; ++a) d[a] = t[a] - c[a];
+            rotation_vector(multiply(Quaternion<double>{q[0], q[1], q[2], q[3]},
+                                     Quaternion<double>{-c[3], -c[4], -c[5], c[6]}),
+                            d + 3);
+            sampled += w;
+            for (int a = 0; a < 6; ++a)
+                for (int b = 0; b < 6; ++b) sums[a][b] += w * d[a] * d[b];
+        }
         for (int a = 0; a < 6; ++a)
-            for (int b = 0; b < 6; ++b) sums[a][b] += weights.data()[i] * d[a] * d[b];
+            for (int b = 0; b < 6; ++b) out.data()[6 * a + b] = sampled > 0 ? sums[a][b] / sampled : 0;
+        if (!(sampled > 0)) mass = 0;
     }
-    for (int a = 0; a < 6; ++a)
-        for (int b = 0; b < 6; ++b) out.data()[6 * a + b] = sums[a][b];
-    return out;
+    return nb::make_tuple(mass, out);
 }
 
 }  // namespace
 
 void bind_belief(nb::module_& m) {
     m.def("second_moment", &second_moment, named("positions"), named("quaternions"), named("weights"),
-          named("centre"), named("turn"),
-          "Sum (6, 6) of w d d', d = (position - centre, rotation vector from `turn` (4,)), fixed axes.");
+          named("members"), named("place"), nb::arg("most"),
+          "Mass of the particles outside of mode 0, and the mean (6, 6) of d d' over them, d = (position, rotation "
+          "vector) from `place` (7,), fixed axes.");
 }

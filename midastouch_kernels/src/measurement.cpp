@@ -1,66 +1,12 @@
-// What a code says about codebook entries and, interpolated between them, about particles.
+// How alike a code is to those of the codebook, and what particles weigh for it.
 #include "arrays.hpp"
-#include "pose_distance.hpp"
+#include "lanes.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <vector>
 
 namespace {
-
-constexpr std::size_t kMostNeighbours = 32;
-constexpr std::size_t kPrefetch = 4;
-
-// e^x for x <= 0, to 2e-7 of its value, in a form that compilers vectorise; 0 below -87.
-inline float exp_nonpositive(float x) {
-    x = std::max(x, -87.0f);
-    const float halves = x * 1.44269504f, whole = std::nearbyint(halves);
-    // x - whole ln 2, ln 2 in two parts (Cody and Waite 1980)
-    const float r = (x - whole * 0.693359375f) + whole * 2.12194440e-4f;
-    float p = 1.9875691500e-4f;
-    p = p * r + 1.3981999507e-3f;
-    p = p * r + 8.3334519073e-3f;
-    p = p * r + 4.1665795894e-2f;
-    p = p * r + 1.6666665459e-1f;
-    p = p * r + 5.0000001201e-1f;
-    p = p * r * r + r + 1.0f;
-    const int32_t bits = (static_cast<int32_t>(whole) + 127) << 23;
-    float power;
-    std::memcpy(&power, &bits, sizeof(power));
-    return p * power;
-}
-
-void interpolate_entries(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<float, -1, 4> quaternions,
-                         In<int32_t, -1> entries, In<float, -1, kRecord> records, In<int32_t, -1, -1> neighbours,
-                         std::size_t count, float rate, In<float, -1> log_ratio, InOut<float, -1> out) {
-    const std::size_t k = neighbours.shape(1), m = records.shape(0);
-    if (low > high || high > positions.shape(0) || high > quaternions.shape(0) || high > entries.shape(0) ||
-        high > out.shape(0))
-        throw nb::value_error("range beyond the particles");
-    if (count > std::min(k, kMostNeighbours) || neighbours.shape(0) != m || log_ratio.shape(0) != m)
-        throw nb::value_error("records, neighbours and log_ratio of different sizes, or too few neighbours");
-    nb::gil_scoped_release released;
-    const std::size_t last = high ? high - 1 : 0;
-    for (std::size_t i = low; i < high; ++i) {
-        const std::size_t ahead = static_cast<std::size_t>(entries.data()[std::min(i + kPrefetch, last)]);
-        __builtin_prefetch(neighbours.data() + k * ahead);
-        const float *t = positions.data() + 3 * i, *q = quaternions.data() + 4 * i;
-        const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
-        const int32_t* other = neighbours.data() + k * entry;
-        const float nearest = squared_pose_distance(t, q, records.data() + kRecord * entry);
-        float weight[kMostNeighbours], value[kMostNeighbours];
-        for (std::size_t j = 0; j < count; ++j) {
-            weight[j] = squared_pose_distance(t, q, records.data() + kRecord * static_cast<std::size_t>(other[j]));
-            value[j] = log_ratio.data()[other[j]];
-        }
-        // relative to the nearest entry, so that a particle far from all of them still gets a weight; one that has
-        // not reached its nearest entry yet must not overflow
-        for (std::size_t j = 0; j < count; ++j) weight[j] = exp_nonpositive(rate * std::max(weight[j] - nearest, 0.0f));
-        float total = 1, weighted = log_ratio.data()[entry];
-        for (std::size_t j = 0; j < count; ++j) total += weight[j], weighted += weight[j] * value[j];
-        out.data()[i] = weighted / total;
-    }
-}
 
 void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int64_t, -1> rows, In<float, -1> code,
               InOut<float, -1> out) {
@@ -68,28 +14,87 @@ void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int
     if (low > high || high > rows.shape(0) || high > out.shape(0) || code.shape(0) != n)
         throw nb::value_error("range beyond the rows, or a code of another length");
     nb::gil_scoped_release released;
-    constexpr std::size_t kLanes = 16;  // partial sums, so that additions need not wait for each other
     for (std::size_t i = low; i < high; ++i) {
         const float *row = codes.data() + n * static_cast<std::size_t>(rows.data()[i]), *c = code.data();
-        float sums[kLanes] = {};
+        Lanes even{}, odd{};  // so that additions need not wait for each other
         std::size_t j = 0;
-        for (; j + kLanes <= n; j += kLanes)
-            for (std::size_t k = 0; k < kLanes; ++k) sums[k] += row[j + k] * c[j + k];
-        float total = 0;
+        for (; j + 2 * kLanes <= n; j += 2 * kLanes) {
+            even += load(row + j) * load(c + j);
+            odd += load(row + j + kLanes) * load(c + j + kLanes);
+        }
+        double total = sum(even + odd);
         for (; j < n; ++j) total += row[j] * c[j];
-        for (float sum : sums) total += sum;
-        out.data()[i] = total;
+        out.data()[i] = static_cast<float>(total);
     }
+}
+
+// Whether each entry (M,) is one that particles lie at or one of the `count` nearest neighbours of these, and those
+// that are, ascending.
+nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbours, std::size_t count) {
+    const std::size_t n = neighbours.shape(0), k = neighbours.shape(1);
+    if (count > k) throw nb::value_error("more neighbours than there are");
+    auto occupied = make_array<bool>({n});
+    bool* taken = occupied.data();
+    std::vector<uint8_t> lies(n);
+    for (std::size_t i = 0; i < entries.shape(0); ++i) {
+        const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
+        if (entry >= n) throw nb::value_error("an entry that is not there");
+        if (lies[entry]) continue;
+        lies[entry] = taken[entry] = true;
+        for (std::size_t j = 0; j < count; ++j) taken[neighbours.data()[k * entry + j]] = true;
+    }
+    auto out = make_array<int64_t>({static_cast<std::size_t>(std::count(taken, taken + n, true))});
+    int64_t* next = out.data();
+    for (std::size_t i = 0; i < n; ++i)
+        if (taken[i]) *next++ = static_cast<int64_t>(i);
+    return nb::make_tuple(occupied, out);
+}
+
+// Bayes' rule in logarithms: log_weights = belief + tempered, normalised, and the weights; returns the logarithms of
+// the sums of exp(belief + evidence) and of exp(belief + tempered), -inf if every particle is ruled out.
+nb::tuple reweigh(In<double, -1> belief, In<double, -1> evidence, In<double, -1> tempered,
+                  InOut<double, -1> log_weights, InOut<double, -1> weights) {
+    const std::size_t n = belief.size();
+    if (evidence.size() != n || tempered.size() != n || log_weights.size() != n || weights.size() != n)
+        throw nb::value_error("arrays of different sizes");
+    double plain, total;
+    {
+        nb::gil_scoped_release released;
+        double top = -INFINITY, highest = -INFINITY;
+        for (std::size_t i = 0; i < n; ++i) {
+            top = std::max(top, belief.data()[i] + evidence.data()[i]);
+            const double value = log_weights.data()[i] = belief.data()[i] + tempered.data()[i];
+            highest = std::max(highest, value);
+        }
+        double sum_plain = 0, sum_tempered = 0;
+        for (std::size_t i = 0; i < n; i += kLanes) {
+            const std::size_t here = std::min<std::size_t>(kLanes, n - i);
+            Lanes a = all(-INFINITY), b = all(-INFINITY);
+            for (std::size_t l = 0; l < here; ++l) {
+                a[l] = static_cast<float>(belief.data()[i + l] + evidence.data()[i + l] - top);
+                b[l] = static_cast<float>(log_weights.data()[i + l] - highest);
+            }
+            a = exp_nonpositive(a), b = exp_nonpositive(b);
+            sum_plain += sum(a), sum_tempered += sum(b);
+            for (std::size_t l = 0; l < here; ++l) weights.data()[i + l] = b[l];
+        }
+        plain = std::isfinite(top) ? top + std::log(sum_plain) : top;
+        total = std::isfinite(highest) ? highest + std::log(sum_tempered) : highest;
+        for (std::size_t i = 0; i < n; ++i) log_weights.data()[i] -= total, weights.data()[i] /= sum_tempered;
+    }
+    return nb::make_tuple(plain, total);
 }
 
 }  // namespace
 
 void bind_measurement(nb::module_& m) {
-    m.def("interpolate_entries", &interpolate_entries, nb::arg("low"), nb::arg("high"), named("positions"),
-          named("quaternions"), named("entries"), named("records"), named("neighbours"), nb::arg("count"),
-          nb::arg("rate"), named("log_ratio"), named("out"),
-          "log_ratio (M,) at poses [low, high), a mean over each one's entry and its `count` nearest, weighed by "
-          "exp(rate d^2).");
     m.def("dot_rows", &dot_rows, nb::arg("low"), nb::arg("high"), named("codes"), named("rows"), named("code"),
           named("out"), "Dot product with a code (D,) of each of `rows` [low, high) of codes (M, D).");
+    m.def("occupied_entries", &occupied_entries, named("entries"), named("neighbours"), nb::arg("count"),
+          "Whether each entry (M,) is one that particles lie at or one of the `count` nearest neighbours of these; and "
+          "those that are, ascending.");
+    m.def("reweigh", &reweigh, named("belief"), named("evidence"), named("tempered"), named("log_weights"),
+          named("weights"),
+          "log_weights = belief + tempered, normalised, and weights; returns the logarithms of the sums of "
+          "exp(belief + evidence) and exp(belief + tempered).");
 }

@@ -10,7 +10,8 @@
 namespace {
 
 constexpr double kValley = 0.5;  // two peaks stay two modes if the density between them falls below this share
-constexpr std::size_t kSums = 37;
+typedef double Quad __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)), may_alias));
+constexpr std::size_t kCoordinates = 8, kSums = kCoordinates * kCoordinates + 1;
 
 // Mass of each occupied region plus half that of its neighbours: a density with less sampling noise.
 Out<double> smooth_regions(In<int64_t, -1> occupied, In<double, -1> mass, In<int64_t, -1> start,
@@ -67,8 +68,17 @@ Out<int64_t> climb_regions(In<int64_t, -1> order, In<double, -1> density, In<int
     return result;
 }
 
-// Sums per mode over particles [low, high), relative to its reference: weight, w t (3), w t t' (6, upper triangle),
-// w q (4), w q q' (10), w t q' (12), number of particles.
+// Mass (count,) of each region.
+Out<double> region_mass(In<int32_t, -1> of_entry, In<int32_t, -1> entries, In<double, -1> weights, std::size_t count) {
+    if (entries.shape(0) != weights.shape(0)) throw nb::value_error("entries and weights of different sizes");
+    auto mass = make_array<double>({count});
+    for (std::size_t i = 0; i < entries.shape(0); ++i)
+        mass.data()[of_entry.data()[entries.data()[i]]] += weights.data()[i];
+    return mass;
+}
+
+// Sums per mode over particles [low, high): of w x x' (8, 8) for x = (1, position, quaternion), relative to the mode's
+// reference and on its quaternion's side; and their number.
 void sum_modes(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<float, -1, 4> quaternions,
                In<int32_t, -1> entries, In<double, -1> weights, In<int32_t, -1> of_entry,
                In<int32_t, -1> mode_of_region, In<double, -1, kRecord> reference, InOut<double, -1, kSums> out) {
@@ -81,22 +91,20 @@ void sum_modes(std::size_t low, std::size_t high, In<float, -1, 3> positions, In
         const int32_t mode = mode_of_region.data()[of_entry.data()[entries.data()[i]]];
         if (mode < 0) continue;
         const double w = weights.data()[i], *origin = reference.data() + kRecord * mode;
-        const float *position = positions.data() + 3 * i, *turn = quaternions.data() + 4 * i;
-        double t[3], q[4], dot = 0;
-        for (int a = 0; a < 3; ++a) t[a] = position[a] - origin[a];
-        for (int a = 0; a < 4; ++a) dot += turn[a] * origin[4 + a];
-        for (int a = 0; a < 4; ++a) q[a] = dot < 0 ? -turn[a] : turn[a];
+        const float *t = positions.data() + 3 * i, *q = quaternions.data() + 4 * i;
+        double dot = 0;
+        for (int a = 0; a < 4; ++a) dot += q[a] * origin[4 + a];
+        const double side = dot < 0 ? -1 : 1;
+        const double x[kCoordinates] = {1,           t[0] - origin[0], t[1] - origin[1], t[2] - origin[2],
+                                        side * q[0], side * q[1],      side * q[2],      side * q[3]};
+        const Quad first{x[0], x[1], x[2], x[3]}, last{x[4], x[5], x[6], x[7]};
         double* sum = out.data() + kSums * mode;
-        *sum++ += w;
-        for (int a = 0; a < 3; ++a) *sum++ += w * t[a];
-        for (int a = 0; a < 3; ++a)
-            for (int b = a; b < 3; ++b) *sum++ += w * t[a] * t[b];
-        for (int a = 0; a < 4; ++a) *sum++ += w * q[a];
-        for (int a = 0; a < 4; ++a)
-            for (int b = a; b < 4; ++b) *sum++ += w * q[a] * q[b];
-        for (int a = 0; a < 3; ++a)
-            for (int b = 0; b < 4; ++b) *sum++ += w * t[a] * q[b];
-        *sum += 1;
+        for (std::size_t a = 0; a < kCoordinates; ++a) {
+            Quad* row = reinterpret_cast<Quad*>(sum + kCoordinates * a);
+            row[0] += w * x[a] * first;
+            row[1] += w * x[a] * last;
+        }
+        sum[kSums - 1] += 1;
     }
 }
 
@@ -177,9 +185,12 @@ void bind_modes(nb::module_& m) {
     m.def("climb_regions", &climb_regions, named("order"), named("density"), named("start"), named("neighbours"),
           named("centres"), nb::arg("squared_radius"),
           "Region (K,) at the peak that each region of `order`, by falling density, belongs to; K for all others.");
+    m.def("region_mass", &region_mass, named("of_entry"), named("entries"), named("weights"), nb::arg("count"),
+          "Mass (count,) of each region: the sum of the weights of the particles whose entries belong to it.");
     m.def("sum_modes", &sum_modes, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
           named("entries"), named("weights"), named("of_entry"), named("mode_of_region"), named("reference"),
-          named("out"), "Add the moments (m, 37) of each mode over the particles [low, high).");
+          named("out"), "Add to (m, 65), for each mode over the particles [low, high): w x x' (8, 8) of x = (1, position, "
+          "quaternion), relative to the reference; and their number.");
     m.def("gaussians", &gaussians, named("reference"), named("position"), named("position_square"),
           named("quaternion"), named("quaternion_square"), named("cross"),
           "Poses (m, 4, 4) and covariances (m, 6, 6), fixed axes, of modes from their moments.");

@@ -11,7 +11,7 @@ void bind_belief(nb::module_&);
 void bind_measurement(nb::module_&);
 void bind_modes(nb::module_&);
 void bind_motion(nb::module_&);
-void bind_pose_lookup(nb::module_&);
+void bind_pose_graph(nb::module_&);
 void bind_regions(nb::module_&);
 void bind_renderer(nb::module_&);
 void bind_resampling(nb::module_&);
@@ -44,7 +44,7 @@ NB_MODULE(MODULE_NAME, m) {
     bind_measurement(m);
     bind_modes(m);
     bind_motion(m);
-    bind_pose_lookup(m);
+    bind_pose_graph(m);
     bind_regions(m);
     bind_renderer(m);
     bind_resampling(m);

@@ -1,5 +1,6 @@
 // Motion of the particles: odometry, noise, and the maps of modes to where their relief puts them.
 #include "arrays.hpp"
+#include "noise.hpp"
 #include "quaternion.hpp"
 
 #include <algorithm>
@@ -30,28 +31,34 @@ nb::tuple decompose(In<double, 4, 4> transform) {
     return nb::make_tuple(determinant > 0 ? error : INFINITY, row, rigid);
 }
 
+// Move by `step` [x y z qx qy qz qw]; then each by noise of its own, of widths `scale` (6,), unless `noise` is null.
 void compose(std::size_t low, std::size_t high, InOut<float, -1, 3> positions, InOut<float, -1, 4> quaternions,
-             In<float, 7> step, In<float, -1, 6> noise, In<float, 6> scale) {
-    const bool noisy = noise.shape(0) > 0;
-    if (low > high || high > positions.shape(0) || high > quaternions.shape(0) || (noisy && high > noise.shape(0)))
+             In<float, 7> step, In<float, 6> scale, NormalStream* noise) {
+    if (low > high || high > positions.shape(0) || high > quaternions.shape(0))
         throw nb::value_error("range beyond the particles");
     nb::gil_scoped_release released;
     const float *s = step.data(), *width = scale.data();
     const Quaternion<float> turn{s[3], s[4], s[5], s[6]};
-    for (std::size_t i = low; i < high; ++i) {
-        float *t = positions.data() + 3 * i, *r = quaternions.data() + 4 * i, moved[3];
-        Quaternion<float> q{r[0], r[1], r[2], r[3]};
-        rotate(q, s[0], s[1], s[2], moved);
-        for (int a = 0; a < 3; ++a) t[a] += moved[a];
-        q = multiply(q, turn);
-        if (noisy) {
-            const float* e = noise.data() + 6 * i;
-            rotate(q, width[0] * e[0], width[1] * e[1], width[2] * e[2], moved);
+    for (std::size_t block = low; block < high; block += kLanes) {
+        Lanes drawn[6] = {};
+        if (noise)
+            for (int a = 0; a < 6; a += 2) noise->draw(drawn[a], drawn[a + 1]);
+        for (int a = 0; a < 6; ++a) drawn[a] *= width[a];
+        for (std::size_t i = block; i < std::min(block + kLanes, high); ++i) {
+            const std::size_t l = i - block;
+            float *t = positions.data() + 3 * i, *r = quaternions.data() + 4 * i, moved[3];
+            Quaternion<float> q{r[0], r[1], r[2], r[3]};
+            rotate(q, s[0], s[1], s[2], moved);
             for (int a = 0; a < 3; ++a) t[a] += moved[a];
-            q = multiply(q, Quaternion<float>{width[3] * e[3], width[4] * e[4], width[5] * e[5], 1.0f});
+            q = multiply(q, turn);
+            if (noise) {
+                rotate(q, drawn[0][l], drawn[1][l], drawn[2][l], moved);
+                for (int a = 0; a < 3; ++a) t[a] += moved[a];
+                q = multiply(q, Quaternion<float>{drawn[3][l], drawn[4][l], drawn[5][l], 1.0f});
+            }
+            const float shrink = 1 / std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+            r[0] = q.x * shrink, r[1] = q.y * shrink, r[2] = q.z * shrink, r[3] = q.w * shrink;
         }
-        const float shrink = 1 / std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-        r[0] = q.x * shrink, r[1] = q.y * shrink, r[2] = q.z * shrink, r[3] = q.w * shrink;
     }
 }
 
@@ -104,9 +111,11 @@ void map_modes(std::size_t low, std::size_t high, In<int64_t, -1> map_of, In<dou
 void bind_motion(nb::module_& m) {
     m.def("decompose", &decompose, named("transform"),
           "How far a transform (4, 4) is from a rigid one, its row [x y z qx qy qz qw], and that row as a transform.");
+    nb::class_<NormalStream>(m, "NormalStream", "Normal random numbers; equal seeds give equal ones.")
+        .def(nb::init<uint64_t>(), nb::arg("seed"));
     m.def("compose", &compose, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
-          named("step"), named("noise"), named("scale"),
-          "Move poses [low, high) by a step (7,), then each by its noise (N, 6) times scale (6,); none if N is 0.");
+          named("step"), named("scale"), nb::arg("noise").none(),
+          "Move poses [low, high) by a step (7,), then each by noise of widths `scale` (6,), unless that is None.");
     m.def("map_modes", &map_modes, nb::arg("low"), nb::arg("high"), named("map_of"), named("position"),
           named("rotation"), named("turn"), named("new_position"), named("new_rotation"), named("new_turn"),
           named("shrink"), named("positions"), named("quaternions"),
