@@ -36,8 +36,4 @@ Out<T> make_array(std::initializer_list<std::size_t> shape) {
 }
 
 // A named argument that is never converted: a converted copy would swallow what a kernel writes.
-inline nb::arg named(const char* name) {
-    nb::arg argument(name);
-    argument.noconvert();
-    return argument;
-}
+inline auto named(const char* name) { return nb::arg(name).noconvert(); }
