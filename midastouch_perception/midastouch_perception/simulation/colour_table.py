@@ -46,6 +46,6 @@ class ColourTable:
         pixel: m per pixel. quarter_turns, mirrored: how the table's camera image maps to this portrait image; the
         table's own orientation (one quarter turn) is not documented with it.
         """
-        down, right = np.gradient(relief.astype(np.float32), np.float32(pixel))
+        down, right = np.gradient(np.ascontiguousarray(relief, np.float32), np.float32(pixel))
         out = kernels.look_up_colours(self._coefficients, down, right, quarter_turns % 4, mirrored)
         return np.clip(out, -_LIMIT, _LIMIT, out=out)
