@@ -8,8 +8,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ["digit_driver", "midastouch_kernels", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
-# Extras, which not every install has.
-OPTIONAL = {"dask", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors", "tf2_ros", "torch"}
+# Extras, and parts of a system ROS, which not every install has.
+OPTIONAL = {"dask", "launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
+OPTIONAL |= {"tf2_ros", "torch"}
 
 
 def modules() -> list[str]:
