@@ -42,7 +42,7 @@ class Canvas:
         corners, heights = self.camera.project(mesh.vertices[mesh.faces])
         normals = corner_normals(mesh) @ self.camera.rotation.T
         normal = np.zeros(self._colour.shape)
-        kernels.draw_triangles(corners, heights, normals, self._height, normal)
+        kernels.draw_triangles(corners, np.ascontiguousarray(heights), normals, self._height, normal)
         self._rows, self._columns = np.nonzero(np.isfinite(self._height))
         n = normal[self._rows, self._columns]
         diffuse = np.maximum(n @ _LIGHT, 0)
