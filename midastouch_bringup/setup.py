@@ -23,6 +23,7 @@ setup(
         "digit_driver",
         "matplotlib",
         "midastouch_filter",
+        "midastouch_kernels",
         "midastouch_perception",
         "numpy",
         "opencv-contrib-python-headless",

@@ -17,7 +17,7 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=[
-        "numba",
+        "midastouch_kernels",
         "numpy",
         "onnxruntime",
         "opencv-contrib-python-headless",

@@ -5,10 +5,13 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <initializer_list>
 #include <memory>
+#include <new>
 
 namespace nb = nanobind;
 
@@ -21,19 +24,16 @@ using InOut = nb::ndarray<T, nb::shape<Sizes...>, nb::c_contig, nb::device::cpu>
 template <class T>
 using Out = nb::ndarray<nb::numpy, T>;
 
-// A new array of zeros that Python owns.
+// A new array of zeros that Python owns. Pages that nobody writes to cost nothing.
 template <class T>
 Out<T> make_array(std::initializer_list<std::size_t> shape) {
     std::size_t size = 1;
     for (std::size_t n : shape) size *= n;
-    T* data = new T[size]();
-    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+    T* data = static_cast<T*>(std::calloc(std::max<std::size_t>(size, 1), sizeof(T)));
+    if (!data) throw std::bad_alloc();
+    nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
     return Out<T>(data, shape.size(), shape.begin(), owner);
 }
 
 // A named argument that is never converted: a converted copy would swallow what a kernel writes.
-inline nb::arg named(const char* name) {
-    nb::arg argument(name);
-    argument.noconvert();
-    return argument;
-}
+inline auto named(const char* name) { return nb::arg(name).noconvert(); }

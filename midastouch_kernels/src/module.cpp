@@ -8,6 +8,10 @@
 
 void bind_alignment(nb::module_&);
 void bind_belief(nb::module_&);
+void bind_canvas(nb::module_&);
+void bind_closest_points(nb::module_&);
+void bind_colour_table(nb::module_&);
+void bind_farthest_points(nb::module_&);
 void bind_measurement(nb::module_&);
 void bind_modes(nb::module_&);
 void bind_motion(nb::module_&);
@@ -15,8 +19,10 @@ void bind_pose_graph(nb::module_&);
 void bind_regions(nb::module_&);
 void bind_renderer(nb::module_&);
 void bind_resampling(nb::module_&);
+void bind_shading(nb::module_&);
 void bind_surface(nb::module_&);
 void bind_triangle_grid(nb::module_&);
+void bind_voxels(nb::module_&);
 
 namespace {
 
@@ -41,6 +47,10 @@ NB_MODULE(MODULE_NAME, m) {
           "Threads that kernels over batches start; 0: one per available core.");
     bind_alignment(m);
     bind_belief(m);
+    bind_canvas(m);
+    bind_closest_points(m);
+    bind_colour_table(m);
+    bind_farthest_points(m);
     bind_measurement(m);
     bind_modes(m);
     bind_motion(m);
@@ -48,6 +58,8 @@ NB_MODULE(MODULE_NAME, m) {
     bind_regions(m);
     bind_renderer(m);
     bind_resampling(m);
+    bind_shading(m);
     bind_surface(m);
     bind_triangle_grid(m);
+    bind_voxels(m);
 }

@@ -4,6 +4,8 @@
 
 #include "parallel.hpp"
 
+#include <nanobind/stl/shared_ptr.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,6 +13,8 @@
 namespace {
 
 constexpr double kNear = 1e-3;            // m, the camera's near plane
+constexpr double kOnEdge = 1e-9;          // pixels, an edge that passes so close to a pixel's centre covers it
+constexpr float kSlack = 2e-6f;           // m, more than single precision loses on an object of 2 m
 constexpr std::size_t kWorthThreads = 8;  // poses; fewer are drawn sooner than threads are started
 
 // Corners (3, 3) in camera coordinates (x right, y up, depth forward) into q; returns the smallest depth.
@@ -39,49 +43,72 @@ double edge_functions(const double (*q)[3], double (*edge)[3]) {
 
 }  // namespace
 
-Scene::Scene(In<double, -1, 3, 3> corners, In<double, 3> origin, double cell, In<int64_t, 3> shape,
-             In<int64_t, -1> start, In<int32_t, -1> items, In<float, -1, -1> gel_depth, double focal,
-             double gel_distance, double margin)
-    : corners_(corners), start_(start), items_(items), gel_depth_(gel_depth), cell_(cell), focal_(focal),
-      distance_(gel_distance), margin_(margin) {
-    std::copy_n(origin.data(), 3, origin_);
-    std::copy_n(shape.data(), 3, shape_);
-    if (static_cast<int64_t>(start.shape(0)) != shape_[0] * shape_[1] * shape_[2] + 1)
-        throw nb::value_error("start must hold one number for each cell, and one more");
+Scene::Scene(std::shared_ptr<const TriangleGrid> grid, In<float, -1, -1> gel_depth, double focal, double gel_distance,
+             double margin)
+    : grid_(std::move(grid)), gel_depth_(gel_depth), focal_(focal), distance_(gel_distance), margin_(margin) {
+    if (!(focal > 0)) throw nb::value_error("a camera needs a focal length");
 }
+
+// What the camera of a pose sees, in single precision: for leaving out most triangles before they are transformed.
+struct Scene::View {
+    float camera[3], right[3], up[3], back[3];  // position and axes, object frame
+    float slope_x, slope_y, deepest;            // edges of the image and of the gel's reach
+    float per_x, per_y;                         // distance to a side plane over its function's value
+
+    View(const Scene& scene, const double* pose) {
+        for (int k = 0; k < 3; ++k) {
+            const double* row = pose + 4 * k;
+            camera[k] = static_cast<float>(row[3] + row[2] * scene.distance_);
+            right[k] = static_cast<float>(row[0]), up[k] = static_cast<float>(row[1]);
+            back[k] = static_cast<float>(row[2]);
+        }
+        slope_x = static_cast<float>(0.5 * scene.width() / scene.focal_);
+        slope_y = static_cast<float>(0.5 * scene.height() / scene.focal_);
+        per_x = std::sqrt(1 + slope_x * slope_x), per_y = std::sqrt(1 + slope_y * slope_y);
+        deepest = static_cast<float>(scene.distance_ + scene.margin_);
+    }
+
+    bool misses(const TriangleGrid::Ball& ball) const {
+        const float x = ball.x - camera[0], y = ball.y - camera[1], z = ball.z - camera[2];
+        const float radius = ball.radius + kSlack;
+        if (ball.nx * x + ball.ny * y + ball.nz * z > kSlack) return true;  // seen from behind
+        const float depth = -(back[0] * x + back[1] * y + back[2] * z);
+        if (depth - radius >= deepest) return true;
+        if (std::abs(right[0] * x + right[1] * y + right[2] * z) > slope_x * depth + per_x * radius) return true;
+        return std::abs(up[0] * x + up[1] * y + up[2] * z) > slope_y * depth + per_y * radius;
+    }
+};
 
 void Scene::draw(const double* pose, float* penetration, int32_t* faces, std::vector<int32_t>& seen,
                  int32_t mark) const {
     // the view frustum down to `margin` below the gel, as a box in the gel frame
+    const TriangleGrid& grid = *grid_;
+    const View view(*this, pose);
     const double deepest = distance_ + margin_;
     const double half[3] = {0.5 * width() / focal_ * deepest, 0.5 * height() / focal_ * deepest, 0.5 * deepest};
-    const double middle = 0.5 * (distance_ - margin_), slack = 0.8661 * cell_;
+    const double middle = 0.5 * (distance_ - margin_), slack = 0.8661 * grid.cell();
     int64_t low[3], high[3];
     for (int k = 0; k < 3; ++k) {
         const double* row = pose + 4 * k;
         const double centre = row[3] + row[2] * middle;
         const double reach = std::abs(row[0]) * half[0] + std::abs(row[1]) * half[1] + std::abs(row[2]) * half[2];
-        low[k] = std::max<int64_t>(static_cast<int64_t>(std::floor((centre - reach - origin_[k]) / cell_)), 0);
-        high[k] =
-            std::min<int64_t>(static_cast<int64_t>(std::floor((centre + reach - origin_[k]) / cell_)), shape_[k] - 1);
+        low[k] = grid.first(k, centre - reach), high[k] = grid.last(k, centre + reach);
     }
     for (int64_t x = low[0]; x <= high[0]; ++x) {
-        const double dx = origin_[0] + (x + 0.5) * cell_ - pose[3];
+        const double dx = grid.edge(0, x) + 0.5 * grid.cell() - pose[3];
         for (int64_t y = low[1]; y <= high[1]; ++y) {
-            const double dy = origin_[1] + (y + 0.5) * cell_ - pose[7];
+            const double dy = grid.edge(1, y) + 0.5 * grid.cell() - pose[7];
             for (int64_t z = low[2]; z <= high[2]; ++z) {
-                const int64_t c = (x * shape_[1] + y) * shape_[2] + z;
-                const int64_t first = start_.data()[c], last = start_.data()[c + 1];
-                if (first == last) continue;
-                const double dz = origin_[2] + (z + 0.5) * cell_ - pose[11];
+                const auto cell = grid.faces_in(x, y, z);
+                if (cell.empty()) continue;
+                const double dz = grid.edge(2, z) + 0.5 * grid.cell() - pose[11];
                 if (std::abs(pose[0] * dx + pose[4] * dy + pose[8] * dz) > half[0] + slack) continue;
                 if (std::abs(pose[1] * dx + pose[5] * dy + pose[9] * dz) > half[1] + slack) continue;
                 if (std::abs(pose[2] * dx + pose[6] * dy + pose[10] * dz - middle) > half[2] + slack) continue;
-                for (int64_t j = first; j < last; ++j) {
-                    const int32_t face = items_.data()[j];
+                for (const int32_t face : cell) {
                     if (seen[face] == mark) continue;
                     seen[face] = mark;
-                    draw_face(face, pose, penetration, faces);
+                    if (!view.misses(grid.ball(face))) draw_face(face, pose, penetration, faces);
                 }
             }
         }
@@ -102,29 +129,33 @@ void Scene::draw_face(int32_t face, const double* pose, float* penetration, int3
             u_min = std::min(u_min, u), u_max = std::max(u_max, u);
             v_min = std::min(v_min, v), v_max = std::max(v_max, v);
         }
-        if (u_max < left || v_max < top || u_min > right || v_min > bottom) return;
-        left = std::max(left, static_cast<int>(std::floor(u_min)));
-        right = std::min(right, static_cast<int>(std::ceil(u_max)));
-        top = std::max(top, static_cast<int>(std::floor(v_min)));
-        bottom = std::min(bottom, static_cast<int>(std::ceil(v_max)));
+        // the pixel centres within: many a small triangle has none
+        if (!(u_max >= left && v_max >= top && u_min <= right && v_min <= bottom)) return;
+        left = std::max(left, static_cast<int>(std::ceil(u_min - kOnEdge)));
+        right = std::min(right, static_cast<int>(std::floor(u_max + kOnEdge)));
+        top = std::max(top, static_cast<int>(std::ceil(v_min - kOnEdge)));
+        bottom = std::min(bottom, static_cast<int>(std::floor(v_max + kOnEdge)));
+        if (left > right || top > bottom) return;
     }
     const double determinant = edge_functions(q, edge);
     if (!(determinant > 0)) return;  // seen from behind, or edge-on
     const double step = 1 / focal_;
     const double total[3] = {edge[0][0] + edge[1][0] + edge[2][0], edge[0][1] + edge[1][1] + edge[2][1],
                              edge[0][2] + edge[1][2] + edge[2][2]};
-    const double slope_of_inverse = total[0] * step / determinant;
+    const double per_determinant = 1 / determinant;
+    const float slope_of_inverse = static_cast<float>(total[0] * step * per_determinant);
+    double slope[3], per_slope[3];
+    for (int k = 0; k < 3; ++k) slope[k] = edge[k][0] * step, per_slope[k] = 1 / slope[k];
     // each row's span where all three edge functions, linear in the column, are not negative
     for (int v = top; v <= bottom; ++v) {
         const double ty = (middle_v - v) * step;
         double first = left, last = right;
         for (int k = 0; k < 3; ++k) {
-            const double slope = edge[k][0] * step;
-            const double value = edge[k][1] * ty + edge[k][2] - slope * middle_u;
-            if (slope > 0)
-                first = std::max(first, -value / slope - 1e-9);
-            else if (slope < 0)
-                last = std::min(last, -value / slope + 1e-9);
+            const double value = edge[k][1] * ty + edge[k][2] - slope[k] * middle_u;
+            if (slope[k] > 0)
+                first = std::max(first, -value * per_slope[k] - kOnEdge);
+            else if (slope[k] < 0)
+                last = std::min(last, -value * per_slope[k] + kOnEdge);
             else if (value < 0)
                 last = -1;
         }
@@ -133,19 +164,18 @@ void Scene::draw_face(int32_t face, const double* pose, float* penetration, int3
         if (begin >= end) continue;
         // 1 / depth is linear in the column: counted from the span's first, single precision errs by nanometres
         const float at_begin = static_cast<float>(
-            (total[1] * ty + total[2] + total[0] * (begin - middle_u) * step) / determinant);
-        const float slope = static_cast<float>(slope_of_inverse);
+            (total[1] * ty + total[2] + total[0] * (begin - middle_u) * step) * per_determinant);
         float* row = penetration + v * width() + begin;
         const float* gel = gel_depth_.data() + v * width() + begin;
         if (faces) {
             int32_t* owner = faces + v * width() + begin;
             for (int u = 0; u < end - begin; ++u) {
-                const float depth = 1 / (at_begin + slope * static_cast<float>(u)), sunk = gel[u] - depth;
+                const float depth = 1 / (at_begin + slope_of_inverse * static_cast<float>(u)), sunk = gel[u] - depth;
                 if (depth > static_cast<float>(kNear) && sunk > row[u]) row[u] = sunk, owner[u] = face;
             }
         } else {
             for (int u = 0; u < end - begin; ++u) {
-                const float depth = 1 / (at_begin + slope * static_cast<float>(u)), sunk = gel[u] - depth;
+                const float depth = 1 / (at_begin + slope_of_inverse * static_cast<float>(u)), sunk = gel[u] - depth;
                 row[u] = depth > static_cast<float>(kNear) && sunk > row[u] ? sunk : row[u];
             }
         }
@@ -173,12 +203,15 @@ void render(const Scene& scene, In<double, -1, 4, 4> poses, InOut<float, -1, -1,
         parallel_for(n, 16, share);
 }
 
-Out<float> interpolate_normals(In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -1> faces,
-                               In<double, -1, 3, 3> corners, In<double, -1, 3, 3> corner_normals,
-                               In<double, -1, -1> tangent_x, In<double, -1, -1> tangent_y, double gel_distance) {
+Out<float> interpolate_normals(const Scene& scene, In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -1> faces,
+                               In<double, -1, 3, 3> corner_normals, In<double, -1, -1> tangent_x,
+                               In<double, -1, -1> tangent_y) {
     const std::size_t n = faces.shape(0), pixels = faces.shape(1) * faces.shape(2);
     if (poses.shape(0) != n || tangent_x.size() != pixels || tangent_y.size() != pixels)
         throw nb::value_error("poses, faces and tangents of different sizes");
+    if (corner_normals.shape(0) != scene.faces()) throw nb::value_error("normals are needed for every face");
+    for (std::size_t i = 0; i < n * pixels; ++i)
+        if (faces.data()[i] >= static_cast<int64_t>(scene.faces())) throw nb::value_error("a face that is not there");
     auto normals = make_array<float>({n, faces.shape(1), faces.shape(2), 3});
     nb::gil_scoped_release released;
     parallel_for(n, 4, [&](std::size_t begin, std::size_t end) {
@@ -191,7 +224,7 @@ Out<float> interpolate_normals(In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -
                 if (face < 0) continue;
                 if (face != current) {
                     current = face;
-                    to_camera(corners.data() + 9 * face, pose, gel_distance, q);
+                    to_camera(scene.corners(face), pose, scene.gel_distance(), q);
                     edge_functions(q, edge);
                     const double* normal = corner_normals.data() + 9 * face;
                     for (int a = 0; a < 3; ++a)
@@ -206,8 +239,9 @@ Out<float> interpolate_normals(In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -
                     out[k] = weight[0] * local[0][k] + weight[1] * local[1][k] + weight[2] * local[2][k];
                 const double length = std::sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2]);
                 // a triangle's weights are as small as its area squared
+                const double scale = 1 / std::max(length, 1e-300);
                 for (int k = 0; k < 3; ++k)
-                    normals.data()[3 * (i * pixels + p) + k] = static_cast<float>(out[k] / std::max(length, 1e-300));
+                    normals.data()[3 * (i * pixels + p) + k] = static_cast<float>(out[k] * scale);
             }
         }
     });
@@ -218,14 +252,12 @@ Out<float> interpolate_normals(In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -
 
 void bind_renderer(nb::module_& m) {
     nb::class_<Scene>(m, "Scene", "A mesh in its grid of cells, and the sensor that sees it.")
-        .def(nb::init<In<double, -1, 3, 3>, In<double, 3>, double, In<int64_t, 3>, In<int64_t, -1>, In<int32_t, -1>,
-                      In<float, -1, -1>, double, double, double>(),
-             named("corners"), named("origin"), nb::arg("cell"), named("shape"), named("start"), named("items"),
+        .def(nb::init<std::shared_ptr<const TriangleGrid>, In<float, -1, -1>, double, double, double>(), nb::arg("grid"),
              named("gel_depth"), nb::arg("focal"), nb::arg("gel_distance"), nb::arg("margin"));
     m.def("render", &render, nb::arg("scene"), named("poses"), named("penetration"), named("faces"),
           "Penetration plus margin (N, H, W) [m] at poses (N, 4, 4) into arrays of zeros, and the faces seen into an "
           "array of -1, or of size 0 if nobody asks.");
-    m.def("interpolate_normals", &interpolate_normals, named("poses"), named("faces"), named("corners"),
-          named("corner_normals"), named("tangent_x"), named("tangent_y"), nb::arg("gel_distance"),
+    m.def("interpolate_normals", &interpolate_normals, nb::arg("scene"), named("poses"), named("faces"),
+          named("corner_normals"), named("tangent_x"), named("tangent_y"),
           "Smooth normals (N, H, W, 3), gel frame, of the faces (N, H, W) seen; 0 where none is.");
 }

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+import midastouch_kernels as kernels
 
 from .errors import InputError
 from .mesh import ObjectMesh
@@ -32,7 +33,7 @@ def codebook_poses(mesh: ObjectMesh, size: int, sensor: SensorModel, rng: np.ran
     while surplus <= _MOST_SURPLUS:
         points, normals = _candidates(mesh, max(round(6 * surplus * wanted), 512), rng)
         features = np.hstack([points, _NORMAL_SCALE * normals])
-        sites = _farthest_point_sequence(features, round(surplus * wanted))
+        sites = kernels.farthest_points(features, round(surplus * wanted))
         n = len(sites)
         yaw = (rng.random((n, 1)) + np.arange(yaws)) * (2 * np.pi / yaws)
         poses = pose_from_contact(
@@ -61,28 +62,3 @@ def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.
     smooth = rng.random(n) < 0.4
     normals[smooth] = mesh.smooth_normals(points[smooth])
     return points, normals
-
-
-@numba.njit(cache=True)
-def _farthest_point_sequence(features, count):
-    """Indices of `count` points, each the one farthest from all before it (Gonzalez 1985)."""
-    n, dim = features.shape
-    count = min(count, n)
-    nearest = np.full(n, np.inf)
-    chosen = np.empty(count, np.int64)
-    current = 0
-    for i in range(count):
-        chosen[i] = current
-        farthest = -1.0
-        following = current
-        for j in range(n):
-            squared = 0.0
-            for k in range(dim):
-                squared += (features[j, k] - features[current, k]) ** 2
-            if squared < nearest[j]:
-                nearest[j] = squared
-            if nearest[j] > farthest:
-                farthest = nearest[j]
-                following = j
-        current = following
-    return chosen

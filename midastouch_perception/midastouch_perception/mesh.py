@@ -10,14 +10,14 @@ import hashlib
 from functools import cached_property
 from pathlib import Path
 
-import numba
 import numpy as np
 import trimesh
 
+import midastouch_kernels as kernels
+
 from .errors import InputError
 from .files import require_file, sha256
-from .nearest_points import WORTH_THREADS, NearestPoints
-from .triangle_grid import TriangleGrid
+from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
 
@@ -182,19 +182,16 @@ class _ClosestPointSearch:
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         corners = vertices[faces]
         volume = np.prod(np.maximum(np.ptp(corners.reshape(-1, 3), axis=0), 1e-3))
-        self.grid = TriangleGrid(corners, max(float((volume / 250_000) ** (1 / 3)), 1e-3))
-        self.samples, self.sample_faces = _cover(self.grid.corners, self.grid.cell)
-        self.tree = NearestPoints(self.samples)
+        cell = max(float((volume / 250_000) ** (1 / 3)), 1e-3)
+        self.grid = kernels.TriangleGrid(corners, cell)
+        samples, self.sample_faces = _cover(corners, cell)
+        self.tree = NearestPoints(samples)
 
     def query(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if not len(points):
             return np.empty((0, 3)), np.empty(0), np.empty(0, np.int64)
         _, nearest = self.tree.query(points, k=1)
-        g = self.grid
-        out = np.empty((len(points), 3)), np.empty(len(points)), np.empty(len(points), np.int64)
-        search = _closest_in_turn if len(points) < WORTH_THREADS else _closest
-        search(points, self.sample_faces[nearest], g.corners, g.origin, g.cell, g.shape, g.start, g.items, *out)
-        return out
+        return kernels.closest_points(self.grid, points, self.sample_faces[nearest])
 
 
 def _cover(corners: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
@@ -211,84 +208,3 @@ def _cover(corners: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]
         points.append(np.einsum("sk,fkj->fsj", weights, corners[chosen]).reshape(-1, 3))
         faces.append(np.repeat(chosen, len(weights)))
     return np.concatenate(points), np.concatenate(faces)
-
-
-@numba.njit(cache=True, inline="always")
-def _project(p, a, b, c, out):
-    """Closest point of triangle abc to p into `out`; returns the squared distance (Ericson 2005, 5.1.5)."""
-    ab0, ab1, ab2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    ac0, ac1, ac2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    ap0, ap1, ap2 = p[0] - a[0], p[1] - a[1], p[2] - a[2]
-    d1 = ab0 * ap0 + ab1 * ap1 + ab2 * ap2
-    d2 = ac0 * ap0 + ac1 * ap1 + ac2 * ap2
-    bp0, bp1, bp2 = p[0] - b[0], p[1] - b[1], p[2] - b[2]
-    d3 = ab0 * bp0 + ab1 * bp1 + ab2 * bp2
-    d4 = ac0 * bp0 + ac1 * bp1 + ac2 * bp2
-    cp0, cp1, cp2 = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-    d5 = ab0 * cp0 + ab1 * cp1 + ab2 * cp2
-    d6 = ac0 * cp0 + ac1 * cp1 + ac2 * cp2
-    va, vb, vc = d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2
-    if d1 <= 0 and d2 <= 0:
-        v, w = 0.0, 0.0
-    elif d3 >= 0 and d4 <= d3:
-        v, w = 1.0, 0.0
-    elif vc <= 0 and d1 >= 0 and d3 <= 0:
-        v, w = d1 / (d1 - d3), 0.0
-    elif d6 >= 0 and d5 <= d6:
-        v, w = 0.0, 1.0
-    elif vb <= 0 and d2 >= 0 and d6 <= 0:
-        v, w = 0.0, d2 / (d2 - d6)
-    elif va <= 0 and d4 - d3 >= 0 and d5 - d6 >= 0:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        v = 1.0 - w
-    else:
-        total = 1.0 / (va + vb + vc)
-        v, w = vb * total, vc * total
-    out[0] = a[0] + ab0 * v + ac0 * w
-    out[1] = a[1] + ab1 * v + ac1 * w
-    out[2] = a[2] + ab2 * v + ac2 * w
-    return (p[0] - out[0]) ** 2 + (p[1] - out[1]) ** 2 + (p[2] - out[2]) ** 2
-
-
-@numba.njit(cache=True, parallel=True)
-def _closest(points, guess, corners, origin, cell, shape, start, items, closest, distance, face):
-    for i in numba.prange(points.shape[0]):
-        distance[i], face[i] = _closest_to(points[i], guess[i], corners, origin, cell, shape, start, items, closest[i])
-
-
-@numba.njit(cache=True)
-def _closest_in_turn(points, guess, corners, origin, cell, shape, start, items, closest, distance, face):
-    for i in range(points.shape[0]):
-        distance[i], face[i] = _closest_to(points[i], guess[i], corners, origin, cell, shape, start, items, closest[i])
-
-
-@numba.njit(cache=True)
-def _closest_to(p, guess, corners, origin, cell, shape, start, items, closest):
-    """Closest surface point to p into `closest`, beginning with triangle `guess`; returns distance and triangle."""
-    candidate = np.empty(3)
-    best = guess
-    best_squared = _project(p, corners[best, 0], corners[best, 1], corners[best, 2], closest)
-    reach = np.sqrt(best_squared)
-    low, high = np.empty(3, np.int64), np.empty(3, np.int64)
-    for k in range(3):
-        low[k] = max(int(np.floor((p[k] - reach - origin[k]) / cell)), 0)
-        high[k] = min(int(np.floor((p[k] + reach - origin[k]) / cell)), shape[k] - 1)
-    for x in range(low[0], high[0] + 1):
-        for y in range(low[1], high[1] + 1):
-            for z in range(low[2], high[2] + 1):
-                # a cell whose nearest point is beyond the best triangle so far cannot hold a nearer one
-                gap = 0.0
-                for k, cell_index in enumerate((x, y, z)):
-                    edge = origin[k] + cell_index * cell
-                    outside = max(edge - p[k], p[k] - edge - cell, 0.0)
-                    gap += outside * outside
-                if gap > best_squared:
-                    continue
-                c = (x * shape[1] + y) * shape[2] + z
-                for j in range(start[c], start[c + 1]):
-                    f = items[j]
-                    squared = _project(p, corners[f, 0], corners[f, 1], corners[f, 2], candidate)
-                    if squared < best_squared:
-                        best_squared, best = squared, f
-                        closest[0], closest[1], closest[2] = candidate[0], candidate[1], candidate[2]
-    return np.sqrt(best_squared), best

@@ -15,7 +15,6 @@ _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 _MODULES = (
     ("numpy", "numpy", "arrays", True, _SET_UP),
     ("scipy", "scipy", "rotations, search", True, _SET_UP),
-    ("numba", "numba", "compiled inner loops", True, _SET_UP),
     ("cv2", "opencv-contrib-python-headless", "images, cameras", True, _SET_UP),
     ("trimesh", "trimesh", "mesh files", True, _SET_UP),
     ("pykdtree", "pykdtree", "nearest neighbours", True, _SET_UP),
@@ -25,6 +24,7 @@ _MODULES = (
     ("rclpy", "ros-rclpy", "ROS 2 nodes", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
     ("midastouch_msgs.msg", "midastouch_msgs", "our messages", True, f"{_SET_UP}, or colcon build"),
     ("tf2_msgs.msg", "tf2_msgs", "transforms", True, f"{_SET_UP}, or source a ROS 2 Jazzy"),
+    ("midastouch_kernels", "midastouch_kernels", "compiled inner loops", True, f"{_SET_UP}, or colcon build"),
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),

@@ -61,7 +61,7 @@ def training_options(args: argparse.Namespace) -> TrainingOptions:
         raise InputError(
             "training needs PyTorch, which is not installed; run: .venv/bin/pip install -r tools/requirements/train.txt"
         )
-    # before PyTorch loads: its OpenMP threads would fight Numba's and the rendering workers for the cores
+    # before PyTorch loads: its OpenMP threads would fight the renderer's and the rendering workers for the cores
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     resume = Path(args.resume) if args.resume else None
     if resume is not None and not resume.exists():

@@ -172,7 +172,7 @@ def _map(function: Callable, arguments: list[tuple], jobs: int) -> Iterator:
         for one in arguments:
             yield from function(*one)
         return
-    # not forked: threads of the inference engine and of Numba do not survive it
+    # not forked: threads of the inference engine do not survive it
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(jobs, len(arguments)), mp_context=context) as pool:
         for future in as_completed([pool.submit(_as_list, function, one) for one in arguments]):

@@ -8,7 +8,7 @@ import platform
 import subprocess
 from pathlib import Path
 
-_PACKAGES = ("numpy", "scipy", "numba", "onnxruntime", "opencv-contrib-python-headless", "torch")
+_PACKAGES = ("numpy", "scipy", "onnxruntime", "opencv-contrib-python-headless", "torch")
 
 
 def machine_info() -> dict:

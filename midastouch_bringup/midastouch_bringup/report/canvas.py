@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import copy
 
-import numba
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception.mesh import ObjectMesh
 
 from .camera import Camera
@@ -42,7 +42,7 @@ class Canvas:
         corners, heights = self.camera.project(mesh.vertices[mesh.faces])
         normals = corner_normals(mesh) @ self.camera.rotation.T
         normal = np.zeros(self._colour.shape)
-        _rasterise(corners, heights, normals, self._height, normal)
+        kernels.draw_triangles(corners, np.ascontiguousarray(heights), normals, self._height, normal)
         self._rows, self._columns = np.nonzero(np.isfinite(self._height))
         n = normal[self._rows, self._columns]
         diffuse = np.maximum(n @ _LIGHT, 0)
@@ -95,7 +95,7 @@ class Canvas:
         centres, heights = self.camera.project(points)
         order = np.argsort(heights, kind="stable")
         colours = np.ascontiguousarray(np.broadcast_to(colours, (len(points), 3))[order], float)
-        _splat(
+        kernels.draw_discs(
             centres[order],
             heights[order] + depth_slack,
             colours,
@@ -159,66 +159,4 @@ def corner_normals(mesh: ObjectMesh) -> np.ndarray:
     order = np.argsort(mesh.faces.ravel(), kind="stable")
     start = np.searchsorted(mesh.faces.ravel()[order], np.arange(len(mesh.vertices) + 1))
     weighted = mesh.face_normals * mesh.face_areas[:, None]
-    return _corner_normals(mesh.faces, mesh.face_normals, weighted, order // 3, start)
-
-
-@numba.njit(cache=True)
-def _corner_normals(faces, normals, weighted, adjacent, start):
-    out = np.empty((len(faces), 3, 3))
-    for f in range(len(faces)):
-        for c in range(3):
-            total = np.zeros(3)
-            for k in range(start[faces[f, c]], start[faces[f, c] + 1]):
-                other = adjacent[k]
-                if (normals[f] * normals[other]).sum() > _CREASE_COSINE:
-                    total += weighted[other]
-            length = np.sqrt((total * total).sum())
-            out[f, c] = total / length if length > 0 else normals[f]
-    return out
-
-
-@numba.njit(cache=True)
-def _rasterise(corners, heights, normals, height_map, normal_map):
-    rows, columns = height_map.shape
-    for f in range(len(corners)):
-        x0, y0 = corners[f, 0]
-        x1, y1 = corners[f, 1]
-        x2, y2 = corners[f, 2]
-        area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-        if abs(area) < 1e-12:
-            continue
-        first_column = max(int(np.ceil(min(x0, x1, x2) - 0.5)), 0)
-        last_column = min(int(np.floor(max(x0, x1, x2) - 0.5)), columns - 1)
-        first_row = max(int(np.ceil(min(y0, y1, y2) - 0.5)), 0)
-        last_row = min(int(np.floor(max(y0, y1, y2) - 0.5)), rows - 1)
-        for row in range(first_row, last_row + 1):
-            y = row + 0.5
-            for column in range(first_column, last_column + 1):
-                x = column + 0.5
-                b = ((x - x0) * (y2 - y0) - (x2 - x0) * (y - y0)) / area
-                c = ((x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)) / area
-                a = 1.0 - b - c
-                if a < -1e-9 or b < -1e-9 or c < -1e-9:
-                    continue
-                height = a * heights[f, 0] + b * heights[f, 1] + c * heights[f, 2]
-                if height > height_map[row, column]:
-                    height_map[row, column] = height
-                    n = a * normals[f, 0] + b * normals[f, 1] + c * normals[f, 2]
-                    length = np.sqrt((n * n).sum())
-                    # scans have holes and inverted faces: light every face from the viewer's side
-                    sign = -1.0 if n[2] < 0 else 1.0
-                    normal_map[row, column] = sign * n / max(length, 1e-12)
-
-
-@numba.njit(cache=True)
-def _splat(centres, heights, colours, radius, alpha, hidden_alpha, height_map, colour_map):
-    rows, columns = height_map.shape
-    for i in range(len(centres)):
-        x, y = centres[i]
-        for row in range(max(int(y - radius), 0), min(int(y + radius) + 1, rows)):
-            for column in range(max(int(x - radius), 0), min(int(x + radius) + 1, columns)):
-                if (row + 0.5 - y) ** 2 + (column + 0.5 - x) ** 2 > radius**2:
-                    continue
-                a = alpha if heights[i] >= height_map[row, column] else hidden_alpha
-                for k in range(3):
-                    colour_map[row, column, k] += a * (colours[i, k] - colour_map[row, column, k])
+    return kernels.corner_normals(mesh.faces, mesh.face_normals, weighted, order // 3, start, _CREASE_COSINE)

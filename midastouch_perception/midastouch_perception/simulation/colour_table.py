@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numba
 import numpy as np
+
+import midastouch_kernels as kernels
 
 from ..errors import InputError
 
-_LANDSCAPE = (480, 640)  # rows, columns of the images the table was fitted on
 _LIMIT = 130.0  # grey levels: the quadratics overshoot where no press of the fit has been
 
 
@@ -46,36 +46,6 @@ class ColourTable:
         pixel: m per pixel. quarter_turns, mirrored: how the table's camera image maps to this portrait image; the
         table's own orientation (one quarter turn) is not documented with it.
         """
-        down, right = np.gradient(relief.astype(np.float32), np.float32(pixel))
-        out = _look_up(self._coefficients, down, right, quarter_turns % 4, mirrored)
+        down, right = np.gradient(np.ascontiguousarray(relief, np.float32), np.float32(pixel))
+        out = kernels.look_up_colours(self._coefficients, down, right, quarter_turns % 4, mirrored)
         return np.clip(out, -_LIMIT, _LIMIT, out=out)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _look_up(coefficients, down, right, turns, mirrored):
-    height, width = down.shape
-    slopes, directions = coefficients.shape[:2]
-    out = np.zeros((height, width, 3), np.float32)
-    for v in range(height):
-        for u in range(width):
-            a, b = down[v, u], right[v, u]
-            if a == 0 and b == 0:
-                continue
-            x, y = (u + 0.5) / width - 0.5, (v + 0.5) / height - 0.5
-            if mirrored:
-                x, b = -x, -b
-            for _ in range(turns):
-                x, y, b, a = y, -x, a, -b
-            x, y = (x + 0.5) * _LANDSCAPE[1], (y + 0.5) * _LANDSCAPE[0]
-            row = np.arctan(np.sqrt(a * a + b * b)) / (np.pi / 2) * (slopes - 1)
-            low = min(int(row), slopes - 2)
-            part = np.float32(row - low)
-            column = round((np.arctan2(a, b) + np.pi) / (2 * np.pi) * (directions - 1))
-            terms = (x * x, y * y, x * y, x, y, 1.0)
-            for c in range(3):
-                value = np.float32(0)
-                for k in range(6):
-                    near, far = coefficients[low, column, k, c], coefficients[low + 1, column, k, c]
-                    value += (near + part * (far - near)) * np.float32(terms[k])
-                out[v, u, c] = value
-    return out

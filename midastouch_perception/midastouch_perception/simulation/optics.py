@@ -11,12 +11,11 @@ import dataclasses
 import math
 
 import cv2
-import numba
 import numpy as np
 
-from ..sensor_model import SensorModel
+import midastouch_kernels as kernels
 
-_GAMMA = 1 / 2.2
+from ..sensor_model import SensorModel
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,65 +118,15 @@ def shade(
     """Shaded surface (H, W, 3) float32 grey levels for depth (H, W) m and normals (H, W, 3), gel frame."""
     c_diffuse = light.base * 0.96 * (1 - light.metallic)
     f0 = 0.04 + (light.base - 0.04) * light.metallic
-    return _shade(
+    return kernels.shade(
         np.ascontiguousarray(depth, np.float32),
         np.ascontiguousarray(normals, np.float32),
         np.ascontiguousarray(tangent_x, np.float32),
         np.ascontiguousarray(tangent_y, np.float32),
         light.positions.astype(np.float32),
         light.colours.astype(np.float32),
-        np.float32(light.cone),
-        np.float32(c_diffuse / math.pi),
-        np.float32(f0),
-        np.float32(light.roughness),
+        light.cone,
+        c_diffuse / math.pi,
+        f0,
+        light.roughness,
     )
-
-
-@numba.njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def _shade(depth, normals, tangent_x, tangent_y, positions, colours, cone, diffuse, f0, roughness):
-    """Metallic-roughness shading (glTF 2.0, appendix B) with spot lights that point at the optical axis."""
-    height, width = depth.shape
-    out = np.empty((height, width, 3), np.float32)
-    one = np.float32(1)
-    kk = (roughness + one) ** 2 / np.float32(8)
-    a2 = roughness**4
-    for v in range(height):
-        for u in range(width):
-            d = depth[v, u]
-            x, y, z = tangent_x[v, u] * d, tangent_y[v, u] * d, -d
-            nx, ny, nz = normals[v, u, 0], normals[v, u, 1], normals[v, u, 2]
-            view = one / np.sqrt(x * x + y * y + z * z)
-            vx, vy, vz = -x * view, -y * view, -z * view
-            nv = min(max(abs(nx * vx + ny * vy + nz * vz), np.float32(1e-3)), one)
-            red = green = blue = np.float32(0)
-            for k in range(positions.shape[0]):
-                lx, ly, lz = positions[k, 0] - x, positions[k, 1] - y, positions[k, 2] - z
-                squared = lx * lx + ly * ly + lz * lz
-                inverse = one / np.sqrt(squared)
-                lx, ly, lz = lx * inverse, ly * inverse, lz * inverse
-                ring = np.sqrt(positions[k, 0] ** 2 + positions[k, 1] ** 2)
-                # spot axis: from the light towards the optical axis, parallel to the gel plane
-                towards = (lx * positions[k, 0] + ly * positions[k, 1]) / max(ring, np.float32(1e-9))
-                spot = min(max(2 * towards - one, np.float32(0)), one)
-                strength = (one - cone + cone * spot * spot) / squared
-                hx, hy, hz = lx + vx, ly + vy, lz + vz
-                half = one / np.sqrt(hx * hx + hy * hy + hz * hz)
-                nl = min(max(nx * lx + ny * ly + nz * lz, np.float32(1e-3)), one)
-                nh = min(max((nx * hx + ny * hy + nz * hz) * half, np.float32(0)), one)
-                vh = min(max((vx * hx + vy * hy + vz * hz) * half, np.float32(0)), one)
-                grazing = one - vh
-                fresnel = f0 + (one - f0) * grazing * grazing * grazing * grazing * grazing
-                shadowing = nl / (nl * (one - kk) + kk) * nv / (nv * (one - kk) + kk)
-                lobe = nh * nh * (a2 - one) + one
-                microfacets = a2 / (np.float32(math.pi) * lobe * lobe)
-                reflected = (one - fresnel) * diffuse + fresnel * shadowing * microfacets / (
-                    4 * nl * nv + np.float32(1e-3)
-                )
-                energy = strength * nl * reflected
-                red += energy * colours[k, 0]
-                green += energy * colours[k, 1]
-                blue += energy * colours[k, 2]
-            out[v, u, 0] = 255 * min(red, one) ** np.float32(_GAMMA)
-            out[v, u, 1] = 255 * min(green, one) ** np.float32(_GAMMA)
-            out[v, u, 2] = 255 * min(blue, one) ** np.float32(_GAMMA)
-    return out

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+import midastouch_kernels as kernels
 
 from ..errors import InputError
 
@@ -41,27 +42,7 @@ class Voxels:
 
     def neighbours(self, radius: int) -> np.ndarray:
         """Rows ((2 radius + 1)^3, N) int32 of the voxels at each offset of a cubic kernel; -1 where there is none."""
-        return _neighbours(self._keys, self._width, self._plane, radius)
-
-
-@njit(cache=True)
-def _neighbours(keys, width, plane, radius):
-    # Keys are sorted, so the voxels of one kernel row (equal y and z) follow each other and move on with the centre:
-    # a merge of two sorted lists for each row, which needs no hash table.
-    n, side = len(keys), 2 * radius + 1
-    rows = np.full((side**3, n), -1, np.int32)
-    for line in range(side * side):
-        shift = (line // side - radius) * plane + (line % side - radius) * width - radius
-        start = 0
-        for centre in range(n):
-            first = keys[centre] + shift
-            while start < n and keys[start] < first:
-                start += 1
-            row = start
-            while row < n and keys[row] < first + side:
-                rows[line * side + keys[row] - first, centre] = row
-                row += 1
-    return rows
+        return kernels.neighbours(self._keys, self._width, self._plane, radius)
 
 
 def quantise(cloud: np.ndarray, voxel_size: float) -> Voxels:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import cv2
-import numba
 import torch
+
+import midastouch_kernels
 
 from .setting import TrainingOptions
 
@@ -18,7 +19,7 @@ def rendered_batches(dataset: torch.utils.data.IterableDataset, options: Trainin
         batch_size=None,
         num_workers=options.workers,
         prefetch_factor=ahead,
-        multiprocessing_context="spawn",  # forking after Numba has started its threads aborts
+        multiprocessing_context="spawn",  # a fork has the locks of PyTorch's and OpenCV's threads, but not the threads
     )
 
 
@@ -27,6 +28,6 @@ def rendering_process() -> int:
     worker = torch.utils.data.get_worker_info()
     if worker is None:
         return 0
-    numba.set_num_threads(1)
+    midastouch_kernels.set_threads(1)
     cv2.setNumThreads(1)
     return worker.id

@@ -1,0 +1,102 @@
+"""Results against what NumPy says, however slowly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import midastouch_kernels as kernels
+
+from .sheet import GEL_DISTANCE, HEIGHT, WIDTH, poses_above
+
+
+def brute_force_distance(points, corners):
+    """Distance (N,) to the nearest of points spread densely over the triangles."""
+    steps = [(a, b) for a in np.linspace(0, 1, 9) for b in np.linspace(0, 1, 9) if a + b <= 1 + 1e-9]
+    samples = np.concatenate(
+        [corners[:, 0] + a * (corners[:, 1] - corners[:, 0]) + b * (corners[:, 2] - corners[:, 0]) for a, b in steps]
+    )
+    return np.array([np.linalg.norm(samples - p, axis=1).min() for p in points])
+
+
+@pytest.mark.parametrize("guess", ["first", "random"])
+@pytest.mark.parametrize("spread", [1e-3, 0.05])
+def test_closest_points(corners, grid, spread, guess):
+    rng = np.random.default_rng(1)
+    points = spread * rng.standard_normal((40, 3))
+    start = np.zeros(40, np.int64) if guess == "first" else rng.integers(0, len(corners), 40)
+    closest, distance, face = kernels.closest_points(grid, points, start)
+    np.testing.assert_allclose(np.linalg.norm(points - closest, axis=1), distance, atol=1e-12)
+    sampled = brute_force_distance(points, corners)
+    assert (distance <= sampled + 1e-12).all()
+    # between samples 0.2 mm apart
+    assert (sampled - distance < 2e-4).all()
+    a, b, c = corners[face].transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    assert np.abs(((closest - a) * normal).sum(axis=1)).max() < 1e-12
+
+
+def test_farthest_points():
+    features = np.random.default_rng(2).standard_normal((500, 6))
+    features[100:150] = features[:50]  # doubled ones too
+    expected, nearest = [0], np.full(500, np.inf)
+    for _ in range(479):
+        nearest = np.minimum(nearest, ((features - features[expected[-1]]) ** 2).sum(axis=1))
+        expected.append(int(nearest.argmax()))
+    found = kernels.farthest_points(features, 480)
+    np.testing.assert_array_equal(found[:450], expected[:450])
+    assert set(found[450:]) == {0}  # all left are doubles: the first of the equally far ones
+    assert len(kernels.farthest_points(features, 600)) == 500
+
+
+def test_neighbours():
+    coordinates = np.unique(np.random.default_rng(3).integers(2, 12, (300, 3)), axis=0)
+    width, plane = 14, 14 * 14
+    keys = coordinates @ [1, width, plane]
+    coordinates, keys = coordinates[keys.argsort()], np.sort(keys)
+    rows = kernels.neighbours(keys, width, plane, 1)
+    assert rows.shape == (27, len(keys))
+    of = {tuple(c): i for i, c in enumerate(coordinates)}
+    for k in range(27):
+        offset = np.array([k % 3 - 1, k // 3 % 3 - 1, k // 9 - 1])
+        np.testing.assert_array_equal(rows[k], [of.get(tuple(c + offset), -1) for c in coordinates])
+
+
+def test_render_of_a_surface_level_with_the_gel(scene):
+    poses = poses_above(3)
+    poses[:, 2, 3] = -0.5e-3
+    penetration = np.zeros((3, HEIGHT, WIDTH), np.float32)
+    faces = np.full(penetration.shape, -1, np.int32)
+    kernels.render(scene, poses, penetration, faces)
+    # bumps of 1 mm and dips of 1 mm, pressed by half of one
+    assert penetration.max() == pytest.approx(1.5e-3, abs=1e-4)
+    assert penetration.min() == 0
+    np.testing.assert_array_equal(faces >= 0, penetration > 0)
+
+
+def test_closest_points_of_none_and_of_points_that_are_not_numbers(grid):
+    closest, distance, face = kernels.closest_points(grid, np.empty((0, 3)), np.empty(0, np.int64))
+    assert closest.shape == (0, 3)
+    assert len(distance) == len(face) == 0
+    _, distance, _ = kernels.closest_points(grid, np.full((1, 3), np.nan), np.zeros(1, np.int64))
+    assert np.isnan(distance).all()
+
+
+def test_render_of_a_pose_that_is_not_a_number_draws_nothing(scene):
+    penetration = np.zeros((1, HEIGHT, WIDTH), np.float32)
+    kernels.render(scene, np.full((1, 4, 4), np.nan), penetration, np.empty((1, 0, 0), np.int32))
+    assert not penetration.any()
+
+
+def test_shade_is_brighter_towards_the_light():
+    depth = np.full((8, 8), GEL_DISTANCE, np.float32)
+    tangent = np.zeros((8, 8), np.float32)
+    normals = np.tile(np.float32([0, 0, 1]), (8, 8, 1))
+    normals[4:] = np.float32([0.6, 0, 0.8])
+    light, colour = np.float32([[0.02, 0, -0.005]]), np.float32([[1e-3, 0, 2e-3]])
+    image = kernels.shade(depth, normals, tangent, tangent, light, colour, 0.0, 0.08, 0.1, 0.8)
+    assert image.shape == (8, 8, 3)
+    assert (image[4:, :, 0] > 1.2 * image[:4, :, 0]).all()
+    np.testing.assert_allclose(image[..., 2], image[..., 0] * 2 ** (1 / 2.2), rtol=1e-5)
+    assert image[..., 1].max() < 1e-6
