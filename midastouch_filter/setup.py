@@ -13,7 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
     ],
-    install_requires=["midastouch_perception", "numba", "numpy", "pykdtree", "scikit-learn", "scipy"],
+    install_requires=["midastouch_kernels", "midastouch_perception", "numpy", "pykdtree", "scikit-learn", "scipy"],
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",

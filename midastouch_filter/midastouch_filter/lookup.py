@@ -34,10 +34,10 @@ _HOPS = 8  # that a walk takes at most
 class PoseLookup:
     """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
 
-    Attributes: graph, the compiled form; records (M, 8) float32, each position, 0, quaternion; neighbours (M, K) int32, the K nearest
-    other entries of each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to
-    the nearest other entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop
-    along the graph can cover. Raises InputError for fewer than two poses.
+    Attributes: graph, the entries as the kernels take them; records (M, 8) float32, each position, 0, quaternion;
+    neighbours (M, K) int32, the K nearest other entries of each entry, nearest first; neighbour_distance (M, K) float32
+    m; spacing m, the typical distance to the nearest other entry; largest_gap m, which 99 % of these keep below; stride
+    m, the typical distance that one hop along the graph can cover. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers):
