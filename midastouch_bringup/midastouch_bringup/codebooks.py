@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+from midastouch_filter.object_index import derived_arrays
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.errors import InputError
@@ -66,6 +67,7 @@ def build_and_save(
             build.save(unfinished)
             print(f"{unfinished}: keeps {build.done} of {size} poses; run it again to go on", file=sys.stderr)
         raise
+    codebook.derived = derived_arrays(mesh, codebook)
     codebook.save(path)
     unfinished.unlink(missing_ok=True)
     return codebook, time.perf_counter() - start

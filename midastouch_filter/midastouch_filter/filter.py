@@ -28,18 +28,18 @@ from .fingers import Evidence as FingerEvidence
 from .fingers import Fingers
 from .hindsight import CODE_MARGIN, Comparison, Felt, Hindsight, Place, Prior, pose_distance
 from .joint_alignment import FeltRelief
-from .lookup import PoseLookup, along_curve
 from .measurement_model import MeasurementModel
 from .mode_masses import gained_together, with_odds
 from .modes import ModeFinder
 from .motion_model import Exploration, MotionModel, Odometry, carried
+from .object_index import ObjectIndex
 from .particles import Particles
 from .recovery import LikelihoodTrend
 from .refinement import Refinement, sharpened
 from .regions import Regions
 from .state import Evidence, StateMachine, Status
 from .stopwatch import Stopwatch
-from .surface import SurfaceConstraint, SurfaceGrid
+from .surface import SurfaceConstraint
 from .touch import FingerTouch, Measurement
 from .workers import Workers
 
@@ -71,14 +71,12 @@ class ParticleFilter:
         self._open_gates = tuple(open_gates)
         self.config = c = config or FilterConfig()
         _require_usable(codebook)
-        self._order = along_curve(codebook.poses)
-        self._poses = np.asarray(codebook.poses, float)[self._order]
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._workers = Workers(c.threads)
-        self._lookup = PoseLookup(self._poses, self._workers)
+        index = ObjectIndex(mesh, codebook, c, self._workers)
+        self._order, self._poses, self._lookup = index.order, index.poses, index.lookup
         self._measurement = MeasurementModel(codebook.codes[self._order], codebook.meta, self._lookup, c, self._workers)
-        grid = SurfaceGrid(mesh, max(c.dead_distance, c.max_penetration, c.max_hover))
-        self._surface = SurfaceConstraint(grid, self._lookup.largest_gap, c, self._workers)
+        self._surface = SurfaceConstraint(index.surface, self._lookup.largest_gap, c, self._workers)
         self._fingers = Fingers(
             self._lookup, self._surface, c, self._workers, lambda: self._measurement.for_another_sensor()
         )

@@ -40,26 +40,18 @@ class PoseLookup:
     m, the typical distance that one hop along the graph can cover. Raises InputError for fewer than two poses.
     """
 
-    def __init__(self, poses: np.ndarray, workers: Workers):
+    def __init__(self, poses: np.ndarray, workers: Workers, graph: tuple[np.ndarray, np.ndarray] | None = None):
+        """`graph`, as `neighbours_and_links` gives it, if that is known."""
         if len(poses) < 2:
             raise InputError(f"codebook: {len(poses)} poses; build one of at least some thousands")
         rows = se3.to_xyzquat(poses).astype(np.float32)
         self.records = np.zeros((len(rows), 8), np.float32)
         self.records[:, :3], self.records[:, 4:] = rows[:, :3], rows[:, 3:]
         self._workers = workers
-        features = _features(poses)
-        self._tree = KDTree(features)
-        candidates = min(_CANDIDATES, len(rows) - 1)
-        distance, index = self._tree.query(features, k=candidates + 1)
-        # an entry is its own nearest neighbour, unless the book holds the same pose twice
-        keep = index != np.arange(len(rows))[:, None]
-        keep[keep.all(axis=1), -1] = False
-        index = index[keep].reshape(len(rows), candidates).astype(np.int32)
-        distance = distance[keep].reshape(len(rows), candidates)
-        self.neighbours = np.ascontiguousarray(index[:, :_NEIGHBOURS])
-        self.neighbour_distance = np.ascontiguousarray(distance[:, :_NEIGHBOURS])
-        links, lengths = kernels.choose_links(features, index, distance, min(_LINKS, candidates))
-        self.graph = kernels.PoseGraph(self.records, links, lengths, self.neighbours)
+        self._tree = KDTree(_features(poses))
+        self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
+        self.graph = kernels.PoseGraph(self.records, links, self.neighbours)
+        self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
         nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
         self.spacing = float(np.median(nearest))
         self.largest_gap = float(np.quantile(nearest, 0.99))
@@ -98,6 +90,20 @@ class PoseLookup:
             ),
         )
         return distance
+
+
+def neighbours_and_links(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of poses (M, 4, 4): neighbours (M, K) int32, the nearest others, nearest first, and links (M, L) int32."""
+    features = _features(poses)
+    candidates = min(_CANDIDATES, len(poses) - 1)
+    distance, index = KDTree(features).query(features, k=candidates + 1)
+    # an entry is its own nearest neighbour, unless the book holds the same pose twice
+    keep = index != np.arange(len(poses))[:, None]
+    keep[keep.all(axis=1), -1] = False
+    index = index[keep].reshape(len(poses), candidates).astype(np.int32)
+    distance = distance[keep].reshape(len(poses), candidates)
+    links = kernels.choose_links(features, index, distance, min(_LINKS, candidates))
+    return np.ascontiguousarray(index[:, :_NEIGHBOURS]), links
 
 
 def along_curve(poses: np.ndarray) -> np.ndarray:

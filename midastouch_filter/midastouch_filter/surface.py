@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
 from .config import FilterConfig
@@ -25,10 +26,12 @@ _COARSE = 4  # fine nodes per coarse one while building
 class SurfaceGrid:
     """Signed distance to a mesh's surface, negative inside, right within `band` metres of it.
 
-    Attributes: spacing m, of the nodes; limit m, where distances saturate, a little more than `band`.
+    Attributes: spacing m, of the nodes; limit m, where distances saturate, a little more than `band`; values (X, Y, Z)
+    int16, the distances in micrometres.
     """
 
-    def __init__(self, mesh: ObjectMesh, band: float):
+    def __init__(self, mesh: ObjectMesh, band: float, values: np.ndarray | None = None):
+        """`values` of an earlier grid of this mesh and band, if there are any."""
         # a cell with one saturated corner interpolates wrongly: keep such cells out of the band
         self.limit = band + 2 * _FINEST
         low, high = mesh.bounds
@@ -37,12 +40,17 @@ class SurfaceGrid:
         self.spacing = max(_FINEST, (volume / _LARGEST_GRID) ** (1 / 3))
         self._origin = low - margin
         counts = np.ceil((high + margin - self._origin) / self.spacing).astype(int) + 1
-        self._values = np.full(counts, round(self.limit / _UNIT), np.int16)
-        self._fill(mesh)
+        if values is None:
+            self.values = np.full(counts, round(self.limit / _UNIT), np.int16)
+            self._fill(mesh)
+        elif values.shape == tuple(counts) and values.dtype == np.int16:
+            self.values = np.ascontiguousarray(values)
+        else:
+            raise InputError(f"distances {values.shape} do not fit a grid of {tuple(counts)}")
         self._origin32 = self._origin.astype(np.float32)
 
     def _fill(self, mesh: ObjectMesh) -> None:
-        shape = np.array(self._values.shape)
+        shape = np.array(self.values.shape)
         blocks = np.stack(np.meshgrid(*[np.arange(0, n, _COARSE) for n in shape], indexing="ij"), axis=-1).reshape(
             -1, 3
         )
@@ -56,10 +64,10 @@ class SurfaceGrid:
         # a block's nodes lie within its half diagonal of its centre: farther blocks hold saturated nodes only
         centre = signed_distance(mesh, self._origin + blocks * self.spacing + half_block)
         reach = self.limit + np.sqrt(3) * half_block
-        self._values[tuple(nodes(centre < -reach).T)] = -round(self.limit / _UNIT)
+        self.values[tuple(nodes(centre < -reach).T)] = -round(self.limit / _UNIT)
         near = nodes(np.abs(centre) <= reach)
         signed = signed_distance(mesh, self._origin + near * self.spacing)
-        self._values[tuple(near.T)] = np.clip(signed, -self.limit, self.limit) / _UNIT
+        self.values[tuple(near.T)] = np.clip(signed, -self.limit, self.limit) / _UNIT
 
     def distance(self, positions: np.ndarray, workers: Workers) -> np.ndarray:
         """Signed distances (N,) float32 [m] of positions (N, 3) float32; `limit` outside the grid."""
@@ -67,7 +75,7 @@ class SurfaceGrid:
         workers.run(
             len(positions),
             lambda low, high, _: kernels.interpolate_grid(
-                low, high, positions, self._values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
+                low, high, positions, self.values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
             ),
         )
         return out

@@ -12,8 +12,9 @@ import trimesh
 from hypothesis import settings
 
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.surface import SurfaceGrid
+from midastouch_filter.object_index import derived_arrays
 from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -70,9 +71,12 @@ class FourierEncoder:
         return (codes / np.linalg.norm(codes, axis=1, keepdims=True)).astype(np.float32)
 
 
-def make_codebook(poses: np.ndarray, codes: np.ndarray) -> SimpleNamespace:
-    """What the filter needs of a codebook."""
-    return SimpleNamespace(poses=poses, codes=codes, meta={"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK})
+def make_codebook(poses: np.ndarray, codes: np.ndarray, mesh: ObjectMesh | None = None) -> Codebook:
+    """What the filter needs of a codebook; with the mesh, also what it derives from both."""
+    codebook = Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK})
+    if mesh is not None:
+        codebook.derived = derived_arrays(mesh, codebook)
+    return codebook
 
 
 def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float = 0.0015) -> np.ndarray:
@@ -117,7 +121,7 @@ def world() -> SimpleNamespace:
         mesh=mesh,
         poses=poses,
         encode=encode,
-        codebook=make_codebook(poses, encode(poses)),
+        codebook=make_codebook(poses, encode(poses), mesh),
         bumpy_mesh=bumpy_mesh,
         make_codebook=make_codebook,
         random_poses=random_poses,
@@ -163,11 +167,3 @@ def gripper(world) -> SimpleNamespace:
         half_turn=half_turn,
         make_filter=functools.cache(lambda config: ParticleFilter(mesh, book, config, 0)),
     )
-
-
-@pytest.fixture(scope="module")
-def grids_made_once():
-    """Several filters over one mesh share its distance grid, which takes most of the time to build."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("midastouch_filter.filter.SurfaceGrid", functools.cache(SurfaceGrid))
-        yield

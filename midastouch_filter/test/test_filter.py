@@ -18,7 +18,6 @@ from midastouch_perception.mesh import ObjectMesh
 
 # without reliefs a mode is as wide as the entries of its book are apart, here some 5 mm
 CONFIG = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
-pytestmark = pytest.mark.usefixtures("grids_made_once")
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,6 @@ from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))
-pytestmark = pytest.mark.usefixtures("grids_made_once")
 
 
 @pytest.fixture(scope="module")

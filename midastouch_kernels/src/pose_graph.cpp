@@ -6,7 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -16,31 +16,32 @@ constexpr std::size_t kGlance = 3;    // times eight links are looked at before 
 constexpr float kDetour = 1.2f;       // a link is left out if the way over another one is shorter by this factor
 constexpr std::size_t kPrefetch = 8;  // particles ahead whose entry is fetched: a walk waits for memory
 
-// Rows of entries, in whole vectors; the last is filled up with `filler`.
+// The length of a row in whole vectors.
 std::size_t padded(std::size_t count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
 class PoseGraph {
 public:
-    PoseGraph(In<float, -1, kRecord> records, In<int32_t, -1, -1> links, In<float, -1, -1> lengths,
-              In<int32_t, -1, -1> neighbours)
+    PoseGraph(In<float, -1, kRecord> records, In<int32_t, -1, -1> links, In<int32_t, -1, -1> neighbours)
         : size_(records.shape(0)), links_(padded(links.shape(1))), neighbours_(padded(neighbours.shape(1))),
           neighbour_count_(neighbours.shape(1)) {
         const std::size_t count = links.shape(1);
-        if (links.shape(0) != size_ || lengths.shape(0) != size_ || lengths.shape(1) != count ||
-            neighbours.shape(0) != size_)
-            throw nb::value_error("records, links, lengths and neighbours of different sizes");
+        if (links.shape(0) != size_ || neighbours.shape(0) != size_)
+            throw nb::value_error("records, links and neighbours of different sizes");
         keep_records(records.data());
         link_.resize(size_ * links_), reach_.resize(size_ * batches());
         neighbour_.resize(size_ * neighbours_);
-        std::vector<std::size_t> order(count);
+        std::vector<std::pair<float, int32_t>> sorted(count);
         for (std::size_t i = 0; i < size_; ++i) {
             const int32_t *to = links.data() + i * count, *beside = neighbours.data() + i * neighbour_count_;
-            const float* length = lengths.data() + i * count;
-            std::iota(order.begin(), order.end(), 0);
-            std::stable_sort(order.begin(), order.end(), [&](auto a, auto b) { return length[a] < length[b]; });
+            const float* here = records.data() + kRecord * i;
+            for (std::size_t j = 0; j < count; ++j) {
+                const float* there = records.data() + kRecord * static_cast<std::size_t>(checked(to[j]));
+                sorted[j] = {std::sqrt(std::max(squared_pose_distance(here, here + 4, there), 0.0f)), to[j]};
+            }
+            std::sort(sorted.begin(), sorted.end());
             for (std::size_t j = 0; j < links_; ++j)
-                link_[i * links_ + j] = j < count ? checked(to[order[j]]) : static_cast<int32_t>(i);
-            for (std::size_t b = 0; b < batches(); ++b) reach_[i * batches() + b] = length[order[kLanes * b]];
+                link_[i * links_ + j] = j < count ? sorted[j].second : static_cast<int32_t>(i);
+            for (std::size_t b = 0; b < batches(); ++b) reach_[i * batches() + b] = sorted[kLanes * b].first;
             for (std::size_t j = 0; j < neighbours_; ++j)
                 neighbour_[i * neighbours_ + j] = j < neighbour_count_ ? checked(beside[j]) : static_cast<int32_t>(i);
         }
@@ -189,23 +190,21 @@ private:
     std::vector<int32_t> neighbour_;
 };
 
-// Links (M, count) from the nearest entries (M, C), nearest first, at their distances (M, C), and their lengths.
+// Links (M, count) from the nearest entries (M, C), nearest first, at their distances (M, C).
 // A candidate is passed over if one of the links taken is that much nearer to it than the entry is: the walk gets
 // there through that link. What is left of `count` is filled up with the nearest ones passed over.
-nb::tuple choose_links(In<float, -1, -1> features, In<int32_t, -1, -1> index, In<float, -1, -1> distance,
+Out<int32_t> choose_links(In<float, -1, -1> features, In<int32_t, -1, -1> index, In<float, -1, -1> distance,
                        std::size_t count) {
     const std::size_t n = index.shape(0), candidates = index.shape(1), dimension = features.shape(1);
     if (count > candidates || distance.shape(0) != n || distance.shape(1) != candidates || features.shape(0) != n)
         throw nb::value_error("features, index and distance of different sizes, or fewer candidates than links");
     auto links = make_array<int32_t>({n, count});
-    auto lengths = make_array<float>({n, count});
     {
         nb::gil_scoped_release released;
         parallel_for(n, 1024, [&](std::size_t first, std::size_t last) {
             std::vector<std::size_t> passed_over;
             for (std::size_t i = first; i < last; ++i) {
                 int32_t* to = links.data() + i * count;
-                float* length = lengths.data() + i * count;
                 const int32_t* candidate = index.data() + i * candidates;
                 const float* at = distance.data() + i * candidates;
                 std::size_t taken = 0;
@@ -222,22 +221,39 @@ nb::tuple choose_links(In<float, -1, -1> features, In<int32_t, -1, -1> index, In
                     if (reached)
                         passed_over.push_back(j);
                     else
-                        to[taken] = candidate[j], length[taken++] = at[j];
+                        to[taken++] = candidate[j];
                 }
-                for (std::size_t k = 0; taken < count; ++k, ++taken)
-                    to[taken] = candidate[passed_over[k]], length[taken] = at[passed_over[k]];
+                for (std::size_t k = 0; taken < count; ++k) to[taken++] = candidate[passed_over[k]];
             }
         });
     }
-    return nb::make_tuple(links, lengths);
+    return links;
+}
+
+// Distances (M, K) [m] from each entry to others (M, K).
+Out<float> pose_distances(In<float, -1, kRecord> records, In<int32_t, -1, -1> others) {
+    const std::size_t n = records.shape(0), k = others.shape(1);
+    if (others.shape(0) != n) throw nb::value_error("records and others of different sizes");
+    for (std::size_t i = 0; i < others.size(); ++i)
+        if (others.data()[i] < 0 || static_cast<std::size_t>(others.data()[i]) >= n)
+            throw nb::value_error("an entry that is not there");
+    auto out = make_array<float>({n, k});
+    for (std::size_t i = 0; i < n; ++i) {
+        const float* here = records.data() + kRecord * i;
+        for (std::size_t j = 0; j < k; ++j) {
+            const float* there = records.data() + kRecord * static_cast<std::size_t>(others.data()[i * k + j]);
+            out.data()[i * k + j] = std::sqrt(std::max(squared_pose_distance(here, here + 4, there), 0.0f));
+        }
+    }
+    return out;
 }
 
 }  // namespace
 
 void bind_pose_graph(nb::module_& m) {
     nb::class_<PoseGraph>(m, "PoseGraph", "Entries of a codebook with their links and nearest neighbours.")
-        .def(nb::init<In<float, -1, kRecord>, In<int32_t, -1, -1>, In<float, -1, -1>, In<int32_t, -1, -1>>(),
-             named("records"), named("links"), named("lengths"), named("neighbours"))
+        .def(nb::init<In<float, -1, kRecord>, In<int32_t, -1, -1>, In<int32_t, -1, -1>>(), named("records"),
+             named("links"), named("neighbours"))
         .def("walk", &PoseGraph::walk, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
              named("entries"), named("distance"),
              "Move `entries` [low, high) along the links to the entry nearest to each pose; its distance [m].")
@@ -246,5 +262,7 @@ void bind_pose_graph(nb::module_& m) {
              "values (M,) at poses [low, high): a mean over each one's entry and the `count` nearest to that, weighed "
              "by exp(rate d^2) of what they are farther.");
     m.def("choose_links", &choose_links, named("features"), named("index"), named("distance"), nb::arg("count"),
-          "Links (M, count) in all directions from the nearest entries (M, C) at their distances, and their lengths.");
+          "Links (M, count) in all directions from the nearest entries (M, C) at their distances.");
+    m.def("pose_distances", &pose_distances, named("records"), named("others"),
+          "Distances (M, K) [m] from each entry to others (M, K).");
 }

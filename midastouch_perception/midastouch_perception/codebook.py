@@ -13,6 +13,7 @@ from .files import atomic_path, require_file
 from .mesh import ObjectMesh
 
 FORMAT = 1
+_CONTENT = ("poses", "codes", "meta")
 _DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 
 
@@ -21,13 +22,14 @@ class Codebook:
 
     Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
     mesh_sha256, mesh_path, sensor, sensor_id, tcn (network id), temperature, outlier (calibration of the score), size,
-    seed.
+    seed; derived: arrays by name that whoever uses the codebook has made of poses and mesh, kept to save the time.
     """
 
-    def __init__(self, poses: np.ndarray, codes: np.ndarray, meta: dict):
+    def __init__(self, poses: np.ndarray, codes: np.ndarray, meta: dict, derived: dict[str, np.ndarray] | None = None):
         self.poses = np.ascontiguousarray(poses, float)
         self.codes = np.ascontiguousarray(codes, np.float32)
         self.meta = meta
+        self.derived = derived or {}
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`; nothing is left behind if it fails."""
@@ -37,6 +39,7 @@ class Codebook:
                 poses=se3.to_xyzquat(self.poses).astype(np.float32),
                 codes=self.codes.astype(np.float16),
                 meta=np.array(json.dumps(self.meta)),
+                **self.derived,
             )
 
     @classmethod
@@ -50,6 +53,7 @@ class Codebook:
             with np.load(path, allow_pickle=False) as data:
                 poses, codes = data["poses"].astype(np.float32), data["codes"].astype(np.float32)
                 meta = json.loads(str(data["meta"]))
+                derived = {name: data[name] for name in data.files if name not in _CONTENT}
         except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
             raise InputError(f"{path}: not a codebook ({error}); build it with midastouch build-codebook") from error
         if not isinstance(meta, dict):
@@ -70,4 +74,4 @@ class Codebook:
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
-        return cls(se3.from_xyzquat(poses), codes, meta)
+        return cls(se3.from_xyzquat(poses), codes, meta, derived)

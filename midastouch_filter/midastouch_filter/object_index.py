@@ -1,0 +1,71 @@
+"""What the filter derives from an object's mesh and codebook alone: made once, kept with the codebook.
+
+To find it again at every start would take longer than all else that a start needs.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+
+from .config import FilterConfig
+from .lookup import PoseLookup, along_curve, neighbours_and_links
+from .surface import SurfaceGrid
+from .workers import Workers
+
+if TYPE_CHECKING:
+    from midastouch_perception.codebook import Codebook
+
+# To be raised when the content of the arrays changes its meaning: others are then made anew.
+_PREFIX = "index1_"
+
+
+class ObjectIndex:
+    """Look-up among the codebook's poses and distances to the surface of one object.
+
+    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers.
+    Attributes: order (M,), of the codebook's entries in `lookup`; poses (M, 4, 4) in that order; lookup; surface.
+    Raises InputError if the derived arrays are broken.
+    """
+
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, workers: Workers):
+        kept = codebook.derived
+        self.order = along_curve(codebook.poses)
+        self.poses = np.asarray(codebook.poses, float)[self.order]
+        band = max(config.dead_distance, config.max_penetration, config.max_hover)
+        # limits of another configuration ask for another grid
+        fits = float(kept.get(_PREFIX + "band", np.nan)) == band
+        try:
+            self.lookup = PoseLookup(self.poses, workers, self._graph(kept))
+            self.surface = SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
+        except ValueError as error:
+            raise InputError(f"codebook: {error}; build it again with `midastouch build-codebook`") from error
+
+    def _graph(self, kept: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
+        names = [_PREFIX + name for name in ("neighbours", "links")]
+        if len(self.poses) < 2 or not all(name in kept for name in names):
+            return None
+        neighbours, links = (np.ascontiguousarray(kept[name], np.int32) for name in names)
+        if neighbours.ndim != 2 or links.ndim != 2 or not neighbours.shape[1] or not links.shape[1]:
+            raise ValueError("neighbours and links are not tables")
+        return neighbours, links
+
+
+def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray]:
+    """What to keep with a codebook, for the default configuration; nothing for a book too small to be used."""
+    if len(codebook.poses) < 2:
+        return {}
+    config = FilterConfig()
+    band = max(config.dead_distance, config.max_penetration, config.max_hover)
+    neighbours, links = neighbours_and_links(codebook.poses[along_curve(codebook.poses)])
+    arrays = {
+        "neighbours": neighbours,
+        "links": links,
+        "band": np.array(band),
+        "distances": SurfaceGrid(mesh, band).values,
+    }
+    return {_PREFIX + name: array for name, array in arrays.items()}
