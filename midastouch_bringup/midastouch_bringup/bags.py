@@ -212,6 +212,13 @@ def bag_topics(path: str | Path) -> list[Topic]:
         return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections]
 
 
+def bag_duration(path: str | Path) -> float:
+    """Seconds from the first message of a bag to the last. Raises InputError if it cannot be read."""
+    path = Path(path)
+    with readable(path), AnyReader([path]) as reader:
+        return reader.duration / 1e9 if reader.message_count else 0.0
+
+
 def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Message]:
     """The messages of a bag on some topics (all if none is named) in order of recording.
 

@@ -88,7 +88,7 @@ def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> P
     """Parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = _config_folder()
     own = {
-        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2, "ack_timeout": 60.0},
+        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2},
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {
             "mesh": str(mesh.path),
@@ -165,7 +165,7 @@ class _Listener(Node):
 
     def _on_status(self, status: FilterStatus) -> None:
         stamp = stamp_ns(status.header.stamp)
-        if status.n_particles == 0 or stamp in self._seen:
+        if status.state == FilterStatus.STATE_WAITING or status.n_particles == 0 or stamp in self._seen:
             return
         self.heard_at = time.monotonic()
         if not self._seen:

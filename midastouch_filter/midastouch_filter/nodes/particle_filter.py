@@ -35,7 +35,8 @@ _JUMP_NS = 500_000_000
 
 
 class ParticleFilterNode(PipelineNode):
-    """Every code is answered by one FilterStatus of its stamp, unless time runs back while it waits.
+    """Every code is answered by one FilterStatus of its stamp, unless time runs back while it waits; one before may say
+    that it waits.
 
     A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh
     and codebook; with `subscribe` false codes come through `on_code` from a stage in the same process.
@@ -127,7 +128,7 @@ class ParticleFilterNode(PipelineNode):
             self._reset()
         elif self._newest is not None and stamp <= self._newest:
             self._report.counts["out_of_order"] += 1
-            self._report.repeat(stamp)
+            self._report.say(stamp, STALE, "out of order: this code or a later one was here before")
             return
         self._newest, self._network_id = stamp, measurement.network_id
         self._last_arrival, self._silent = self._now(), False
@@ -148,6 +149,8 @@ class ParticleFilterNode(PipelineNode):
                 self._report.say(ready.stamp, STALE, f"no transform {frames}: {ready.reason}")
             else:
                 self._process(ready.stamp, ready.transform, ready.payload)
+        if (waiting := self._queue.untold()) is not None:
+            self._report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
         self._untouched = False
@@ -195,8 +198,12 @@ class ParticleFilterNode(PipelineNode):
     # --- objects
 
     def _change_object(self, mesh: str, codebook: str) -> None:
+        self._report.wait(self._now_ns(), f"reading {mesh} and {codebook}")
         try:
             new = self._objects.requested(mesh, codebook, self._network_id)
+        except Exception:
+            self._report.say_again(self._now_ns())
+            raise
         finally:
             # Nobody was silent meanwhile: this node did not listen.
             if self._last_arrival is not None:

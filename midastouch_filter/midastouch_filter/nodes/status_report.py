@@ -10,13 +10,13 @@ from midastouch_perception.ros import diagnostics
 
 from ..estimate import Estimate
 from ..filter import ParticleFilter
-from ..state import LOST, STALE, UNINITIALISED, Status
+from ..state import LOST, STALE, UNINITIALISED, WAITING, Status
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics
 
 
 class StatusReport:
-    """Publishes a status with every code, and keeps the last one.
+    """Publishes a status with every code, and keeps the last one; meanwhile it can say what is waited for.
 
     Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
     fingers and the publishers.
@@ -34,11 +34,15 @@ class StatusReport:
     def say(self, stamp: int, state: str, reason: str) -> None:
         """Publish a state that no step of the filter made; its other numbers are those of the last step."""
         self._last = dataclasses.replace(self._last, state=state, reason=reason, ms={})
-        self.repeat(stamp)
+        self.say_again(stamp)
 
-    def repeat(self, stamp: int) -> None:
-        """Publish the last state as the answer to the code of `stamp` [ns], which changed nothing."""
+    def say_again(self, stamp: int) -> None:
+        """Publish the last state anew, at `stamp` [ns]."""
         self._out.status(stamp, self._complete(self._last))
+
+    def wait(self, stamp: int, reason: str) -> None:
+        """Publish that the answer to `stamp` [ns] is still to come; the state stays what it was."""
+        self._out.status(stamp, self._complete(dataclasses.replace(self._last, state=WAITING, reason=reason, ms={})))
 
     def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
-from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg, stamp_ns
+from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
 from ..ros.node import PipelineNode
 from ..ros.parameters import QUEUE, Parameter, Parameters
 from ..sensor_model import SensorModel
@@ -94,7 +94,6 @@ class TdnNode(PipelineNode):
         self._running: RunningBackground | None = None
         self._capture: BackgroundCapture | None = None
         self._captured: Future | None = None
-        self._newest_stamp = 0
         self._load_background()
 
         depth = self.parameters["queue_depth"]
@@ -139,10 +138,7 @@ class TdnNode(PipelineNode):
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
-        # a replay sends a frame again when its answer takes long, which must not make another background
-        if (stamp := stamp_ns(msg.header.stamp)) == 0 or stamp != self._newest_stamp:
-            self._newest_stamp = stamp
-            self._observe_background(image)
+        self._observe_background(image)
         depth = self._stage.process(image, self._background)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
         self._rate.add(time.perf_counter() - started)

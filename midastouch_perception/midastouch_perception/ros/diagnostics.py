@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+PERIOD_S = 1.0
 _LOG_PERIOD = 5.0
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -25,7 +26,7 @@ class Diagnostics:
         node: Node,
         describe: Callable[[], tuple[bytes, str, dict]],
         hardware_id: str = "",
-        period: float = 1.0,
+        period: float = PERIOD_S,
     ):
         self._node, self._describe, self._hardware_id = node, describe, hardware_id
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)

@@ -68,11 +68,18 @@ class Graph:
         self.spin_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
-    def listen(self, kind: type, topic: str, latched: bool = False) -> list:
-        """The list into which messages of a topic arrive; its publisher is already connected."""
+    def listen(
+        self, kind: type, topic: str, latched: bool = False, wanted: Callable[[Any], bool] = lambda message: True
+    ) -> list:
+        """The list into which the `wanted` messages of a topic arrive; its publisher is already connected."""
         received: list = []
         profile = qos.latched(100) if latched else qos.stream_subscriber(100, reliable=True)
-        subscription = self.companion.create_subscription(kind, topic, received.append, profile)
+
+        def keep(message: Any) -> None:
+            if wanted(message):
+                received.append(message)
+
+        subscription = self.companion.create_subscription(kind, topic, keep, profile)
         self.spin_until(lambda: self.companion.count_publishers(topic) > 0, f"a publisher of {topic}")
         publishers = self.companion.get_publishers_info_by_topic(subscription.topic_name)
         owners = {node.get_name(): node for node in self._nodes}
