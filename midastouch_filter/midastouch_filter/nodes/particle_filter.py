@@ -114,7 +114,9 @@ class ParticleFilterNode(PipelineNode):
         return 1e-9 * self._patience_clock.now().nanoseconds
 
     def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
+        """Stamp of what is said of no image."""
+        # a replay's clock stands at the stamp of the image that it waits for, whose answer this is not
+        return max(0, self.get_clock().now().nanoseconds - 1)
 
     # --- codes
 
