@@ -38,7 +38,10 @@ class Bench:
         self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
         self.codes = graph.publisher(TactileCode, "tactile/code")
         self.tf = graph.publisher(TFMessage, "/tf")
-        graph.spin_until(lambda: self.statuses, "the status at start")
+        # the last one it says before it hears codes
+        graph.spin_until(
+            lambda: self.statuses and not self.statuses[-1].reason.startswith("loading"), "the status at start"
+        )
         self.statuses.clear()
 
     @property
