@@ -19,6 +19,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
@@ -71,6 +72,7 @@ class Replay(PipelineNode):
             lambda message: self._outputs[message.topic].publish(message.data),
             lambda text: self.get_logger().warning(text, throttle_duration_sec=1.0),
         )
+        self._consumers = LifecycleWatch(self, self._settings["wait_for_nodes"].split())
         self.control = ReplayControl(self, self._playback, lambda: self.position)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
@@ -167,11 +169,11 @@ class Replay(PipelineNode):
         return self.create_publisher(message_class(topic.type_name), live_name(topic.name), profile)
 
     def _wait_for_listeners(self) -> None:
-        """Until as many as asked for listen; of a filter that acknowledges, until it listens to TF too."""
+        """Until all who are asked for listen and are active; a filter that acknowledges also to TF."""
         ack_topic = self._settings["ack_topic"]
         images = [topic for topic in self._outputs if is_image(topic)]
         while not self._playback.stopped:
-            waits_for = []
+            waits_for = [self._consumers.waiting_for] if self._consumers.waiting_for else []
             missing = self._settings["wait_for_subscribers"] - sum(map(self._listeners, images))
             if missing > 0:
                 waits_for.append(f"{missing} more subscribers of {' and '.join(images)}")
