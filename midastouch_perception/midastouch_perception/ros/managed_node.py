@@ -158,14 +158,14 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
 
     def _fail(self, error: Exception) -> TransitionCallbackReturn:
         """A transition's failure; the node stays in the state it was in before."""
-        self._error, reason = error, str(error)
-        if not isinstance(error, InputError):
-            reason = f"{type(error).__name__}: {error}"
-        self.failure = reason
-        if not self._starting:  # else whoever makes the node reports what `autostart` raises
-            trace = "" if isinstance(error, InputError) else "".join(traceback.format_exception(error))
-            self.get_logger().error(f"{reason}\n{trace}".rstrip())
-        self.say(reason)
+        expected = isinstance(error, InputError)
+        self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+        if self._starting:
+            self._error = error  # which `autostart` raises, and whoever makes the node reports
+        else:
+            trace = "" if expected else "\n" + "".join(traceback.format_exception(error)).rstrip()
+            self.get_logger().error(f"{self.failure}{trace}")
+        self.say(self.failure)
         return TransitionCallbackReturn.FAILURE
 
     def _describe_state(self) -> tuple[bytes, str, dict]:
