@@ -22,6 +22,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 from midastouch_perception.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run
@@ -74,6 +75,7 @@ class Replay(PipelineNode):
             self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         patience = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
         self._flow = FlowControl(self._playback, patience, lambda: bool(self._filters()), self._on_lost)
+        self._consumers = LifecycleWatch(self, self._settings["wait_for_nodes"].split())
         self.control = ReplayControl(self, self._playback, lambda: self.position, self._source.duration_s)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)
@@ -187,9 +189,9 @@ class Replay(PipelineNode):
             time.sleep(0.02)  # of Python: rclpy's raises when the process is told to stop meanwhile
 
     def _missing(self) -> list[str]:
-        """Listeners that are still to come, in words: as many of images as asked for, and the filter with its TF."""
+        """What is still to come, in words: nodes to be active, listeners, and the filter's for TF."""
         images = [topic for topic in self._outputs if is_image(topic)]
-        missing = []
+        missing = [self._consumers.waiting_for] if self._consumers.waiting_for else []
         wanted = self._settings["wait_for_subscribers"] - sum(map(self._listeners, images))
         if wanted > 0:
             missing.append(f"{wanted} more subscribers of {' and '.join(images)}")

@@ -22,6 +22,7 @@ PARAMETERS = (
         maximum=1e6,
         read_only=False,
     ),
+    Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
     Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
     Parameter(
         "ack_topic",

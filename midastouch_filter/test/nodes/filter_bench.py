@@ -45,7 +45,10 @@ class Bench:
         self.waits = graph.listen(FilterStatus, "filter_status", wanted=lambda status: not is_answer(status))
         self.codes = graph.publisher(TactileCode, "tactile/code")
         self.tf = graph.publisher(TFMessage, "/tf")
-        graph.spin_until(lambda: self.statuses, "the status at start")
+        # the last one it says before it hears codes
+        graph.spin_until(
+            lambda: self.statuses and not self.statuses[-1].reason.startswith("loading"), "the status at start"
+        )
         self.statuses.clear()
 
     @property

@@ -54,7 +54,7 @@ def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
     answer = bench.set_object("cup")
     assert (answer.success, answer.message) == (True, "")
     graph.spin_until(lambda: bench.waits, "the word that an object is read")
-    assert "reading /data/cup.ply" in bench.waits[-1].reason
+    assert "loading the mesh /data/cup.ply" in bench.waits[-1].reason
     late = graph.listen(FilterStatus, "filter_status", latched=True)
     graph.spin_until(lambda: late and "now 'cup'" in late[-1].reason, "the status for who comes now")
     assert (late[-1].state, late[-1].n_particles) == ("uninitialised", 0)

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -53,12 +55,16 @@ class Graph:
             self._executor.add_node(node)
         return nodes
 
+    def remove(self, node: Node) -> None:
+        """Destroy one node."""
+        self._nodes.remove(node)
+        self._executor.remove_node(node)
+        node.destroy_node()
+
     def remove_all(self) -> None:
         """Destroy all nodes and begin again with a new companion."""
-        for node in self._nodes:
-            self._executor.remove_node(node)
-            node.destroy_node()
-        self._nodes.clear()
+        for node in [*self._nodes]:
+            self.remove(node)
         self.companion = self.add(Node, node_name="companion")
 
     def publisher(self, kind: type, topic: str, profile: QoSProfile | None = None, latched: bool = False) -> Publisher:
@@ -99,6 +105,16 @@ class Graph:
         future = client.call_async(request)
         self.spin_until(future.done, f"the response of {name}")
         return future.result()
+
+    def change_state(self, node: str, transition: str) -> bool:
+        """Ask a lifecycle node for a transition as nav2's lifecycle manager does; whether it succeeded."""
+        number = getattr(Transition, f"TRANSITION_{transition.upper()}")
+        request = ChangeState.Request(transition=Transition(id=number))
+        return self.call(ChangeState, f"{node}/change_state", request).success
+
+    def state_of(self, node: str) -> str:
+        """The state a lifecycle node says it is in."""
+        return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
 
     def spin_until(self, done: Callable[[], bool], what: str = "the awaited event") -> None:
         """Spin until `done()`; AssertionError naming `what` if it does not come."""
