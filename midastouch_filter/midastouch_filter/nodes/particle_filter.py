@@ -71,7 +71,7 @@ class ParticleFilterNode(PipelineNode):
             self,
             frames=(base, sensor, *fingers_of(self.parameters).values()),
             on_update=self._process_queue,
-            on_jump=self._reset,
+            on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
         self._reliefs: ReliefSource | None = None
@@ -84,11 +84,16 @@ class ParticleFilterNode(PipelineNode):
         )
         said = self._now, self._process_queue, self.diagnostics.problem
         self._fingers = FingerTopics(self, self.parameters, self._config.refinement, self._transforms, *said)
-        self._report = StatusReport(self._out, self._fingers)
+        self._report = StatusReport(self._out, self._fingers, self._transforms.name)
         if first is not None:
             self._set_object(first)
         self._connect(subscribe)
         self._report.say(self._now_ns(), UNINITIALISED, self._waits_for())
+
+    def destroy_node(self) -> None:
+        """As rclpy's."""
+        self._transforms.close()
+        super().destroy_node()
 
     def _connect(self, subscribe: bool) -> None:
         if subscribe:
@@ -124,7 +129,7 @@ class ParticleFilterNode(PipelineNode):
         """Take one code, stamp in ns; it is answered when its transform is there."""
         if self._newest is not None and stamp < self._newest - _JUMP_NS:
             self._transforms.rewind(stamp)
-            self._reset()
+            self._reset(stamp)
         elif self._newest is not None and stamp <= self._newest:
             self._report.counts["out_of_order"] += 1
             self._report.repeat(stamp)
@@ -170,10 +175,15 @@ class ParticleFilterNode(PipelineNode):
     def _waits_for(self) -> str:
         return self._localiser.waiting_for or "waiting for tactile/code"
 
-    def _reset(self) -> None:
-        """Time ran backwards. TF and codes may both tell of the same jump, so it counts once."""
+    def _on_transforms_jump(self, stamp: int) -> None:
+        # heard of later than it happened: codes from after the jump may be here already
+        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+            self._reset(stamp)
+
+    def _reset(self, stamp: int) -> None:
+        """Time ran back to `stamp` [ns]. TF and codes may both tell of the same jump, so it counts once."""
         self._queue.clear()
-        self._fingers.clear()
+        self._fingers.rewind(stamp)
         self._newest = None
         if self._untouched:
             return
