@@ -97,7 +97,7 @@ class ParticleFilterNode(ManagedNode):
             self,
             frames=self._frames,
             on_update=self._process_queue,
-            on_jump=self._reset,
+            on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
         self._reliefs: ReliefSource | None = None
@@ -110,7 +110,7 @@ class ParticleFilterNode(ManagedNode):
         )
         said = self._now, self._process_queue, self.diagnostics.problem
         self._fingers = FingerTopics(self, self.parameters, self._config.refinement, self._transforms, *said)
-        self._report = StatusReport(self._out, self._fingers)
+        self._report = StatusReport(self._out, self._fingers, self._transforms.name)
         StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
         self.create_timer(0.05, self._on_timer, clock=self._steady_clock)
         if self._subscribe:
@@ -119,6 +119,10 @@ class ParticleFilterNode(ManagedNode):
                 self._reliefs = self._make_relief_source()
             self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)
         self._report.say(self._now_ns(), UNINITIALISED, self._waits_for())
+
+    def disconnect(self) -> None:
+        """Stop reading transforms."""
+        self._transforms.close()
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
@@ -155,7 +159,7 @@ class ParticleFilterNode(ManagedNode):
             return
         if self._newest is not None and stamp < self._newest - _JUMP_NS:
             self._transforms.rewind(stamp)
-            self._reset()
+            self._reset(stamp)
         elif self._newest is not None and stamp <= self._newest:
             self._report.counts["out_of_order"] += 1
             self._report.say(stamp, STALE, "out of order: this code or a later one was here before")
@@ -202,10 +206,15 @@ class ParticleFilterNode(ManagedNode):
     def _waits_for(self) -> str:
         return self._localiser.waiting_for or "waiting for tactile/code"
 
-    def _reset(self) -> None:
-        """Time ran backwards. TF and codes may both tell of the same jump, so it counts once."""
+    def _on_transforms_jump(self, stamp: int) -> None:
+        # heard of later than it happened: codes from after the jump may be here already
+        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+            self._reset(stamp)
+
+    def _reset(self, stamp: int) -> None:
+        """Time ran back to `stamp` [ns]. TF and codes may both tell of the same jump, so it counts once."""
         self._queue.clear()
-        self._fingers.clear()
+        self._fingers.rewind(stamp)
         self._newest = None
         if self._untouched:
             return

@@ -20,11 +20,13 @@ class StatusReport:
 
     Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
     fingers and the publishers.
+
+    transform_source: who keeps the transforms, for the diagnostics.
     """
 
-    def __init__(self, out: EstimatePublisher, fingers: FingerTopics):
+    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, transform_source: str):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0, "no_relief": 0}
-        self._out, self._fingers = out, fingers
+        self._out, self._fingers, self._transform_source = out, fingers, transform_source
         self.forget()
 
     def forget(self) -> None:
@@ -55,6 +57,7 @@ class StatusReport:
         s = self._complete(self._last)
         level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
+        values["transform_source"] = self._transform_source
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
         return level, f"{s.state}: {s.reason}", values
 
