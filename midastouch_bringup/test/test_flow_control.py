@@ -1,6 +1,10 @@
 """Stop and wait, with a filter that a test plays."""
 
+import random
 import threading
+import time
+
+import pytest
 
 from midastouch_bringup.flow_control import FlowControl
 from midastouch_bringup.playback import Playback
@@ -114,18 +118,59 @@ def test_a_seek_or_stop_ends_the_waits_and_loses_nothing():
         assert world.flow.lost == 0
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_whatever_the_filter_does_one_frame_at_most_is_not_with_it(seed):
+    """A filter that answers at once, late, or first says that it waits; each time in order."""
+    rng = random.Random(seed)
+    world = World()
+    wire, held, answered, most = [], [], [], 0
+    over = threading.Event()
+
+    def filter_side():
+        while not (over.is_set() and not wire and not held):
+            if wire and rng.random() < 0.5:
+                held.append(wire.pop(0))
+                if rng.random() < 0.7:
+                    world.flow.on_status(held[-1], waits=True)
+                else:
+                    answer(len(held))
+            elif held and (rng.random() < 0.3 or over.is_set()):
+                answer(1)
+            else:
+                time.sleep(1e-4)
+
+    def answer(count):
+        for _ in range(count):
+            answered.append(held.pop(0))
+            world.flow.on_status(answered[-1], waits=False)
+
+    thread = threading.Thread(target=filter_side, daemon=True)
+    thread.start()
+    for stamp in range(100):
+        assert world.flow.wait()
+        most = max(most, len(wire))
+        world.flow.sent(stamp)
+        wire.append(stamp)
+    over.set()
+    world.flow.finish(lambda: None)
+    thread.join(60)
+    assert most == 0
+    assert answered == [*range(100)]
+    assert (world.flow.waiting, world.flow.lost) == (0, 0)
+
+
 def test_after_the_end_time_goes_on_until_nothing_waits():
     world = World()
     world.send(1, 2)
-    time = [0]
+    ticks = []
 
     def pass_time():
-        time[0] += 1
-        if time[0] in (5, 9):
-            world.flow.on_status(1 + (time[0] == 9), waits=False)
+        ticks.append(None)
+        if len(ticks) in (5, 9):
+            world.flow.on_status(1 + (len(ticks) == 9), waits=False)
 
     world.flow.finish(pass_time)
-    assert (time[0], world.flow.waiting) == (9, 0)
+    assert (len(ticks), world.flow.waiting) == (9, 0)
 
 
 def test_after_the_end_a_filter_whose_time_stands_still_is_not_waited_for_for_ever():

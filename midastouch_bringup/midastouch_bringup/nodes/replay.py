@@ -6,7 +6,7 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -38,6 +38,7 @@ from .replay_parameters import PARAMETERS
 
 RCLError = rclpy_implementation.RCLError
 
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # the middleware's name for a node of which only the topics were heard of
 _DEPTH = 100  # frames that a reliable subscriber (a recorder) may lag behind before it loses some
 _MOST_AFTER_AN_IMAGE = 50  # messages while the filter is busy with it: a subscriber of TF keeps 100
 _PASS_NS = 100_000_000  # how far time goes on at once after the end, where some frames may wait for their time-out
@@ -201,8 +202,8 @@ class Replay(PipelineNode):
         if not filters or self._statuses.get_publisher_count() == 0:
             missing.append(f"a publisher of {self._settings['ack_topic']}")
         elif TF_TOPIC in self._outputs:
-            listeners = [_name(info) for info in self.get_subscriptions_info_by_topic(TF_TOPIC)]
-            if not filters & {*listeners} or self._listeners(TF_TOPIC) < len(listeners):
+            listeners = self.get_subscriptions_info_by_topic(TF_TOPIC)
+            if not filters & _names(listeners) or self._listeners(TF_TOPIC) < len(listeners):
                 missing.append(f"{' or '.join(sorted(filters))} to subscribe {TF_TOPIC}")
         return missing
 
@@ -211,7 +212,7 @@ class Replay(PipelineNode):
 
     def _filters(self) -> set[str]:
         """Full names of the nodes that answer."""
-        return {_name(info) for info in self.get_publishers_info_by_topic(self._statuses.topic_name)}
+        return _names(self.get_publishers_info_by_topic(self._statuses.topic_name))
 
     def _tick(self, recorded_ns: int) -> None:
         """Tell the recorded time; messages out of order do not turn it back."""
@@ -258,9 +259,9 @@ class Replay(PipelineNode):
         return OK, "finished" if self.finished.is_set() else "playing", values
 
 
-def _name(info: TopicEndpointInfo) -> str:
-    """Full name of the node that an endpoint belongs to."""
-    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+def _names(infos: Iterable[TopicEndpointInfo]) -> set[str]:
+    """Full names of the nodes that endpoints belong to, as far as they are known yet."""
+    return {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if info.node_name != _UNKNOWN}
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -4,6 +4,7 @@ import dataclasses
 
 import pytest
 from filter_fakes import code_msg, loader_of
+from rclpy.node import Node
 from replay_rig import Consumer, play, replay
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
@@ -31,6 +32,20 @@ def test_one_frame_in_flight_loses_none_with_a_best_effort_listener(graph, simul
     play(graph, node)
     assert consumer.received == sequence.stamps_ns.tolist()
     assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (12, 0, 0)
+
+
+def test_the_filter_itself_must_listen_to_transforms(graph, simulated_sequence):
+    sequence = simulated_sequence(n=2)
+    consumer = Consumer(graph, answers=lambda n: True)
+    viewer = graph.add(Node, node_name="viewer")
+    viewer.create_subscription(TFMessage, "/tf", lambda _: None, qos.TF)
+    node = replay(graph, sequence.path, **PACED)
+    node.start()
+    graph.spin_for(0.5)
+    assert consumer.received == []
+    graph.listen(TFMessage, "/tf")
+    graph.spin_until(node.finished.is_set, "the end")
+    assert consumer.received == sequence.stamps_ns.tolist()
 
 
 def test_the_next_image_waits_for_the_answer_and_is_sent_once(graph, simulated_sequence):
