@@ -200,7 +200,9 @@ def test_the_process_ends_with_the_reason_unless_a_manager_may_mend_it(graph, tm
         assert all(result.successful for result in set_parameters(graph, mesh="", codebook=""))
         assert graph.change_state("particle_filter", "configure")
         assert graph.change_state("particle_filter", "activate")
-        assert graph.change_state("particle_filter", "active_shutdown")
+        for transition in ("deactivate", "cleanup", "unconfigured_shutdown"):  # as nav2's manager at its end
+            assert graph.change_state("particle_filter", transition)
+        assert graph.state_of("particle_filter") == "finalized"
         managed.send_signal(signal.SIGINT)
         _, errors = managed.communicate(timeout=60)
     finally:

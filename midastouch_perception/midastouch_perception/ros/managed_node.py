@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
@@ -99,53 +99,61 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
 
     def destroy_node(self) -> None:
         """As rclpy's, once what was begun has ended."""
-        self._stop()
+        self._disconnect_all()
         super().destroy_node()
 
-    # --- transitions, called by rclpy, which swallows what they raise
+    # --- transitions, called by rclpy
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._configure_or_unload, "configured, but not active (ros2 lifecycle set)")
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._connect_or_undo, "")
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._disconnect_all, "deactivated")
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self.unload, _UNCONFIGURED)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._disconnect_and_unload, "shut down")
+
+    def _carry_out(self, transition: Callable[[], None], doing: str) -> TransitionCallbackReturn:
+        """Its result, told with the reason when it fails (rclpy swallows what is raised), else what is done next."""
         self.failure = ""
+        try:
+            transition()
+        except Exception as error:
+            return self._fail(error)
+        if doing and not self._starting:
+            self.say(doing)
+        else:
+            self._doing = doing
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure_or_unload(self) -> None:
         try:
             with self.diagnostics.kept_up():
                 self.configure()
-        except Exception as error:
+        except Exception:
             self.unload()
-            return self._fail(error)
-        if not self._starting:
-            self.say("configured, but not active (ros2 lifecycle set)")
-        return TransitionCallbackReturn.SUCCESS
+            raise
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self.failure = ""
+    def _connect_or_undo(self) -> None:
         self._lasting = {*self.subscriptions, *self.timers}
         try:
             self.connect()
             refuse_unused_overrides(self)
-        except Exception as error:
-            self._stop()
-            return self._fail(error)
-        self._doing = ""
-        return TransitionCallbackReturn.SUCCESS
+        except Exception:
+            self._disconnect_all()
+            raise
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._stop()
-        self.say("deactivated")
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def _disconnect_and_unload(self) -> None:
+        self._disconnect_all()
         self.unload()
-        self.failure = ""
-        self.say(_UNCONFIGURED)
-        return TransitionCallbackReturn.SUCCESS
 
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._stop()
-        self.unload()
-        self.say("shut down")
-        return TransitionCallbackReturn.SUCCESS
-
-    def _stop(self) -> None:
+    def _disconnect_all(self) -> None:
         """Undo `connect`, as far as it has come."""
         if self._lasting is None:
             return

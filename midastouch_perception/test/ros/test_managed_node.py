@@ -60,6 +60,8 @@ class Reader(ManagedNode):
 
     def disconnect(self):
         self.ended += 1
+        if self.loaded == "stuck":
+            raise OSError("it does not let go")
 
     def describe(self):
         return diagnostics.OK, "hears", {"words": len(self.heard)}
@@ -156,6 +158,18 @@ def test_a_bug_fails_the_transition_and_is_named(graph):
     assert not graph.change_state("reader", "configure")
     assert graph.state_of("reader") == "unconfigured"
     expect(graph, received, diagnostics.ERROR, "ZeroDivisionError: of something", lifecycle="unconfigured")
+
+
+def test_a_bug_while_it_stops_is_named_too(graph):
+    node = graph.add(Reader, {**WAITING, "file": "stuck"})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    assert graph.change_state("reader", "configure")
+    assert graph.change_state("reader", "activate")
+    assert not graph.change_state("reader", "deactivate")
+    expect(graph, received, diagnostics.ERROR, "OSError: it does not let go", lifecycle="active")
+    node.loaded = "good"
+    assert graph.change_state("reader", "deactivate")
+    assert subscribers(graph) == 0
 
 
 def test_an_override_of_a_topic_that_is_not_there_fails_the_activation(graph):
