@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import traceback
 from collections.abc import Callable
@@ -13,7 +14,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
-_FOREVER = -1
+# How soon the thread sees that the context was shut down or Python ends, which nothing tells it.
+_LOOK_UP_NS = 300_000_000
 
 
 class TopicReader:
@@ -26,7 +28,7 @@ class TopicReader:
         self._node, self._readers = node, []
         self._stopping = False
         self._stop = GuardCondition(callback=None, callback_group=None, context=node.context)
-        self._thread = threading.Thread(target=self._run, name="topic_reader", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="topic_reader")
 
     def subscribe(self, kind: type, topic: str, on_message: Callable[[bytes], None], profile: QoSProfile) -> None:
         """Have `on_message` called in the thread; before `start`."""
@@ -38,37 +40,37 @@ class TopicReader:
     def start(self) -> None:
         """Begin to read."""
         self._thread.start()
-        # Threads that still wait when Python ends would abort the process. (Held weakly by the context.)
-        self._node.context.on_shutdown(self._end)
 
     def close(self) -> None:
         """End the thread and the subscriptions; nothing is called after this."""
-        self._end()
+        self._stopping = True
+        self._stop.trigger()
+        self._thread.join()
         while self._readers:
             self._node.destroy_subscription(self._readers.pop()[0])
 
-    def _end(self) -> None:
-        if self._thread.is_alive():
-            self._stopping = True
-            self._stop.trigger()
-            self._thread.join()
-
     def _run(self) -> None:
         handles = [subscription.handle for subscription, _ in self._readers]
-        with self._node.context.handle, self._stop.handle:
+        with contextlib.ExitStack() as kept_alive:
+            for handle in (self._node.context.handle, self._stop.handle, *handles):
+                kept_alive.enter_context(handle)
             wait_set = _rclpy.WaitSet(len(handles), 1, 0, 0, 0, 0, self._node.context.handle)
-            while not self._stopping:
+            while self._goes_on():
                 wait_set.clear_entities()
                 for handle in handles:
                     wait_set.add_subscription(handle)
                 wait_set.add_guard_condition(self._stop.handle)
-                wait_set.wait(_FOREVER)
+                wait_set.wait(_LOOK_UP_NS)
                 for subscription, on_message in self._readers:
                     self._read(subscription, on_message)
 
+    def _goes_on(self) -> bool:
+        """A thread that still waits when Python has ended would abort the process or hold it up for ever."""
+        return not self._stopping and self._node.context.ok() and threading.main_thread().is_alive()
+
     def _read(self, subscription: Subscription, on_message: Callable[[bytes], None]) -> None:
         """Hand over all that has come."""
-        while not self._stopping and (taken := subscription.handle.take_message(subscription.msg_type, True)):
+        while self._goes_on() and (taken := subscription.handle.take_message(subscription.msg_type, True)):
             try:
                 on_message(taken[0])
             except Exception:  # the topic is read on, whatever this message was

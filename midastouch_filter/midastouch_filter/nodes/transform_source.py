@@ -70,7 +70,7 @@ class TransformSource:
         self._awaited: dict[tuple[str, str], int] = {}
         self._jumps: list[int] = []
         self._bad: list[str] = []
-        self._node = node
+        self._node, self._closed = node, False
         self._wake = node.create_guard_condition(self._on_wake)
         self._reader = TopicReader(node)
         self._reader.subscribe(TFMessage, "/tf", lambda message: self._read(message, False), qos.TF_SUBSCRIBER)
@@ -80,8 +80,9 @@ class TransformSource:
         self._reader.start()
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening; nothing is called after this."""
         self._reader.close()
+        self._closed = True
         self._node.destroy_guard_condition(self._wake)
 
     def lookup(self, target: str, source: str, stamp: int) -> np.ndarray | Wait:
@@ -118,6 +119,8 @@ class TransformSource:
                 self._forget()
 
     def _on_wake(self) -> None:
+        if self._closed:  # in the same round of the executor
+            return
         with self._lock:
             jumps, self._jumps = self._jumps, []
             bad, self._bad = self._bad, []
