@@ -24,7 +24,6 @@ ROSDEP_KEYS = {
     "pyudev": "python3-pyudev",
     "scipy": "python3-scipy",
     "sklearn": "python3-sklearn",
-    "tf2_ros": "tf2_ros_py",
     "tqdm": "python3-tqdm",
     "trimesh": "python3-trimesh-pip",
     "yaml": "python3-yaml",

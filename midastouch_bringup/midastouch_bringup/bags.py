@@ -7,7 +7,9 @@ reads both.
 from __future__ import annotations
 
 import contextlib
+import math
 import shutil
+import sys
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -56,6 +58,7 @@ from .messages import (
 )
 
 _FOREVER_S = 1e9
+_LATEST_NS = 1_000_000_000  # of a transform behind those that were recorded before it
 _UNSET = QosTime(0, 0)
 
 
@@ -185,8 +188,8 @@ def read_bag(
     All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
     which images and transforms were recorded. Images before the first or after the last transform are left
     out, and transforms that are none (not finite, no unit quaternion), as the filter's node leaves them out.
-    Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if the time of a frame
-    runs backwards on which the gel's or the true pose depends.
+    Transforms that are late or repeated are told on stderr. Raises InputError if the bag cannot be read, lacks the
+    topic or the transforms, or if the time of a frame runs backwards on which the gel's or the true pose depends.
     """
     path = Path(path)
     transforms, refused = _all_transforms(path, ((base_frame, gel_frame), (TRUTH_FRAME, TRUTH_GEL_FRAME)))
@@ -210,6 +213,13 @@ def bag_topics(path: str | Path) -> list[Topic]:
     path = Path(path)
     with readable(path), AnyReader([path]) as reader:
         return [Topic(c.topic, c.msgtype, _was_latched(c)) for c in reader.connections]
+
+
+def bag_duration(path: str | Path) -> float:
+    """Seconds from the first message of a bag to the last. Raises InputError if it cannot be read."""
+    path = Path(path)
+    with readable(path), AnyReader([path]) as reader:
+        return reader.duration / 1e9 if reader.message_count else 0.0
 
 
 def bag_messages(path: str | Path, topics: Collection[str] = ()) -> Iterator[Message]:
@@ -247,42 +257,82 @@ def readable(path: Path) -> Iterator[None]:
         ) from error
 
 
+class _Track:
+    """The stamps of one frame's transforms in order of recording.
+
+    Late ones are put where their stamp says, but for those that are later than `_LATEST_NS`. The frame's time runs
+    backwards where it goes over more than that again, as in a looped bag. Attributes: late and left_out, how many;
+    jump, the stamp [ns] where time first ran backwards.
+    """
+
+    def __init__(self) -> None:
+        self.late = self.left_out = 0
+        self.jump: int | None = None
+        self._newest = self._again_from = -math.inf
+
+    def too_late(self, stamp: int) -> bool:
+        return stamp < self._newest - _LATEST_NS
+
+    def add(self, stamp: int, is_used: bool) -> None:
+        """The next transform that is one."""
+        self.left_out += not is_used
+        if stamp > self._newest:
+            self._newest, self._again_from = stamp, math.inf
+            return
+        self.late += is_used
+        self._again_from = min(stamp, self._again_from)
+        if self.jump is None and stamp - self._again_from > _LATEST_NS:
+            self.jump = self._again_from
+
+
 def _all_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[TransformBuffer, str]:
     """Every transform of a bag, and why one was refused, the last such reason; empty if none was.
 
-    asked: pairs of frames, on the way between which no time may run backwards. Other frames may have odd clocks.
+    asked: pairs of frames, on the way between which no time may run backwards, and what is late or repeated is told on
+    stderr. Other frames may have odd clocks.
     """
-    buffer, refused = TransformBuffer(history_s=_FOREVER_S), ""
+    buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
+    unused = TransformBuffer()
     parents: dict[str, str] = {}
-    jumps: dict[str, int] = {}
+    tracks: dict[str, _Track] = {}
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
         with readable(path):
             content = store.deserialize_cdr(message.data, message.type_name)
+        static = message.topic == TF_STATIC_TOPIC
         for item in content.transforms:
             stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
+            parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
+            track = tracks.setdefault(child, _Track())
             t, q = item.transform.translation, item.transform.rotation
+            values = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+            target = unused if not static and track.too_late(stamp) else buffer
             try:
-                outcome = buffer.insert(
-                    item.header.frame_id,
-                    item.child_frame_id,
-                    stamp,
-                    np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w]),
-                    static=message.topic == TF_STATIC_TOPIC,
-                )
+                outcome = target.insert(parent, child, stamp, values, static)
             except TransformError as error:
                 refused = str(error)
                 continue
-            child = item.child_frame_id.lstrip("/")
-            parents[child] = item.header.frame_id.lstrip("/")
-            if outcome is Insertion.TIME_JUMP:
-                jumps.setdefault(child, stamp)
+            parents[child] = parent
+            if not static:
+                track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
-        for child in sorted(jumps.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
-            raise InputError(
-                f"{path}: the time of frame '{child}' runs backwards at {jumps[child] / 1e9:.3f} s; split the bag there"
-            )
+        for child in sorted(tracks.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+            _report(path, child, tracks[child])
     return buffer, refused
+
+
+def _report(path: Path, frame: str, track: _Track) -> None:
+    """Raise InputError if a frame's time runs backwards; else tell how many of its transforms are late."""
+    if track.jump is not None:
+        raise InputError(
+            f"{path}: the time of frame '{frame}' runs backwards at {track.jump / 1e9:.3f} s; split the bag there"
+        )
+    if track.late or track.left_out:
+        print(
+            f"{path}: transforms of '{frame}': {track.late} late, sorted in; "
+            f"{track.left_out} repeated or more than {_LATEST_NS / 1e9:g} s late, left out",
+            file=sys.stderr,
+        )
 
 
 def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:

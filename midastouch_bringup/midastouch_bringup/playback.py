@@ -1,4 +1,4 @@
-"""When the next frame of a replay may go out: pace, pause, single steps, one frame in flight at a time."""
+"""When the next message of a replay may go out: pace, pause, single steps, seeks."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ class Playback:
         rate: seconds of recorded time per second; 0 plays as fast as the consumer takes it.
         paused: start in pause.
         now: monotonic clock in seconds.
+
+    Attributes: changed, notified when something happens on which a wait may depend.
     """
 
     def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
@@ -27,64 +29,68 @@ class Playback:
         self._stopped = False
         self._sought: float | None = None
         self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
-        self._acknowledged: set[int] = set()
-        self._changed = threading.Condition()
+        self.changed = threading.Condition()
 
     def pause(self) -> None:
         """Hold back everything not yet sent."""
-        with self._changed:
+        with self.changed:
             self._paused = True
             self._steps = 0
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def resume(self) -> None:
         """Go on from where the pause began; the time in pause is not caught up."""
-        with self._changed:
+        with self.changed:
             self._paused = False
-            self._changed.notify_all()
+            self.changed.notify_all()
+
+    @property
+    def paused(self) -> bool:
+        with self.changed:
+            return self._paused
 
     def toggle(self) -> None:
         """Pause, or resume if paused."""
-        with self._changed:
+        with self.changed:
             paused = self._paused
         self.resume() if paused else self.pause()
 
     def step(self) -> bool:
         """Let one frame through; False, and nothing happens, if playback is not paused."""
-        with self._changed:
+        with self.changed:
             if not self._paused:
                 return False
             self._steps += 1
-            self._changed.notify_all()
+            self.changed.notify_all()
             return True
 
     def wait_while_paused(self) -> None:
         """Return when it is not, or no longer, in pause, or is interrupted."""
-        with self._changed:
-            self._changed.wait_for(lambda: not self._paused or self._is_interrupted())
+        with self.changed:
+            self.changed.wait_for(lambda: not self._paused or self._is_interrupted())
 
     def set_rate(self, rate: float) -> None:
         """Go on at another pace, as the argument of the constructor."""
-        with self._changed:
+        with self.changed:
             self._rate, self._anchor = rate, None
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def seek(self, offset_s: float) -> None:
         """Break off, so that who plays can go on `offset_s` after the beginning; a pause stays."""
-        with self._changed:
+        with self.changed:
             self._sought = offset_s
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def take_seek(self) -> float | None:
         """Where to go on after a seek, s after the beginning, told once; None: there was none."""
-        with self._changed:
+        with self.changed:
             sought, self._sought = self._sought, None
             return sought
 
     @property
     def interrupted(self) -> bool:
         """Whether what is being played is to be broken off: by a stop or a seek."""
-        with self._changed:
+        with self.changed:
             return self._is_interrupted()
 
     def _is_interrupted(self) -> bool:
@@ -92,18 +98,18 @@ class Playback:
 
     def stop(self) -> None:
         """End every wait, now and later."""
-        with self._changed:
+        with self.changed:
             self._stopped = True
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     @property
     def stopped(self) -> bool:
-        with self._changed:
+        with self.changed:
             return self._stopped
 
     def rewind(self) -> None:
         """Stamps start again from an earlier one."""
-        with self._changed:
+        with self.changed:
             self._anchor = None
 
     def wait_until_due(self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02) -> bool:
@@ -112,12 +118,12 @@ class Playback:
         While time passes `on_tick` is called every `tick_s` with the recorded time reached, in nanoseconds.
         """
         while True:
-            with self._changed:
+            with self.changed:
                 if self._is_interrupted():
                     return False
                 if self._paused and self._steps == 0:
                     self._anchor = None
-                    self._changed.wait()
+                    self.changed.wait()
                     continue
                 if self._paused or self._rate == 0:
                     return True
@@ -128,27 +134,18 @@ class Playback:
                 remaining = (stamp_ns - first) / _SECOND / self._rate - (now - since)
                 if remaining < _SOON_S:
                     return True
-                self._changed.wait(min(remaining, tick_s))
+                self.changed.wait(min(remaining, tick_s))
                 reached = first + round((self._now() - since) * self._rate * _SECOND)
             if on_tick is not None:
                 on_tick(min(reached, stamp_ns))
 
     def frame_sent(self) -> None:
         """A whole frame went out: it uses up a step."""
-        with self._changed:
+        with self.changed:
             self._steps = max(0, self._steps - 1)
 
-    def acknowledge(self, stamp_ns: int) -> None:
-        """The consumer has finished the frame of this stamp."""
-        with self._changed:
-            self._acknowledged.add(stamp_ns)
-            self._changed.notify_all()
-
-    def wait_for_acknowledgement(self, stamp_ns: int, timeout_s: float) -> bool:
-        """Wait until the frame of this stamp is acknowledged; False after `timeout_s` or when interrupted."""
-        with self._changed:
-            done = self._changed.wait_for(lambda: self._is_interrupted() or stamp_ns in self._acknowledged, timeout_s)
-            done = done and not self._is_interrupted()
-            if done:
-                self._acknowledged.clear()
-            return done
+    def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until `done()`, asked whenever `changed` is notified; False after `timeout_s` or when interrupted."""
+        with self.changed:
+            self.changed.wait_for(lambda: self._is_interrupted() or done(), timeout_s)
+            return not self._is_interrupted() and done()

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import heapq
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
-from .bags import bag_messages, bag_topics, decode_image, is_bag, readable
+from .bags import bag_duration, bag_messages, bag_topics, decode_image, is_bag, readable
 from .datasets import load_sequence
 from .messages import (
     CAMERA_INFO_TOPIC,
@@ -61,23 +60,26 @@ class ReplaySource:
         if not wanted:
             self._prefer_raw_images()
 
-    def messages(self, lead_ns: int = 0, offset_ns: int = 0) -> Iterator[Message]:
-        """The messages in the order in which a replay sends them, without those of the first `offset_ns`.
+    def messages(self, offset_ns: int = 0) -> Iterator[Message]:
+        """What is recorded, each message once, in order of recording, without those of the first `offset_ns`.
 
         Of what is left out, latched messages are sent all the same: they hold for the rest, too.
-
-        `lead_ns` sends what is no image this much earlier, relative to the images of a bag. A replay that
-        waits for every image's result needs it: the transform after an image must go out before its result
-        can come.
         """
         if self._sequence is not None:
             yield from sequence_messages(self._sequence, offset_ns)
             return
         start = None
-        for message in self._bag_messages(lead_ns):
+        for message in self._bag_messages():
             start = message.stamp_ns + offset_ns if start is None else start
             if message.latched or message.stamp_ns >= start:
                 yield message
+
+    @property
+    def duration_s(self) -> float:
+        """From the first message of the recording to the last."""
+        if self._sequence is not None:
+            return int(self._sequence.stamps_ns[-1] - self._sequence.stamps_ns[0]) / 1e9
+        return bag_duration(self._path)
 
     def _prefer_raw_images(self) -> None:
         names = {topic.name for topic in self.topics}
@@ -88,24 +90,11 @@ class ReplaySource:
             self._decompresses = True
             self.topics.append(Topic(IMAGE_TOPIC, IMAGE_TYPE))
 
-    def _bag_messages(self, lead_ns: int) -> Iterator[Message]:
+    def _bag_messages(self) -> Iterator[Message]:
         names = {topic.name for topic in self.topics}
         if self._decompresses:
             names = names - {IMAGE_TOPIC} | {COMPRESSED_TOPIC}
-        if lead_ns == 0:
-            yield from map(self._as_sent, self._without_estimates(bag_messages(self._path, names)))
-            return
-        # Two passes over the file: one reader cannot be at two places.
-        images = (message for message in bag_messages(self._path, names) if is_image(message.topic))
-        others = (message for message in bag_messages(self._path, names) if not is_image(message.topic))
-        yield from map(
-            self._as_sent,
-            heapq.merge(
-                self._without_estimates(others),
-                images,
-                key=lambda message: message.stamp_ns + (lead_ns if is_image(message.topic) else 0),
-            ),
-        )
+        yield from map(self._as_sent, self._without_estimates(bag_messages(self._path, names)))
 
     def _as_sent(self, message: Message) -> Message:
         if not self._decompresses or message.topic != COMPRESSED_TOPIC:

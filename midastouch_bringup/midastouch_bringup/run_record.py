@@ -34,7 +34,8 @@ def read_run(path: str | Path) -> RunRecord:
 
     Raises InputError if the bag cannot be read, lacks the ground truth, or holds no frame with a result.
     """
-    results = {topic: dict(_by_stamp(path, topic)) for topic in (STATUS, MODES, PARTICLES, POSE, CODE, PENETRATION)}
+    results = {topic: dict(_by_stamp(path, topic)) for topic in (MODES, PARTICLES, POSE, CODE, PENETRATION)}
+    results[STATUS] = _answers(path)
     snapshots, n_particles, filter_ms = [], [], []
     start, seen = None, set()
     for frame in read_bag(path):
@@ -42,7 +43,7 @@ def read_run(path: str | Path) -> RunRecord:
         if frame.object_from_gel_true is None:
             raise InputError(f"{path}: no ground truth at {frame.stamp_ns / 1e9:.3f} s; record /tf of a replay")
         stamp = frame.stamp_ns
-        if stamp in seen:  # a replay sends a frame again when its answer takes long
+        if stamp in seen:  # recorded twice
             continue
         seen.add(stamp)
         if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES, PENETRATION)):
@@ -72,6 +73,15 @@ def read_run(path: str | Path) -> RunRecord:
 def _by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
     for message in bag_messages(path, {topic}):
         yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
+
+
+def _answers(path: str | Path) -> dict[int, object]:
+    """The first status of each stamp that is more than the word that it is still to come."""
+    answers: dict[int, object] = {}
+    for stamp, status in _by_stamp(path, STATUS):
+        if status.state != status.STATE_WAITING:
+            answers.setdefault(stamp, status)
+    return answers
 
 
 def _poses(poses: list) -> np.ndarray:

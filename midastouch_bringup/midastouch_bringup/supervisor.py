@@ -1,4 +1,4 @@
-"""Processes kept running in the foreground: started together, started again when they die, ended together."""
+"""Processes kept running in the foreground: started together, started again when they die, or ended together."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ class BackOff:
 
 
 class Supervisor:
-    """Runs programs until SIGINT, SIGTERM, SIGHUP or SIGQUIT arrives, or all have ended.
+    """Runs programs until SIGINT, SIGTERM, SIGHUP or SIGQUIT arrives, all have ended, or one has died for good.
 
     Their output goes to ours, each line behind the name of its program. environment: of the programs.
-    respawn: makes the back-off of one program; None leaves those that die dead.
+    respawn: makes the back-off of one program; None: without one of them the others are of no use.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Supervisor:
         self._failed = False
 
     def run(self) -> int:
-        """Run them, in the main thread; returns 1 if one of them died and was not started again, else 0.
+        """Run them, in the main thread; returns 1 if one of them died for good, else 0.
 
         A second signal while they are being ended does not wait until those that are left have had their time.
         """
@@ -76,7 +76,7 @@ class Supervisor:
             try:
                 for child in self._children:
                     self._start(child)
-                while any(child.alive for child in self._children):
+                while any(child.alive for child in self._children) and not self._failed:
                     due = min((child.due for child in self._children if child.due is not None), default=None)
                     if wait(None if due is None else due - time.monotonic()):
                         self._say("ending all")
@@ -109,7 +109,7 @@ class Supervisor:
             self._say(f"{name} has finished; Ctrl-C ends the others")
         elif child.program.ends or not self._respawn:
             self._failed = True
-            self._say(f"{name} died: {_in_words(status)}")
+            self._say(f"{name} died: {_in_words(status)}; ending all")
         else:
             delay = child.schedule()
             self._say(f"{name} died: {_in_words(status)}; starting it again in {delay:g} s")

@@ -23,7 +23,7 @@ from midastouch_bringup.messages import (
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
-SECOND = 1_000_000_000
+SECOND, MS = 1_000_000_000, 1_000_000
 STORE = typestore()
 
 
@@ -216,6 +216,12 @@ def test_images_that_are_none_are_refused(tmp_path, bad, message):
     assert "x.mcap" in str(error.value)
 
 
+def looped(child):
+    """Transforms of 2 to 9 s, and again until 4 s."""
+    stamps = [*range(2, 10), 2, 3, 4]
+    return [tf(s * SECOND, STILL, child=child, recorded_ns=(i + 2) * SECOND) for i, s in enumerate(stamps)]
+
+
 @pytest.mark.parametrize(
     ("messages", "message"),
     [
@@ -226,13 +232,12 @@ def test_images_that_are_none_are_refused(tmp_path, bad, message):
         ([tf(SECOND, [0, 0, 0, 0, 0, 0, 0]), image(SECOND)], "rotation is zero"),
         ([tf(SECOND, [np.nan, 0, 0, 0, 0, 0, 1]), image(SECOND)], "NaN"),
         (
-            [tf(9 * SECOND, STILL), tf(2 * SECOND, STILL, recorded_ns=10 * SECOND), image(2 * SECOND)],
+            [*looped(GEL_FRAME), image(2 * SECOND)],
             f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split",
         ),
         (
             [
-                tf(9 * SECOND, STILL, child="tool0"),
-                tf(2 * SECOND, STILL, child="tool0", recorded_ns=10 * SECOND),
+                *looped("tool0"),
                 tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
                 image(2 * SECOND),
             ],
@@ -245,6 +250,48 @@ def test_bags_without_what_is_needed_say_so(tmp_path, messages, message):
     with pytest.raises(InputError, match=message) as error:
         list(read_bag(path))
     assert "x.mcap" in str(error.value)
+
+
+def moving(stamps_ms, wrong=()):
+    """Transforms along x, 1 mm a millisecond, recorded in this order; those of the positions in `wrong` lie."""
+    rows = [[9.0 if i in wrong else 1e-3 * s, 0, 0, 0, 0, 0, 1] for i, s in enumerate(stamps_ms)]
+    return [
+        tf(s * MS, row, recorded_ns=(20_000 + i) * MS) for i, (s, row) in enumerate(zip(stamps_ms, rows, strict=True))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stamps_ms", "wrong", "late", "left_out"),
+    [
+        ([*range(0, 5000, 100)], (), 0, 0),
+        ([0, 100, 100, 200, 200, 300, 3000], (2, 4), 0, 2),  # two nodes publish the same
+        ([0, 200, 100, 400, 300, 2000, 1100, 3000], (), 3, 0),
+        ([*range(0, 3900, 100), 1900, *range(3900, 5000, 100)], (39,), 0, 1),  # 1.9 s late, and there already
+        ([*range(0, 3900, 100), 1900, 2000, 2100, *range(3900, 5000, 100)], (39, 40, 41), 0, 3),
+        ([*range(0, 3900, 100), 1950, *range(3900, 5000, 100)], (39,), 0, 1),  # later than anybody waits
+        ([s for i in range(40) for s in (100 * i + 3000, 100 * i)], range(1, 80, 2), 0, 40),  # another clock
+    ],
+)
+def test_transforms_late_or_twice_are_sorted_in_or_left_out_and_told(
+    tmp_path, capsys, stamps_ms, wrong, late, left_out
+):
+    asked = [s for i, s in enumerate(stamps_ms) if i not in wrong]
+    images = [image(s * MS, recorded_ns=30_000 * MS) for s in asked]
+    path = write(tmp_path / "x.mcap", *moving(stamps_ms, wrong), *images)
+    frames = list(read_bag(path))
+    assert [frame.stamp_ns for frame in frames] == [s * MS for s in asked]
+    np.testing.assert_allclose([f.base_from_gel[0, 3] for f in frames], 1e-3 * np.array(asked), atol=1e-9)
+    told = f"{path}: transforms of '{GEL_FRAME}': {late} late, sorted in; "
+    told += f"{left_out} repeated or more than 1 s late, left out\n"
+    assert capsys.readouterr().err == (told if late or left_out else "")
+
+
+@pytest.mark.parametrize("back_ms", [1200, 4900])
+def test_a_time_that_is_set_back_and_goes_on_is_no_late_transform(tmp_path, back_ms):
+    stamps = [*range(0, 5000, 100), *range(5000 - back_ms, 9000, 100)]
+    path = write(tmp_path / "x.mcap", *moving(stamps), image(1000 * MS, recorded_ns=30_000 * MS))
+    with pytest.raises(InputError, match=f"runs backwards at {1e-3 * (5000 - back_ms):.3f} s; split the bag there"):
+        list(read_bag(path))
 
 
 def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):

@@ -1,4 +1,4 @@
-"""Pace, pause, steps and acknowledgements, on a clock of our own."""
+"""Pace, pause, steps and seeks, on a clock of our own."""
 
 import threading
 
@@ -28,7 +28,7 @@ def playback(monkeypatch, **settings):
         assert timeout is not None, "would wait for ever"
         clock.now += timeout
 
-    monkeypatch.setattr(player._changed, "wait", wait)
+    monkeypatch.setattr(player.changed, "wait", wait)
     return player, clock
 
 
@@ -116,7 +116,7 @@ def test_the_time_in_pause_is_not_caught_up(monkeypatch):
     player.wait_until_due(0)
     player.pause()
     clock.now += 60.0
-    monkeypatch.setattr(player._changed, "wait", lambda timeout=None: player.resume())
+    monkeypatch.setattr(player.changed, "wait", lambda timeout=None: player.resume())
     player.wait_until_due(100 * MS)
     assert clock.now == pytest.approx(160.0)
 
@@ -135,22 +135,16 @@ def test_a_step_lets_one_whole_frame_through():
     assert not player.step()
 
 
-def test_acknowledgement_of_that_frame_only():
-    player = Playback(rate=0.0)
-    assert not player.wait_for_acknowledgement(7, timeout_s=0.01)
-    player.acknowledge(6)
-    assert not player.wait_for_acknowledgement(7, timeout_s=0.01)
-    join = in_thread(player.wait_for_acknowledgement, 7, 10.0)
-    player.acknowledge(7)
+def test_a_wait_ends_when_what_it_waits_for_is_notified():
+    player, happened = Playback(rate=0.0), []
+    assert not player.wait_for(lambda: bool(happened), timeout_s=0.01)
+    join = in_thread(player.wait_for, lambda: bool(happened), 1000.0)
+    happened.append(True)
+    with player.changed:
+        player.changed.notify_all()
     assert join() is True
-
-
-def test_an_acknowledgement_counts_once():
-    """A looped bag has the same stamps again: the first round's answer is none for the second."""
-    player = Playback(rate=0.0)
-    player.acknowledge(7)
-    assert player.wait_for_acknowledgement(7, timeout_s=0.01)
-    assert not player.wait_for_acknowledgement(7, timeout_s=0.01)
+    player.seek(0.0)
+    assert not player.wait_for(lambda: bool(happened), timeout_s=0.01)
 
 
 def test_a_seek_ends_every_wait_until_it_is_taken():
@@ -158,7 +152,7 @@ def test_a_seek_ends_every_wait_until_it_is_taken():
     assert player.wait_until_due(0)
     joins = [
         in_thread(player.wait_until_due, 10**15),
-        in_thread(player.wait_for_acknowledgement, 1, 1000.0),
+        in_thread(player.wait_for, lambda: False, 1000.0),
     ]
     player.seek(2.5)
     assert [join() for join in joins] == [False, False]
@@ -198,7 +192,7 @@ def test_stop_ends_every_wait():
     assert player.wait_until_due(0)
     joins = [
         in_thread(player.wait_until_due, 10**15),
-        in_thread(player.wait_for_acknowledgement, 1, 1000.0),
+        in_thread(player.wait_for, lambda: False, 1000.0),
     ]
     player.stop()
     assert [join() for join in joins] == [False, False]

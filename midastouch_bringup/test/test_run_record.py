@@ -89,6 +89,21 @@ class Results:
         }
         return [self.message(topic, content, stamp) for topic, content in contents.items()]
 
+    def other(self, stamp: int, state: str) -> Message:
+        """A status beside the answer of a frame."""
+        kind = "midastouch_msgs/msg/FilterStatus"
+        empty = {
+            "skipped_names": [],
+            "skipped_counts": np.zeros(0, np.uint64),
+            "stage_names": [],
+            "stage_ms": np.zeros(0),
+        }
+        numbers = dict.fromkeys(("ess", "mode_mass", "spread_translation", "spread_rotation", "likelihood_trend"), 0.0)
+        content = self.new(
+            kind, header=self.header(stamp), state=state, reason="", n_particles=5, n_modes=0, **numbers, **empty
+        )
+        return self.message("/filter_status", content, stamp)
+
     def diagnostics(self, stamp: int, node: str, rate: float, ms: float) -> Message:
         values = [
             self.new("diagnostic_msgs/msg/KeyValue", key=k, value=str(v))
@@ -110,15 +125,19 @@ class Results:
 def bag(simulated_sequence, tmp_path):
     """Function that writes a bag of a sequence; results of the frames in `answered` only."""
 
-    def write(answered=range(FRAMES), repeated=()):
+    def write(answered=range(FRAMES), repeated=(), waited=(), refused=()):
         sequence = simulated_sequence(FRAMES)
         results = Results()
         messages = list(sequence_messages(sequence))
         images = [m for m in messages if m.topic == "/image_raw"]
         for i in repeated:
             messages.append(images[i])
+        for i in waited:
+            messages.append(results.other(int(sequence.stamps_ns[i]), "waiting"))
         for i in answered:
             messages += results.of_frame(int(sequence.stamps_ns[i]), sequence.poses_true[i], in_contact=i != 1)
+        for i in refused:
+            messages.append(results.other(int(sequence.stamps_ns[i]), "stale"))
         last = int(sequence.stamps_ns[-1])
         messages += [results.diagnostics(last, "tdn", 10.0, 3.0), results.diagnostics(last, "tdn", 30.0, 5.0)]
         messages += [results.diagnostics(last, "tcn", 0.0, 0.0)]
@@ -165,6 +184,20 @@ def test_times_per_frame(bag):
 def test_unanswered_and_repeated_frames_do_not_count(bag):
     record = read_run(bag(answered=[0, 2, 3], repeated=[2, 3])[1])
     assert [s.frame for s in record.snapshots] == [0, 2, 3]
+
+
+def test_the_word_that_an_answer_is_still_to_come_is_none(bag):
+    record = read_run(bag(answered=[0, 2, 3], waited=[1, 2])[1])
+    assert [s.frame for s in record.snapshots] == [0, 2, 3]
+    assert [s.state for s in record.snapshots] == ["converged"] * 3
+    assert record.n_particles == [700] * 3
+
+
+def test_of_a_frame_recorded_twice_the_first_answer_counts(bag):
+    """The filter refuses the second."""
+    record = read_run(bag(repeated=[2], refused=[2])[1])
+    assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
+    assert [s.state for s in record.snapshots] == ["converged"] * 4
 
 
 def test_a_run_without_results_is_refused(bag):

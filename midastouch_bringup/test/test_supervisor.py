@@ -104,12 +104,14 @@ def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
 @pytest.mark.parametrize(
     ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
 )
-def test_a_death_is_reported_and_the_others_go_on(supervise, end, words):
-    run = supervise({"mortal": end, "other": f"trap 'echo bye; exit 0' INT; echo ready; {FOR_EVER}"})
-    run.said("[other] ready")
-    run.said(f"[midastouch] mortal died: {words}")
-    run.process.send_signal(signal.SIGINT)
+def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, words):
+    """They would be of no use, and wait for it for ever."""
+    os.mkfifo(tmp_path / "ready")
+    mortal = f"read -r _ < {tmp_path}/ready; {end}"
+    other = f"trap 'echo bye; exit 0' INT; echo ready > {tmp_path}/ready; {FOR_EVER}"
+    run = supervise({"mortal": mortal, "other": other})
     assert run.status() == 1
+    assert f"[midastouch] mortal died: {words}; ending all" in run.lines
     assert "[other] bye" in run.lines
 
 
@@ -142,10 +144,17 @@ def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
 
 
 def test_what_ends_by_itself_is_not_started_again(supervise):
-    run = supervise({"replay": "echo played", "failed": "exit 2"}, back_off=(0.0, 0.0), ends=["replay", "failed"])
-    assert run.status() == 1
+    run = supervise({"replay": "echo played", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    run.said("[midastouch] replay has finished; Ctrl-C ends the others")
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
     assert run.lines.count("[replay] played") == 1
-    assert run.lines.count("[midastouch] failed died: exit code 2") == 1
+
+
+def test_what_should_end_by_itself_and_fails_ends_the_others(supervise):
+    run = supervise({"replay": "exit 2", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
+    assert run.status() == 1
+    assert run.lines.count("[midastouch] replay died: exit code 2; ending all") == 1
 
 
 @pytest.mark.parametrize(
@@ -208,9 +217,8 @@ def test_what_our_output_cannot_hold_ends_nothing(supervise):
     # two lines: after the first nobody would read the second
     lines = "printf '\\342\\234\\223 ready\\n'; echo more; exit 3"
     run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
-    run.said("[midastouch] a died: exit code 3")
     assert run.status() == 1
-    assert run.lines[:2] == ["[a] ? ready", "[a] more"]
+    assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
 
 
 def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):

@@ -13,6 +13,8 @@ CONVERGED = "converged"
 LOST = "lost"
 STALE = "stale"
 STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE)
+WAITING = "waiting"
+"""Said of a frame whose answer is still to come; no state of the filter."""
 
 # the short likelihood average as a share of the worst possible one, log(outlier): lost above, found again below
 _LOST, _FOUND = 0.6, 0.3

@@ -1,26 +1,30 @@
-"""A transform buffer that answers as tf2 does, for machines whose ROS comes without tf2.
+"""Trees of frames whose poses are known over time, and the buffer for machines whose ROS comes without tf2.
 
-Every edge of the frame tree keeps a short history. A look-up interpolates each edge at the asked stamp,
-linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead
-differs by millimetres on a lever of 0.1 m), then composes the edges. Nothing is extrapolated and nothing is
-"latest": a caller who is too early is told so and asks again when more transforms have come.
+Every link of the tree keeps a short history. A look-up interpolates each link at the asked stamp, linearly in
+translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead differs by millimetres
+on a lever of 0.1 m), then composes the links. Nothing is extrapolated and nothing is "latest": a caller who is too
+early is told so and asks again when more transforms have come.
 """
 
 from __future__ import annotations
 
+import abc
 import enum
 import math
 import threading
 from bisect import bisect_left
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-_SECOND = 1_000_000_000
+from .scalar_pose import IDENTITY, Pose, interpolate, invert, multiply, to_matrix
+
+SECOND = 1_000_000_000
+HISTORY_S = 10.0
+JUMP_S = 1.0
 # How far a squared quaternion norm or a rotation's Gram matrix may be from the identity: tf2's own tolerance.
 _UNIT_TOLERANCE = 1e-2
-
-Pose = tuple[float, float, float, float, float, float, float]
 
 
 class TransformError(Exception):
@@ -51,57 +55,80 @@ class Insertion(enum.Enum):
     """What became of an inserted transform."""
 
     ADDED = "added"
-    DUPLICATE = "duplicate"  # the edge already has one at this stamp: the first is kept, as in tf2
-    TIME_JUMP = "time jump"  # its edge's time ran backwards (a looped bag): what came before was forgotten
+    DUPLICATE = "duplicate"  # the link already has one at this stamp: the first is kept
+    TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): what came before was forgotten
 
 
-class _Edge:
-    """The history of one frame's pose in its parent: parallel lists, sorted by stamp."""
+class Link(abc.ABC):
+    """One frame's pose in its parent: at the stamps [ns] from `oldest` to `newest`, or, if static, always.
 
-    def __init__(self, parent: str, static: bool) -> None:
-        self.parent = parent
-        self.static = static
-        self.stamps: list[int] = []
-        self.poses: list[Pose] = []
+    Args: history, how long before the newest a pose is kept [ns].
+    """
 
-    def insert(self, stamp: int, pose: Pose, history: int) -> bool:
+    def __init__(self, parent: str, static: bool, history: int) -> None:
+        self.parent, self.static, self._history = parent, static, history
+        self._stamps: list[int] = []
+
+    @property
+    def oldest(self) -> int:
+        return self._stamps[0]
+
+    @property
+    def newest(self) -> int:
+        return self._stamps[-1]
+
+    def add(self, stamp: int, pose: Pose) -> bool:
         """Keep `pose` in order of time; False if there already is one at this stamp."""
-        at = bisect_left(self.stamps, stamp)
-        if at < len(self.stamps) and self.stamps[at] == stamp:
+        at = bisect_left(self._stamps, stamp)
+        if at < len(self._stamps) and self._stamps[at] == stamp:
             return False
-        self.stamps.insert(at, stamp)
-        self.poses.insert(at, pose)
-        expired = bisect_left(self.stamps, self.stamps[-1] - history)
-        del self.stamps[:expired], self.poses[:expired]
+        self._store(at, stamp, pose)
+        self._stamps.insert(at, stamp)
+        expired = bisect_left(self._stamps, self.newest - self._history)
+        if expired:
+            del self._stamps[:expired]
+            self._drop(expired)
         return True
 
-    def at(self, stamp: int) -> Pose:
-        """Pose in the parent at a stamp inside the history."""
-        if self.static:
-            return self.poses[0]
-        after = bisect_left(self.stamps, stamp)
-        if self.stamps[after] == stamp:
-            return self.poses[after]
-        start, end = self.stamps[after - 1], self.stamps[after]
-        return _interpolate(self.poses[after - 1], self.poses[after], (stamp - start) / (end - start))
+    @abc.abstractmethod
+    def _store(self, at: int, stamp: int, pose: Pose) -> None:
+        """Keep `pose` as the one numbered `at` in order of time."""
+
+    @abc.abstractmethod
+    def _drop(self, count: int) -> None:
+        """Forget so many of the oldest poses."""
 
 
-class TransformBuffer:
-    """History of a tree of frames; safe to fill from one thread and to ask from another.
+class FrameTree(abc.ABC):
+    """Links and the rules that hold for them, wherever their poses are kept; safe to use from several threads.
 
     Args:
-        history_s: seconds of history kept per edge.
-        jump_s: a transform older than its edge's newest by more than this is a jump of time, not a late
+        history_s: seconds of history kept per link.
+        jump_s: a transform older than its link's newest by more than this is a jump of time, not a late
             message.
     """
 
-    def __init__(self, history_s: float = 10.0, jump_s: float = 1.0) -> None:
-        self._history = round(history_s * _SECOND)
-        self._jump = round(jump_s * _SECOND)
-        self._edges: dict[str, _Edge] = {}
-        self._lock = threading.Lock()
+    def __init__(self, history_s: float = HISTORY_S, jump_s: float = JUMP_S) -> None:
+        self._history, self._jump = round(history_s * SECOND), round(jump_s * SECOND)
+        self._links: dict[str, Link] = {}
+        self._lock = threading.RLock()
 
-    def insert(self, parent: str, child: str, stamp_ns: int, transform: np.ndarray, static: bool = False) -> Insertion:
+    @abc.abstractmethod
+    def _make_link(self, parent: str, child: str, static: bool) -> Link:
+        """A link without a history, whatever was known of `child` before."""
+
+    @abc.abstractmethod
+    def _pose(self, target: list[str], source: list[str], stamp: int, names: tuple[str, str]) -> np.ndarray:
+        """T_target_source (4, 4); target, source: the frames whose links lead from each up to their common frame."""
+
+    def insert(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        transform: np.ndarray | Sequence[float],
+        static: bool = False,
+    ) -> Insertion:
         """Store T_parent_child, a (4, 4) matrix or [x y z qx qy qz qw], metres.
 
         A static transform holds at every stamp and replaces the one before it. A child that changes its
@@ -110,37 +137,41 @@ class TransformBuffer:
         would close a loop.
         """
         parent, child = parent.lstrip("/"), child.lstrip("/")
-        if not parent or not child or parent == child:
-            raise InvalidTransformError(
-                f"transform '{parent}' -> '{child}': needs two different frame names; mend its publisher"
-            )
-        pose = _checked_pose(transform, f"transform '{parent}' -> '{child}'")
-        with self._lock:
+        try:
+            if not parent or not child or parent == child:
+                raise InvalidTransformError("needs two different frame names; mend its publisher")
+            pose = _checked_pose(transform)
+            with self._lock:
+                return self._insert(parent, child, stamp_ns, pose, static)
+        except InvalidTransformError as error:
+            raise InvalidTransformError(f"transform '{parent}' -> '{child}': {error}") from None
+
+    def _insert(self, parent: str, child: str, stamp: int, pose: Pose, static: bool) -> Insertion:
+        link = self._links.get(child)
+        if link is None or link.parent != parent:
             if child in self._ancestors(parent):
-                raise InvalidTransformError(
-                    f"transform '{parent}' -> '{child}' closes a loop: '{child}' is already above '{parent}'"
-                )
-            edge = self._edges.get(child)
-            if edge is None or edge.parent != parent or edge.static or static:
-                edge = self._edges[child] = _Edge(parent, static)
-            outcome = Insertion.ADDED
-            if edge.stamps and stamp_ns < edge.stamps[-1] - self._jump:
-                edge = self._edges[child] = _Edge(parent, static)
-                outcome = Insertion.TIME_JUMP
-            return outcome if edge.insert(stamp_ns, pose, self._history) else Insertion.DUPLICATE
+                raise InvalidTransformError(f"closes a loop: '{child}' is already above '{parent}'")
+            link = None
+        outcome = Insertion.ADDED
+        if link is not None and not static and not link.static and stamp < link.newest - self._jump:
+            link, outcome = None, Insertion.TIME_JUMP
+        if link is None or static or link.static:
+            link = self._links[child] = self._make_link(parent, child, static)
+        return outcome if link.add(stamp, pose) else Insertion.DUPLICATE
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> np.ndarray:
-        """T_target_source (4, 4) float64 at `stamp_ns`, through as many edges as it takes.
+        """T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
 
         Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError; if
-        edges of the chain disagree, the past one, as waiting cannot mend it.
+        links of the chain disagree, the past one, as waiting cannot mend it.
         """
+        names = target.lstrip("/"), source.lstrip("/")
+        if names[0] == names[1]:
+            return np.eye(4)
         with self._lock:
-            up_from_source, up_from_target = self._paths_to_common_frame(target, source)
+            up_from_target, up_from_source = self._paths_to_common_frame(*names)
             self._require_inside_history(up_from_source + up_from_target, stamp_ns)
-            source_pose = self._compose(up_from_source, stamp_ns)
-            target_pose = self._compose(up_from_target, stamp_ns)
-        return _matrix(_multiply(_invert(target_pose), source_pose))
+            return self._pose(up_from_target, up_from_source, stamp_ns, names)
 
     def latest_common_stamp(self, target: str, source: str) -> int | None:
         """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
@@ -148,33 +179,41 @@ class TransformBuffer:
         Raises UnknownFrameError or DisconnectedError.
         """
         with self._lock:
-            up_from_source, up_from_target = self._paths_to_common_frame(target, source)
-            edges = [self._edges[frame] for frame in up_from_source + up_from_target]
-            return min((edge.stamps[-1] for edge in edges if not edge.static), default=None)
+            paths = self._paths_to_common_frame(target.lstrip("/"), source.lstrip("/"))
+            links = [self._links[frame] for path in paths for frame in path]
+            return min((link.newest for link in links if not link.static), default=None)
 
     def clear(self) -> None:
         """Forget the moving transforms; static ones are sent only once and are kept."""
+        self.keep(())
+
+    def keep(self, frames: Collection[str]) -> None:
+        """Forget the moving transforms of all but these frames to their parents."""
         with self._lock:
-            self._edges = {child: edge for child, edge in self._edges.items() if edge.static}
+            self._links = {child: link for child, link in self._links.items() if link.static or child in frames}
+
+    def newest(self, frame: str) -> int | None:
+        """Stamp [ns] of the newest transform of a moving frame to its parent; None if nothing is known of one."""
+        with self._lock:
+            link = self._links.get(frame)
+            return None if link is None or link.static else link.newest
 
     def _ancestors(self, frame: str) -> list[str]:
         """The frame, its parent, ... up to its root; finite because `insert` refuses loops."""
         chain = [frame]
-        while (edge := self._edges.get(chain[-1])) is not None:
-            chain.append(edge.parent)
+        while (link := self._links.get(chain[-1])) is not None:
+            chain.append(link.parent)
         return chain
 
     def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
-        """Frames whose edges lead from the source, and from the target, up to their first common frame."""
-        target, source = target.lstrip("/"), source.lstrip("/")
-        known = self._edges.keys() | {edge.parent for edge in self._edges.values()}
+        """Frames whose links lead from the target, and from the source, up to their first common frame."""
         for frame in (target, source):
-            if frame not in known:
+            if frame not in self._links and all(link.parent != frame for link in self._links.values()):
                 raise UnknownFrameError(f"frame '{frame}' is not known; no transform has named it yet")
         from_target, from_source = self._ancestors(target), self._ancestors(source)
         for depth, frame in enumerate(from_source):
             if frame in from_target:
-                return from_source[:depth], from_target[: from_target.index(frame)]
+                return from_target[: from_target.index(frame)], from_source[:depth]
         raise DisconnectedError(
             f"no chain of transforms links '{target}' (root '{from_target[-1]}') "
             f"and '{source}' (root '{from_source[-1]}')"
@@ -183,117 +222,87 @@ class TransformBuffer:
     def _require_inside_history(self, frames: list[str], stamp: int) -> None:
         early: str | None = None
         for frame in frames:
-            edge = self._edges[frame]
-            if edge.static:
+            link = self._links[frame]
+            if link.static:
                 continue
-            if stamp < edge.stamps[0]:
+            if stamp < link.oldest:
                 raise PastExtrapolationError(
-                    f"'{edge.parent}' -> '{frame}' at {stamp / _SECOND:.6f} s: "
-                    f"the history starts at {edge.stamps[0] / _SECOND:.6f} s"
+                    f"'{link.parent}' -> '{frame}' at {stamp / SECOND:.6f} s: "
+                    f"the history starts at {link.oldest / SECOND:.6f} s"
                 )
-            if stamp > edge.stamps[-1]:
+            if stamp > link.newest:
                 early = early or frame
         if early is not None:
-            edge = self._edges[early]
+            link = self._links[early]
             raise FutureExtrapolationError(
-                f"'{edge.parent}' -> '{early}' at {stamp / _SECOND:.6f} s: "
-                f"the newest is of {edge.stamps[-1] / _SECOND:.6f} s"
+                f"'{link.parent}' -> '{early}' at {stamp / SECOND:.6f} s: the newest is of {link.newest / SECOND:.6f} s"
             )
+
+
+class TransformBuffer(FrameTree):
+    """A tree that keeps its links' poses itself."""
+
+    def _make_link(self, parent: str, child: str, static: bool) -> Link:
+        return _History(parent, static, self._history)
+
+    def _pose(self, target: list[str], source: list[str], stamp: int, names: tuple[str, str]) -> np.ndarray:
+        return to_matrix(multiply(invert(self._compose(target, stamp)), self._compose(source, stamp)))
 
     def _compose(self, frames: list[str], stamp: int) -> Pose:
         """Pose of the first frame in the parent of the last."""
-        pose: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        pose = IDENTITY
         for frame in frames:
-            pose = _multiply(self._edges[frame].at(stamp), pose)
+            pose = multiply(self._links[frame].at(stamp), pose)
         return pose
 
 
-# Scalars, not arrays: on seven numbers NumPy and SciPy cost 10-100 times the arithmetic.
+class _History(Link):
+    """Poses beside their stamps."""
+
+    def __init__(self, parent: str, static: bool, history: int) -> None:
+        super().__init__(parent, static, history)
+        self._poses: list[Pose] = []
+
+    def _store(self, at: int, stamp: int, pose: Pose) -> None:
+        self._poses.insert(at, pose)
+
+    def _drop(self, count: int) -> None:
+        del self._poses[:count]
+
+    def at(self, stamp: int) -> Pose:
+        """Pose in the parent at a stamp inside the history."""
+        if self.static:
+            return self._poses[0]
+        after = bisect_left(self._stamps, stamp)
+        if self._stamps[after] == stamp:
+            return self._poses[after]
+        start, end = self._stamps[after - 1], self._stamps[after]
+        return interpolate(self._poses[after - 1], self._poses[after], (stamp - start) / (end - start))
 
 
-def _checked_pose(transform: np.ndarray, what: str) -> Pose:
-    values = np.asarray(transform, float)
-    if values.shape == (4, 4):
-        return _pose_of_matrix(values, what)
-    if values.shape != (7,):
-        raise InvalidTransformError(f"{what}: expected a (4, 4) matrix or 7 values, got shape {values.shape}")
-    pose = values.tolist()
-    if not all(map(math.isfinite, pose)):
-        raise InvalidTransformError(f"{what}: holds NaN or infinite values; mend its publisher")
-    norm = math.sqrt(sum(v * v for v in pose[3:]))
-    if abs(norm * norm - 1.0) > _UNIT_TOLERANCE:
+def _checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
+    if isinstance(transform, np.ndarray):
+        if transform.shape == (4, 4):
+            return _pose_of_matrix(transform)
+        transform = transform.tolist()
+    if len(transform) != 7:
+        raise InvalidTransformError(f"expected a (4, 4) matrix or 7 values, got shape {np.shape(transform)}")
+    if not all(map(math.isfinite, transform)):
+        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
+    x, y, z, qx, qy, qz, qw = transform
+    square = qx * qx + qy * qy + qz * qz + qw * qw
+    norm = math.sqrt(square)
+    if abs(square - 1.0) > _UNIT_TOLERANCE:
         kind = "zero" if norm < 1e-6 else "not a unit quaternion"
-        raise InvalidTransformError(f"{what}: rotation is {kind} (norm {norm:.6g}); normalise it")
-    return (*pose[:3], *(v / norm for v in pose[3:]))
+        raise InvalidTransformError(f"rotation is {kind} (norm {norm:.6g}); normalise it")
+    return x, y, z, qx / norm, qy / norm, qz / norm, qw / norm
 
 
-def _pose_of_matrix(matrix: np.ndarray, what: str) -> Pose:
+def _pose_of_matrix(matrix: np.ndarray) -> Pose:
     if not np.isfinite(matrix).all():
-        raise InvalidTransformError(f"{what}: holds NaN or infinite values; mend its publisher")
+        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
     rotation = matrix[:3, :3]
     rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < _UNIT_TOLERANCE and np.linalg.det(rotation) > 0
     if not rigid or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:
-        raise InvalidTransformError(f"{what}: the matrix is not rigid; orthonormalise its rotation")
+        raise InvalidTransformError("the matrix is not rigid; orthonormalise its rotation")
     return (*matrix[:3, 3].tolist(), *Rotation.from_matrix(rotation).as_quat().tolist())
-
-
-def _rotate(q: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
-    qx, qy, qz, qw = q
-    cx, cy, cz = 2 * (qy * z - qz * y), 2 * (qz * x - qx * z), 2 * (qx * y - qy * x)
-    return (
-        x + qw * cx + qy * cz - qz * cy,
-        y + qw * cy + qz * cx - qx * cz,
-        z + qw * cz + qx * cy - qy * cx,
-    )
-
-
-def _multiply(a: Pose, b: Pose) -> Pose:
-    ax, ay, az, aw = a[3:]
-    bx, by, bz, bw = b[3:]
-    x, y, z = _rotate(a[3:], *b[:3])
-    return (
-        a[0] + x,
-        a[1] + y,
-        a[2] + z,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-
-
-def _invert(pose: Pose) -> Pose:
-    conjugate = (-pose[3], -pose[4], -pose[5], pose[6])
-    x, y, z = _rotate(conjugate, *pose[:3])
-    return (-x, -y, -z, *conjugate)
-
-
-def _interpolate(start: Pose, end: Pose, fraction: float) -> Pose:
-    """Linear in translation, spherical linear in rotation along the shorter arc."""
-    a, b = start[3:], end[3:]
-    if sum(u * v for u, v in zip(a, b, strict=True)) < 0:
-        b = tuple(-v for v in b)
-    # half-angle form: accurate for tiny angles, where acos of the scalar product is not
-    apart = math.sqrt(sum((u - v) ** 2 for u, v in zip(a, b, strict=True)))
-    together = math.sqrt(sum((u + v) ** 2 for u, v in zip(a, b, strict=True)))
-    angle = 2 * math.atan2(apart, together)
-    if angle < 1e-9:
-        weight_a, weight_b = 1 - fraction, fraction
-    else:
-        weight_a = math.sin((1 - fraction) * angle) / math.sin(angle)
-        weight_b = math.sin(fraction * angle) / math.sin(angle)
-    position = (u + fraction * (v - u) for u, v in zip(start[:3], end[:3], strict=True))
-    return (*position, *(weight_a * u + weight_b * v for u, v in zip(a, b, strict=True)))
-
-
-def _matrix(pose: Pose) -> np.ndarray:
-    x, y, z, qx, qy, qz, qw = pose
-    scale = 2.0 / (qx * qx + qy * qy + qz * qz + qw * qw)
-    return np.array(
-        [
-            [1 - scale * (qy * qy + qz * qz), scale * (qx * qy - qz * qw), scale * (qx * qz + qy * qw), x],
-            [scale * (qx * qy + qz * qw), 1 - scale * (qx * qx + qz * qz), scale * (qy * qz - qx * qw), y],
-            [scale * (qx * qz - qy * qw), scale * (qy * qz + qx * qw), 1 - scale * (qx * qx + qy * qy), z],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )

@@ -44,8 +44,6 @@ class DigitDriver(RobustLifecycleNode):
 
     def __init__(self, **kwargs) -> None:
         super().__init__("digit_driver", **kwargs)
-        self.failure = ""
-        """Why the driver gave up; empty while it works or tries to."""
         self._source: FrameSource | None = None
         self._reader: FrameReader | None = None
         self._calibration: Calibration | None = None
@@ -56,12 +54,12 @@ class DigitDriver(RobustLifecycleNode):
             self._wire()
             refuse_unknown(self)
             settings.refuse_sim_time(self.get_parameter("use_sim_time").value)
-            if self._values["autostart"]:
-                self._start()
+            if self._values["autostart"] and not self.start():
+                raise InputError(self.failure)
         except BaseException as error:
             # Also on a signal during the start: the reader's thread must not outlive the node.
             if isinstance(error, InputError) and str(error) != self.failure:
-                self._give_up(str(error))
+                self.give_up(str(error))
             self.destroy_node()
             raise
 
@@ -79,18 +77,13 @@ class DigitDriver(RobustLifecycleNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
-    def _start(self) -> None:
-        for transition in (self.trigger_configure, self.trigger_activate):
-            if transition() is not TransitionCallbackReturn.SUCCESS:
-                raise InputError(self.failure)
-
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         values = self._values
         try:
             self._source = settings.source(values)
             self._calibration = load_calibration(values["camera_info_url"], settings.image_size(values))
         except InputError as error:
-            return self._give_up(str(error))
+            return self.give_up(str(error))
         self._reader = FrameReader(self._source, self._wake.trigger, settings.timing(values))
         if self.get_namespace() == "/" and not values["replay_path"]:
             self.get_logger().warning("in the global namespace; better: --ros-args -r __ns:=/digit_left")
@@ -100,7 +93,7 @@ class DigitDriver(RobustLifecycleNode):
         try:
             self._begin_capture()
         except (DeviceError, InputError) as error:
-            return self._give_up(str(error))
+            return self.give_up(str(error))
         self.failure = ""
         return TransitionCallbackReturn.SUCCESS
 
@@ -118,11 +111,6 @@ class DigitDriver(RobustLifecycleNode):
         # First the thread that wakes us, then what it wakes.
         self._end_capture()
         super().destroy_node()
-
-    def _give_up(self, reason: str) -> TransitionCallbackReturn:
-        self.failure = reason
-        self.get_logger().error(reason)
-        return TransitionCallbackReturn.FAILURE
 
     def _begin_capture(self) -> None:
         """Raises DeviceError or InputError if the source can be said at once not to work."""
@@ -158,7 +146,7 @@ class DigitDriver(RobustLifecycleNode):
         if (status.state, status.last_error) == (before.state, before.last_error):
             return
         if status.state is ReaderState.FAILED:
-            self._give_up(status.last_error)
+            self.give_up(status.last_error)
         elif status.state is ReaderState.ENDED:
             self.get_logger().info("the recording was played to its end")
         elif status.last_error != before.last_error:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import gc
 import os
 import subprocess
 import sys
@@ -60,10 +59,6 @@ class Peer:
         self.driver.destroy_node()
         self.node.destroy_node()
         self._executor.shutdown()
-        # A lifecycle node's state machine keeps the node below it until it is collected, whose publisher of /rosout
-        # would be taken for that of the next node of the same name.
-        del self.driver
-        gc.collect()
         self.context.shutdown()
 
     def subscribe(self, kind: type, topic: str, qos=10):

@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
     from ..progress import progress_bar
+    from ..ros.pose_age import pose_age
     from ..slide_simulation import cached_slide
 
     if args.frames < 10:
@@ -65,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
         benchmark.filter,
         benchmark.lookup,
         benchmark.end_to_end,
+        lambda: pose_age(benchmark.stepper()),
         benchmark.simulator,
     )
     for stage in progress_bar(iterable=stages, unit="stage"):
@@ -90,6 +92,7 @@ def _table(result: dict) -> str:
         ("fcrn_ms", "the paper's TDN (FCRN)"),
         ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
         ("end_to_end_ms", "image to estimate, 50,000 particles"),
+        ("pose_age_ms", "age of an image when its transform is found, 500 Hz of 20 links"),
     ):
         if key in result:
             rows.append([label, *_cells(result[key])])
@@ -109,6 +112,7 @@ def _table(result: dict) -> str:
         f"{number(result['renders_per_s'], 0)} renders/s",
         f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
         f"{number(result['peak_rss_mb'], 0)} MiB at most",
+        f"transforms kept by {result['transform_source']}",
     ]
     return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)
 

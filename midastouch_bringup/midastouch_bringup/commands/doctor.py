@@ -29,8 +29,8 @@ _MODULES = (
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
     (
-        "tf2_ros",
-        "tf2_ros",
+        "tf2_py",
+        "tf2_py",
         "transforms of a system ROS; our own stand-in serves without",
         False,
         "source a ROS 2",

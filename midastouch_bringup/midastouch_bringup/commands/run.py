@@ -18,7 +18,7 @@ def add_parser(subparsers) -> None:
         "SETUP is the name of a launch file (live_ur, replay, demo, driver, ...), the arguments are those of ros2\n"
         "launch: --show-args lists them. Same nodes, same parameter files. What needs ros2 launch is left out: RViz\n"
         "(midastouch view shows the same in a browser) and the driver of the arm (arm:=rtde does without).\n"
-        "Ctrl-C ends all nodes. One that dies is reported; with use_respawn:=true it is started again after 2 s,\n"
+        "Ctrl-C ends all nodes, and so does one that dies; with use_respawn:=true it is started again after 2 s,\n"
         "after twice as long each time that it dies again.",
     )
     parser.add_argument("setup", metavar="SETUP", help="what to start")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import resource
 import time
+from collections.abc import Callable
 
 import numpy as np
 
@@ -133,6 +135,17 @@ class Benchmark:
             states.append(estimate.status.state)
         stopwatch.drop(2)
         return stopwatch, states[2:]
+
+    def stepper(self) -> Callable[[], None]:
+        """A function that takes one step of the slide, over and over, with 50k particles."""
+        particle_filter, touches = self._filter(COUNTS[0]), self._measurements(self._images)
+        frames = itertools.cycle(range(len(touches)))
+
+        def step() -> None:
+            frame = next(frames)
+            particle_filter.step(self._odometry(frame), touches[frame])
+
+        return step
 
     def simulator(self) -> dict:
         """renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses;

@@ -61,7 +61,8 @@ class DetectionPrior(PipelineNode):
         self.create_service(Trigger, "~/send", self._on_send)
 
     def _on_status(self, msg: FilterStatus) -> None:
-        self._state = msg.state
+        if msg.state != FilterStatus.STATE_WAITING:
+            self._state = msg.state
 
     def _on_send(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._asked = True

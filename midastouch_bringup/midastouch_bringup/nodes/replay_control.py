@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
@@ -17,14 +18,16 @@ _BACK_S, _FACTOR, _FASTEST = 5.0, 1.25, 1000.0
 class ReplayControl:
     """Adds `~/pause`, `~/resume` and `~/step` to a node and carries changes of `rate` and `seek_to` to the playback.
 
-    position: seconds after the beginning at which the playback is.
+    position: seconds after the beginning at which the playback is; duration: of the recording, s, beyond which no seek
+    goes.
     """
 
-    def __init__(self, node: Node, playback: Playback, position: Callable[[], float]):
-        self._node, self._playback, self._position = node, playback, position
+    def __init__(self, node: Node, playback: Playback, position: Callable[[], float], duration: float):
+        self._node, self._playback, self._position, self._duration = node, playback, position, duration
         node.create_service(Trigger, "~/pause", self._pause)
         node.create_service(Trigger, "~/resume", self._resume)
         node.create_service(Trigger, "~/step", self._step)
+        node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._on_parameters)
 
     def keys(self) -> dict[str, Callable[[], object]]:
@@ -45,6 +48,13 @@ class ReplayControl:
     def _set(self, name: str, value: float) -> None:
         """As `ros2 param set`, so that the parameter tells the truth."""
         self._node.set_parameters([Parameter(name, value=value)])
+
+    def _check(self, changes: list[Parameter]) -> SetParametersResult:
+        for change in changes:
+            if change.name == "seek_to" and change.value > self._duration:
+                reason = f"seek_to: {change.value:g} s is beyond the end, the recording is {self._duration:.3f} s long"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
     def _on_parameters(self, changes: list[Parameter]) -> None:
         for change in changes:

@@ -22,14 +22,22 @@ PARAMETERS = (
         maximum=1e6,
         read_only=False,
     ),
+    Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
     Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
     Parameter(
         "ack_topic",
         "",
-        "FilterStatus topic that acknowledges frames by their stamp: the next frame waits for it, so that "
-        "none is lost however slow the filter is; empty: do not wait",
+        "FilterStatus topic of the filter: the next image waits until the one before is answered there, so that none "
+        "is lost however slow the filter is; empty: do not wait",
     ),
-    Parameter("ack_timeout", 5.0, "Send a frame again after this long", "s", minimum=0.05, maximum=3600.0),
-    Parameter("ack_attempts", 6, "Give a frame up after so many times", minimum=1, maximum=1000),
+    Parameter(
+        "ack_timeout",
+        5.0,
+        "An image of which the filter, though it is at work, says nothing for so long is given up; the time in which "
+        "it is busy or loads does not count",
+        "s",
+        minimum=0.05,
+        maximum=3600.0,
+    ),
     Parameter("topics", "", "Topics of a bag to play, separated by spaces; empty: the pipeline's inputs"),
 )

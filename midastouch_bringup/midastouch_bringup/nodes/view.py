@@ -107,9 +107,10 @@ class View(PipelineNode):
 
     def _status(self, msg: FilterStatus) -> None:
         stamp = stamp_ns(msg.header.stamp)
-        if stamp < self._stamp - _JUMP_NS:
-            self._scene.restart()
-        self._stamp = stamp
+        if msg.state != FilterStatus.STATE_WAITING:  # else earlier frames are still to be answered
+            if stamp < self._stamp - _JUMP_NS:
+                self._scene.restart()
+            self._stamp = stamp
         numbers = {"particles/all": msg.n_particles, "particles/effective": msg.ess, "mass/best": msg.mode_mass}
         numbers |= {f"ms/{name}": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
         self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})

@@ -24,6 +24,7 @@ from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
@@ -88,7 +89,7 @@ def _parameters(mesh: ObjectMesh, size: int, sequence: Sequence, out: Path) -> P
     """Parameter file of all nodes: the shipped ones for recordings, with this object and its slide."""
     config = _config_folder()
     own = {
-        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2, "ack_timeout": 60.0},
+        "replay": {"source": str(sequence.path.resolve()), "wait_for_subscribers": 2},
         "tdn": {"background": str(sequence.background_path.resolve())},
         "particle_filter": {
             "mesh": str(mesh.path),
@@ -125,13 +126,13 @@ def _run_nodes(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
         with NodeProcesses(logs, domain) as processes:
             for name in NODES:
                 processes.start(name, parameters)
-            nodes += [_recorder(bag, sequence), _Listener(sequence)]
+            nodes += [_recorder(bag, sequence), listener := _Listener(sequence)]
             for node in nodes:
                 executor.add_node(node)
-            _await_answers(executor, processes, nodes[0])
+            _await_answers(executor, processes, *nodes)
             processes.start("replay", parameters)
-            _follow(executor, processes, nodes[1])
-            return nodes[1].seconds
+            _follow(executor, processes, listener)
+            return listener.seconds
     finally:
         executor.shutdown()
         for node in nodes:
@@ -147,7 +148,7 @@ def _recorder(bag: Path, sequence: Sequence) -> Recorder:
 
 
 class _Listener(Node):
-    """Follows the filter's status with a progress bar."""
+    """Follows the filter's status with a progress bar, and which nodes are active."""
 
     def __init__(self, sequence: Sequence):
         super().__init__("demo")
@@ -156,6 +157,7 @@ class _Listener(Node):
         self._seen: set[int] = set()
         self.heard_at = self._first_at = time.monotonic()
         self.done = False
+        self.consumers = LifecycleWatch(self, NODES)
         self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(depth=100))
 
     @property
@@ -165,7 +167,7 @@ class _Listener(Node):
 
     def _on_status(self, status: FilterStatus) -> None:
         stamp = stamp_ns(status.header.stamp)
-        if status.n_particles == 0 or stamp in self._seen:
+        if status.state == FilterStatus.STATE_WAITING or status.n_particles == 0 or stamp in self._seen:
             return
         self.heard_at = time.monotonic()
         if not self._seen:
@@ -180,15 +182,18 @@ class _Listener(Node):
         super().destroy_node()
 
 
-def _await_answers(executor: SingleThreadedExecutor, processes: NodeProcesses, recorder: Recorder) -> None:
-    """Spin until the recorder hears every node whose answers it is to keep: a frame sent earlier would be lost."""
+def _await_answers(
+    executor: SingleThreadedExecutor, processes: NodeProcesses, recorder: Recorder, listener: _Listener
+) -> None:
+    """Spin until the nodes are active and the recorder hears what it is to keep: a frame sent earlier would be lost."""
     started = time.monotonic()
     awaited = ("tactile/code", "tactile/points", "pose_modes", "particles", "filter_status")
-    while not all(recorder.count_publishers(topic) for topic in awaited):
+    while listener.consumers.waiting_for or not all(recorder.count_publishers(topic) for topic in awaited):
         executor.spin_once(timeout_sec=0.1)
         processes.check(*NODES)
         if time.monotonic() - started > _SILENCE_S:
-            raise NodeFailed(f"the nodes were not ready within {_SILENCE_S:g} s; see the logs in the output folder")
+            waiting = listener.consumers.waiting_for or "the recorder, for their topics"
+            raise NodeFailed(f"still waiting for {waiting} after {_SILENCE_S:g} s; see the logs in the output folder")
 
 
 def _follow(executor: SingleThreadedExecutor, processes: NodeProcesses, listener: _Listener) -> None:

@@ -46,17 +46,16 @@ ARGUMENTS = {
     "use_sim_time": Argument("Take the time from /clock", "false", _YES_NO),
     "use_respawn": Argument("Start a node again after it died", "false", _YES_NO),
     "log_level": Argument("What the nodes log", "info", ("debug", "info", "warn", "error", "fatal")),
+    "autostart": Argument(
+        "Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
+        choices=("", "true", "false"),
+        sets=tuple((node, "autostart") for node in ("digit_driver", "tdn", "tcn", "particle_filter")),
+        kind=bool,
+    ),
     # sensor
     "serial": Argument(
         "Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
         sets=(("digit_driver", "serial"), ("tdn", "serial")),
-    ),
-    "autostart": Argument(
-        "Activate the driver without a lifecycle manager",
-        "true",
-        _YES_NO,
-        (("digit_driver", "autostart"),),
-        bool,
     ),
     # perception and filter
     "background": Argument(

@@ -48,7 +48,7 @@ class Setup:
         return {name: self.defaults.get(name, ARGUMENTS[name].default) for name in self.arguments}
 
 
-_COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level")
+_COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
 _FILTER = ("object", "mesh", "codebook", "init_mode", "fingers", "seed")
 _PERCEPTION = ("serial", "background")
 _RVIZ = ("use_rviz", "rviz_config")
@@ -59,7 +59,7 @@ _OF_RECORDINGS = {"use_sim_time": "true", "params_overlay": str(SHARE / "config"
 SETUPS = {
     "driver": Setup(
         "the DIGIT's driver",
-        (*_COMMON, "serial", "autostart", "sensor_prefix"),
+        (*_COMMON, "serial", "sensor_prefix"),
         (Executable("digit_driver", "digit_driver"),),
     ),
     "perception": Setup(
@@ -91,7 +91,7 @@ SETUPS = {
     "live_ur": Setup(
         "a DIGIT on a UR arm: driver, mount, localisation",
         (
-            *(*_COMMON, "autostart", "composed", *_PERCEPTION, *_FILTER),
+            *(*_COMMON, "composed", *_PERCEPTION, *_FILTER),
             *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
             *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
         ),

@@ -91,6 +91,7 @@ def test_bench_has_the_keys_of_the_design(run):
     assert set(result["filter_ms"]) == set(result["fine_stage_ms"]) == {"50000", "10000", "1000"}
     assert set(result["lookup_ms"]["50000"]) == BENCH_TIMES
     assert result["filter_ms"]["50000"]["cpu"] > result["filter_ms"]["1000"]["cpu"]
+    assert 0 < result["pose_age_ms"]["p50"] <= result["pose_age_ms"]["p95"]
     for key in ("threads", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):
         assert result[key] > 0
 

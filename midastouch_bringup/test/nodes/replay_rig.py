@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
@@ -11,7 +12,7 @@ from std_msgs.msg import Header
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 
 
 def replay(graph, source, **parameters):
@@ -36,13 +37,32 @@ class Consumer:
     """Answers images with filter states, as slowly and as badly as a test wants."""
 
     def __init__(self, graph, answers):
-        self.received = []
+        self.graph, self.received = graph, []
         self._answers = answers  # of the n-th image received: whether it is answered
         self.node = graph.companion
         self.statuses = self.node.create_publisher(FilterStatus, "filter_status", qos.latched(10))
-        self.node.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
+        self.listen()
+        self._health = self.node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+
+    def listen(self) -> None:
+        """Subscribe the images."""
+        self.images = self.node.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
 
     def _on_image(self, image):
         self.received.append(stamp_ns(image.header.stamp))
         if self._answers(len(self.received)):
-            self.statuses.publish(FilterStatus(header=Header(stamp=image.header.stamp), state="ambiguous"))
+            self.answer(self.received[-1])
+
+    def answer(self, stamp: int, state: str = "ambiguous") -> None:
+        """Publish a state of the image of `stamp` [ns]."""
+        self.statuses.publish(FilterStatus(header=Header(stamp=stamp_from_ns(stamp)), state=state))
+
+    def report(self, *keys: str) -> None:
+        """Report a health in which there are values of these names."""
+        values = [KeyValue(key=key, value="x") for key in keys]
+        status = DiagnosticStatus(name=f"companion: {self.node.get_fully_qualified_name()}", values=values)
+        self._health.publish(DiagnosticArray(status=[status]))
+
+    def report_regularly(self) -> None:
+        """Report a health at work, faster than a filter does."""
+        self.node.create_timer(0.02, lambda: self.report("state"))

@@ -117,10 +117,14 @@ def _euler(rotation: np.ndarray) -> list[float]:
     return Rotation.from_matrix(rotation).as_euler("xyz").tolist()
 
 
+def _is_answer(status: FilterStatus) -> bool:
+    return status.state != FilterStatus.STATE_WAITING
+
+
 def play(graph, touches: Touches) -> tuple[list[FilterStatus], list[PoseWithCovarianceStamped]]:
     """Send every frame, again each second until it is answered; the answers and the poses."""
     poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
-    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=_is_answer)
     images, tf = graph.publisher(Image, "image_raw"), graph.publisher(TFMessage, "/tf")
     for i, (T_obj_gel, image) in enumerate(zip(touches.poses, touches.images, strict=True)):
         stamp = SECOND + i * SECOND // 10

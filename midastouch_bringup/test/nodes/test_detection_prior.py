@@ -64,6 +64,16 @@ class Bench:
         assert len(self.priors) == before
 
 
+def test_a_filter_that_waits_knows_as_much_as_before(graph):
+    bench = Bench(graph)
+    bench.state("uninitialised")
+    bench.filter.publish(FilterStatus(state="waiting"))
+    bench.sees(detections(hypothesis(0.3, score=0.8)))
+    bench.state("converged")
+    bench.filter.publish(FilterStatus(state="waiting"))
+    bench.overlooks(detections(hypothesis(0.3, score=0.8)))
+
+
 def test_the_best_detection_of_the_object_is_the_start(graph):
     bench = Bench(graph, class_id="mug", sigma_translation=0.02, sigma_rotation=0.1)
     bench.state("uninitialised")

@@ -3,12 +3,14 @@
 import math
 
 import pytest
+from rcl_interfaces.srv import GetParameters
 from replay_rig import Consumer, replay, set_parameter, stamps
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
+from midastouch_bringup.bags import write_bag
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
@@ -66,6 +68,21 @@ def test_a_seek_while_an_answer_is_awaited_loses_no_frame(graph, simulated_seque
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns[[0, 4, 5]].tolist()
     assert node.frames_lost == 0
+
+
+@pytest.mark.parametrize("form", ["sequence", "bag"])
+def test_a_seek_beyond_the_end_is_refused_with_the_reason(graph, tmp_path, simulated_sequence, form):
+    sequence = simulated_sequence(n=21)  # 2 s
+    source = sequence.path
+    if form == "bag":
+        write_bag(sequence, source := tmp_path / "x.mcap")
+    replay(graph, source, start_paused=True).start()
+    refused = set_parameter(graph, "seek_to", 999.0)
+    assert not refused.successful
+    assert refused.reason == "seek_to: 999 s is beyond the end, the recording is 2.000 s long"
+    kept = graph.call(GetParameters, "replay/get_parameters", GetParameters.Request(names=["seek_to"]))
+    assert kept.values[0].double_value == 0.0
+    assert set_parameter(graph, "seek_to", 2.0).successful
 
 
 def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):

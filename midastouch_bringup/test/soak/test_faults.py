@@ -8,6 +8,7 @@ import time
 import fake_kernel
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from filter_bench import is_answer
 from filter_fakes import all_finite, loader_of
 from perception_fakes import FakeDepthStage, FakeTcn
 from sensor_msgs.msg import Image
@@ -89,7 +90,7 @@ def test_two_sensors_in_namespaces_do_not_hear_each_other(graph, slide, minutes,
         )
         graph.add_all(in_namespace, options)
         images = graph.publisher(Image, f"/{side}/image_raw")
-        ends[side] = images, graph.listen(FilterStatus, f"/{side}/filter_status", latched=True)
+        ends[side] = images, graph.listen(FilterStatus, f"/{side}/filter_status", latched=True, wanted=is_answer)
     tf = graph.publisher(TFMessage, "/tf")
 
     def answers(side: str) -> list[int]:

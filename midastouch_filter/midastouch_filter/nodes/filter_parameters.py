@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from midastouch_perception import se3
+from midastouch_perception.ros.managed_node import AUTOSTART
 from midastouch_perception.ros.parameters import QUEUE, Parameter, Parameters
 
 from ..config import FilterConfig
@@ -112,6 +113,7 @@ _NODE = (
         read_only=False,
     ),
     *QUEUE,
+    AUTOSTART,
 )
 
 

@@ -106,9 +106,15 @@ class FingerTopics:
         return f"{reason}; without {', '.join(silent)}" if silent else reason
 
     def clear(self) -> None:
-        """Forget what was felt, and since when nothing was: time ran backwards, or the object was changed."""
+        """Forget what was felt, and since when nothing was: the object was changed."""
         for finger in self._fingers:
             finger.clear()
+
+    def rewind(self, stamp: int) -> None:
+        """The reference's time ran back to `stamp` [ns]: forget what was felt before, but not what fingers that were
+        quicker have felt since."""
+        for finger in self._fingers:
+            finger.rewind(stamp)
 
 
 class _Finger:
@@ -159,6 +165,11 @@ class _Finger:
         self._codes.clear()
         self._newest = self._heard = self._unplaced = None
         self._asked, self._given_up = 0, False
+
+    def rewind(self, stamp: int) -> None:
+        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+            self.clear()
+        self._asked = min(self._asked, stamp)
 
     def awaited(self, stamp: int, waited: float) -> bool:
         """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.

@@ -10,12 +10,11 @@ from rclpy.clock import Clock, ClockType
 
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros import diagnostics, qos, spin
+from midastouch_perception.ros import qos, spin
 from midastouch_perception.ros.conversions import stamp_ns
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameters
+from midastouch_perception.ros.managed_node import ManagedNode
 
-from ..state import STALE, UNINITIALISED
+from ..state import STALE, UNINITIALISED, Status
 from ..touch import Measurement
 from .code_message import measurement_from_msg
 from .estimate_publisher import EstimatePublisher
@@ -34,8 +33,9 @@ from .transform_source import TransformSource
 _JUMP_NS = 500_000_000
 
 
-class ParticleFilterNode(PipelineNode):
-    """Every code is answered by one FilterStatus of its stamp, unless time runs back while it waits.
+class ParticleFilterNode(ManagedNode):
+    """While active, every code is answered by one FilterStatus of its stamp, unless time runs back while it waits; one
+    before may say that it waits.
 
     A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh
     and codebook; with `subscribe` false codes come through `on_code` from a stage in the same process.
@@ -47,31 +47,57 @@ class ParticleFilterNode(PipelineNode):
         subscribe: bool = True,
         **node_options,
     ):
-        super().__init__("particle_filter", **node_options)
-        self.parameters = Parameters(self, PARAMETERS)
-        self._config = config_of(self.parameters)
-        self._objects = ObjectSource(load, self.parameters, self._config)
-        # Before any topic is announced: who waits for this node's topics finds it ready.
-        first = self._objects.initial()
+        super().__init__("particle_filter", PARAMETERS, **node_options)
+        self._load, self._subscribe = load, subscribe
         simulated = self.get_parameter("use_sim_time").value
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         # Paused simulated time must not run out the time-outs; live, a clock that NTP cannot step.
         self._patience_clock = self.get_clock() if simulated else self._steady_clock
+        self._out = EstimatePublisher(self, self.parameters, self._now)
+        FilterServices(self, lambda: self._localiser if self.active else None, self._change_object)
+        self.autostart()
+
+    # --- lifecycle
+
+    def say(self, doing: str) -> None:
+        """On `filter_status`, too, which whoever comes late hears as well."""
+        super().say(doing)
+        self._out.status(self._now_ns(), Status(UNINITIALISED, doing))
+
+    def configure(self) -> None:
+        """Load mesh and codebook, and prepare the filter's start on them."""
+        self._config = config_of(self.parameters)
+        base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
+        self._frames = base, sensor, *fingers_of(self.parameters).values()
+        self._objects = ObjectSource(self._load, self.parameters, self._config)
+        self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
+        self._untouched = True
+        mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
+        if mesh or codebook:
+            self.say(_loading(mesh, codebook))
+        first = self._objects.initial()
+        if first is not None:
+            self._take(first)
+
+    def unload(self) -> None:
+        """Forget the object and the filter."""
+        self._localiser = self._objects = None
+
+    def connect(self) -> None:
+        """Listen to codes and transforms, from the beginning."""
         self._newest: int | None = None
         self._network_id = ""
         self._last_arrival: float | None = None
         self._silent = False
-        self._untouched = True
-
-        self._out = EstimatePublisher(self, self.parameters, self._now)
-        self.diagnostics = diagnostics.Diagnostics(self, lambda: self._report.describe())
-        self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
-        base, sensor = self.parameters["base_frame_id"], self.parameters["sensor_frame_id"]
+        if not self._untouched:  # what was felt counts no more: the object may have been moved meanwhile
+            self._untouched = True
+            self._localiser.restart()
+        base, sensor, *_ = self._frames
         self._transforms = TransformSource(
             self,
-            frames=(base, sensor, *fingers_of(self.parameters).values()),
+            frames=self._frames,
             on_update=self._process_queue,
-            on_jump=self._reset,
+            on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self.diagnostics.problem("bad_transforms", reason),
         )
         self._reliefs: ReliefSource | None = None
@@ -84,21 +110,23 @@ class ParticleFilterNode(PipelineNode):
         )
         said = self._now, self._process_queue, self.diagnostics.problem
         self._fingers = FingerTopics(self, self.parameters, self._config.refinement, self._transforms, *said)
-        self._report = StatusReport(self._out, self._fingers)
-        if first is not None:
-            self._set_object(first)
-        self._connect(subscribe)
-        self._report.say(self._now_ns(), UNINITIALISED, self._waits_for())
-
-    def _connect(self, subscribe: bool) -> None:
-        if subscribe:
+        self._report = StatusReport(self._out, self._fingers, self._transforms.name)
+        StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
+        self.create_timer(0.05, self._on_timer, clock=self._steady_clock)
+        if self._subscribe:
             profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
             if self._config.refinement:
                 self._reliefs = self._make_relief_source()
             self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)
-        StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
-        FilterServices(self, self._localiser, self._change_object)
-        self.create_timer(0.05, self._on_timer, clock=self._steady_clock)
+        self._report.say(self._now_ns(), UNINITIALISED, self._waits_for())
+
+    def disconnect(self) -> None:
+        """Stop reading transforms."""
+        self._transforms.close()
+
+    def describe(self) -> tuple[bytes, str, dict]:
+        """Level, message and values for the diagnostics."""
+        return self._report.describe()
 
     def _make_relief_source(self) -> ReliefSource:
         return ReliefSource(
@@ -113,7 +141,9 @@ class ParticleFilterNode(PipelineNode):
         return 1e-9 * self._patience_clock.now().nanoseconds
 
     def _now_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
+        """Stamp of what is said of no image."""
+        # a replay's clock stands at the stamp of the image that it waits for, whose answer this is not
+        return max(0, self.get_clock().now().nanoseconds - 1)
 
     # --- codes
 
@@ -121,13 +151,18 @@ class ParticleFilterNode(PipelineNode):
         self.on_code(stamp_ns(msg.header.stamp), measurement_from_msg(msg))
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
-        """Take one code, stamp in ns; it is answered when its transform is there."""
+        """Take one code, stamp in ns; it is answered when its transform is there.
+
+        What comes while the node is not active is dropped.
+        """
+        if not self.active:
+            return
         if self._newest is not None and stamp < self._newest - _JUMP_NS:
             self._transforms.rewind(stamp)
-            self._reset()
+            self._reset(stamp)
         elif self._newest is not None and stamp <= self._newest:
             self._report.counts["out_of_order"] += 1
-            self._report.repeat(stamp)
+            self._report.say(stamp, STALE, "out of order: this code or a later one was here before")
             return
         self._newest, self._network_id = stamp, measurement.network_id
         self._last_arrival, self._silent = self._now(), False
@@ -144,10 +179,11 @@ class ParticleFilterNode(PipelineNode):
         while (ready := self._queue.pop()) is not None:
             if ready.transform is None:
                 self._report.counts["transform_timeout"] += 1
-                frames = f"{self.parameters['base_frame_id']} -> {self.parameters['sensor_frame_id']}"
-                self._report.say(ready.stamp, STALE, f"no transform {frames}: {ready.reason}")
+                self._report.say(ready.stamp, STALE, f"no transform {' -> '.join(self._frames[:2])}: {ready.reason}")
             else:
                 self._process(ready.stamp, ready.transform, ready.payload)
+        if (waiting := self._queue.untold()) is not None:
+            self._report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
         self._untouched = False
@@ -170,10 +206,15 @@ class ParticleFilterNode(PipelineNode):
     def _waits_for(self) -> str:
         return self._localiser.waiting_for or "waiting for tactile/code"
 
-    def _reset(self) -> None:
-        """Time ran backwards. TF and codes may both tell of the same jump, so it counts once."""
+    def _on_transforms_jump(self, stamp: int) -> None:
+        # heard of later than it happened: codes from after the jump may be here already
+        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+            self._reset(stamp)
+
+    def _reset(self, stamp: int) -> None:
+        """Time ran back to `stamp` [ns]. TF and codes may both tell of the same jump, so it counts once."""
         self._queue.clear()
-        self._fingers.clear()
+        self._fingers.rewind(stamp)
         self._newest = None
         if self._untouched:
             return
@@ -195,23 +236,32 @@ class ParticleFilterNode(PipelineNode):
     # --- objects
 
     def _change_object(self, mesh: str, codebook: str) -> None:
+        self._report.wait(self._now_ns(), _loading(mesh, codebook))
         try:
-            new = self._objects.requested(mesh, codebook, self._network_id)
+            with self.busy(_loading(mesh, codebook)):
+                new = self._objects.requested(mesh, codebook, self._network_id)
+        except Exception:
+            self._report.say_again(self._now_ns())
+            raise
         finally:
             # Nobody was silent meanwhile: this node did not listen.
             if self._last_arrival is not None:
                 self._last_arrival = self._now()
-        self._set_object(new)
+        self._fingers.clear()
+        self._take(new)
         # What waits for its transform was felt on the object before.
         for stamp in self._queue.clear():
             self._report.say(stamp, STALE, "the object was changed while this code waited for its transform")
         self._report.forget()
         self._report.say(self._now_ns(), UNINITIALISED, f"the object is now '{new.loaded.name}': {self._waits_for()}")
 
-    def _set_object(self, new: NewObject) -> None:
-        self._fingers.clear()
+    def _take(self, new: NewObject) -> None:
         self._localiser.set_object(new.loaded)
         self._out.show_object(new.address)
+
+
+def _loading(mesh: str, codebook: str) -> str:
+    return f"loading the mesh {mesh} and the codebook {codebook}"
 
 
 def main(args=None) -> int:

@@ -18,7 +18,7 @@ from midastouch_perception.ros.parameters import Parameters
 from ..transforms import TransformError
 from .localiser import Localiser, Start
 from .pose_prior import spread_of
-from .transform_source import TransformSource, Wait
+from .transform_source import TransformSource
 
 
 class StartTopics:
@@ -80,7 +80,4 @@ class StartTopics:
             raise InputError("header.frame_id is empty; name the frame that the pose is in")
         if frame == self._base:
             return np.eye(4)
-        found = self._transforms.lookup(self._base, frame, None)
-        if isinstance(found, Wait):
-            raise InputError(found.reason)
-        return found
+        return self._transforms.newest(self._base, frame)

@@ -10,21 +10,23 @@ from midastouch_perception.ros import diagnostics
 
 from ..estimate import Estimate
 from ..filter import ParticleFilter
-from ..state import LOST, STALE, UNINITIALISED, Status
+from ..state import LOST, STALE, UNINITIALISED, WAITING, Status
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics
 
 
 class StatusReport:
-    """Publishes a status with every code, and keeps the last one.
+    """Publishes a status with every code, and keeps the last one; meanwhile it can say what is waited for.
 
     Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
     fingers and the publishers.
+
+    transform_source: who keeps the transforms, for the diagnostics.
     """
 
-    def __init__(self, out: EstimatePublisher, fingers: FingerTopics):
+    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, transform_source: str):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0, "no_relief": 0}
-        self._out, self._fingers = out, fingers
+        self._out, self._fingers, self._transform_source = out, fingers, transform_source
         self.forget()
 
     def forget(self) -> None:
@@ -34,11 +36,15 @@ class StatusReport:
     def say(self, stamp: int, state: str, reason: str) -> None:
         """Publish a state that no step of the filter made; its other numbers are those of the last step."""
         self._last = dataclasses.replace(self._last, state=state, reason=reason, ms={})
-        self.repeat(stamp)
+        self.say_again(stamp)
 
-    def repeat(self, stamp: int) -> None:
-        """Publish the last state as the answer to the code of `stamp` [ns], which changed nothing."""
+    def say_again(self, stamp: int) -> None:
+        """Publish the last state anew, at `stamp` [ns]."""
         self._out.status(stamp, self._complete(self._last))
+
+    def wait(self, stamp: int, reason: str) -> None:
+        """Publish that the answer to `stamp` [ns] is still to come; the state stays what it was."""
+        self._out.status(stamp, self._complete(dataclasses.replace(self._last, state=WAITING, reason=reason, ms={})))
 
     def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""
@@ -51,6 +57,7 @@ class StatusReport:
         s = self._complete(self._last)
         level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
+        values["transform_source"] = self._transform_source
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
         return level, f"{s.state}: {s.reason}", values
 

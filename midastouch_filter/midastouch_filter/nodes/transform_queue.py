@@ -14,6 +14,8 @@ from midastouch_perception.errors import InputError
 from ..transforms import TransformError
 from .transform_source import Wait
 
+# Nobody is told of shorter waits: live, transforms often come some milliseconds after their image.
+_WORTH_SAYING = 0.05
 # Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
 _MOST = 4096
 
@@ -26,6 +28,14 @@ class Ready:
     payload: Any
     transform: np.ndarray | None
     reason: str = ""
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Stamp [ns] of the newest item, and what the first one waits for."""
+
+    stamp: int
+    reason: str
 
 
 class TransformQueue:
@@ -48,6 +58,8 @@ class TransformQueue:
     ):
         self._lookup, self._hold, self._now, self._timeout, self._steady = lookup, hold, now, timeout, steady
         self._items: deque[tuple[int, Any, float, float]] = deque()
+        self._lacks = ""
+        self._told: int | None = None
 
     def __len__(self) -> int:
         return len(self._items)
@@ -60,7 +72,18 @@ class TransformQueue:
         """Forget everything that waits; returns the stamps [ns]."""
         stamps = [stamp for stamp, *_ in self._items]
         self._items.clear()
+        self._told = None
         return stamps
+
+    def untold(self) -> Waiting | None:
+        """Once for each item that is the newest while the first has waited for a while; else None."""
+        if not self._items:
+            return None
+        stamp = self._items[-1][0]
+        if stamp == self._told or self._steady() - self._items[0][3] < _WORTH_SAYING:
+            return None
+        self._told = stamp
+        return Waiting(stamp, self._lacks)
 
     def pop(self) -> Ready | None:
         """The first item if its wait is over, else None."""
@@ -68,6 +91,7 @@ class TransformQueue:
             return None
         stamp, payload, arrival, steady_arrival = self._items[0]
         if self._hold(stamp, payload, self._steady() - steady_arrival):
+            self._lacks = "what belongs to this frame is still to come"
             return None
         try:
             found = self._lookup(stamp)
@@ -78,6 +102,7 @@ class TransformQueue:
             if not isinstance(found, Wait):
                 ready = Ready(stamp, payload, found)
             elif waited < self._timeout() and len(self._items) <= _MOST:
+                self._lacks = f"no transform yet: {found.reason}"
                 return None
             else:
                 ready = Ready(stamp, payload, None, f"{found.reason} (waited {waited:.1f} s)")

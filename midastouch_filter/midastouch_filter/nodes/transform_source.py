@@ -1,9 +1,12 @@
-"""Transforms at a stamp from `/tf` and `/tf_static`: by tf2 where it is installed, else by our own buffer."""
+"""Where frames are, from `/tf` and `/tf_static`: kept by tf2 where it is installed, else by our own buffer."""
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.node import Node
@@ -11,10 +14,21 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 
-from ..transforms import Insertion, InvalidTransformError, PastExtrapolationError, TransformError
-from .transform_buffers import JUMP_NS, make_buffer
+from ..transform_wire import WireTransforms, frame_name
+from ..transforms import (
+    JUMP_S,
+    SECOND,
+    Insertion,
+    InvalidTransformError,
+    PastExtrapolationError,
+    TransformBuffer,
+    TransformError,
+)
+from .tf2_buffer import make_buffer
+from .topic_reader import TopicReader
+
+_JUMP_NS = round(JUMP_S * SECOND)
 
 
 @dataclass(frozen=True)
@@ -25,13 +39,17 @@ class Wait:
 
 
 class TransformSource:
-    """Listens to TF and answers `lookup`.
+    """Listens to TF in a thread of its own and answers `lookup` and `newest`.
 
-    `frames` are those whose places relative to each other are asked for: when a transform between them jumps back in
-    time, so has the recording, and all moving transforms are forgotten. Other frames may have clocks of their own.
+    `frames` are those whose places relative to each other are looked up. Only the transforms on the way between them
+    are kept over time (all, while it is not known how they are linked); of every other frame just the newest. When a
+    transform on the way jumps back in time, so has the recording, and all moving transforms are forgotten. Other frames
+    may have clocks of their own.
 
-    `on_update` is called after every TF message, so that whoever waits can ask again; `on_jump` before it,
-    once per jump between `frames`; `on_bad` with a reason for each transform that was refused.
+    In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
+    transform that was refused, and `on_update` when what a `lookup` was told to wait for has come.
+
+    name: who keeps the transforms, "tf2" or "built-in".
     """
 
     def __init__(
@@ -39,82 +57,175 @@ class TransformSource:
         node: Node,
         frames: Collection[str],
         on_update: Callable[[], None],
-        on_jump: Callable[[], None],
+        on_jump: Callable[[int], None],
         on_bad: Callable[[str], None],
     ):
         self._buffer = make_buffer()
+        self.name = "built-in" if isinstance(self._buffer, TransformBuffer) else "tf2"
         self._on_update, self._on_jump, self._on_bad = on_update, on_jump, on_bad
         self._frames = [frame.lstrip("/") for frame in frames]
-        self._parents: dict[str, str] = {}
-        self._newest: dict[str, int] = {}  # stamp of the last transform of each moving frame
-        node.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        node.create_subscription(TFMessage, "/tf_static", self._on_tf_static, qos.TF_STATIC_SUBSCRIBER)
+        self._lock = threading.RLock()
+        self._links: dict[bytes, _Link] = {}  # by the child's name as it travels
+        self._between: set[str] = set()
+        self._awaited: dict[tuple[str, str], int] = {}
+        self._jumps: list[int] = []
+        self._bad: list[str] = []
+        self._node, self._closed = node, False
+        self._wake = node.create_guard_condition(self._on_wake)
+        self._reader = TopicReader(node)
+        self._reader.subscribe(TFMessage, "/tf", lambda message: self._read(message, False), qos.TF_SUBSCRIBER)
+        self._reader.subscribe(
+            TFMessage, "/tf_static", lambda message: self._read(message, True), qos.TF_STATIC_SUBSCRIBER
+        )
+        self._reader.start()
 
-    def lookup(self, target: str, source: str, stamp: int | None) -> np.ndarray | Wait:
-        """T_target_source (4, 4) at `stamp` [ns] (None: the newest), or `Wait` while it may still come.
+    def close(self) -> None:
+        """Stop listening; nothing is called after this."""
+        self._reader.close()
+        self._closed = True
+        self._node.destroy_guard_condition(self._wake)
+
+    def lookup(self, target: str, source: str, stamp: int) -> np.ndarray | Wait:
+        """T_target_source (4, 4) at `stamp` [ns], both among `frames`, or `Wait` while it may still come.
 
         Raises PastExtrapolationError when the stamp lies before everything that is known.
         """
-        try:
-            return self._buffer.lookup(target, source, stamp)
-        except PastExtrapolationError:
-            raise
-        except TransformError as error:
-            return Wait(str(error))
+        with self._lock:
+            try:
+                return self._buffer.lookup(target, source, stamp)
+            except PastExtrapolationError:
+                raise
+            except TransformError as error:
+                self._awaited[target, source] = min(stamp, self._awaited.get((target, source), stamp))
+                return Wait(str(error))
+
+    def newest(self, target: str, source: str) -> np.ndarray:
+        """T_target_source (4, 4) between any two frames, each link on the way at its own newest transform.
+
+        Raises TransformError if they are not linked.
+        """
+        tree = TransformBuffer()
+        with self._lock:
+            for link in self._links.values():
+                if link.last is not None:
+                    with contextlib.suppress(InvalidTransformError):  # else one that nobody asks for would spoil all
+                        tree.insert(link.parent, link.child, 0, link.last.pose, static=True)
+        return tree.lookup(target, source, 0)
 
     def rewind(self, stamp: int) -> None:
         """The images' time ran back to `stamp` [ns]: forget transforms that come from before the jump."""
-        if any(self._newest.get(frame, stamp) > stamp + JUMP_NS for frame in self._between()):
-            self._forget()
+        with self._lock:
+            if any((self._buffer.newest(frame) or stamp) > stamp + _JUMP_NS for frame in self._between):
+                self._forget()
 
-    def _on_tf(self, msg: TFMessage) -> None:
-        jumped = False
-        for transform in msg.transforms:
-            try:
-                jumped |= self._insert(transform)
-            except (InvalidTransformError, InputError) as error:
-                self._on_bad(f"/tf: {error}")
-        if jumped:
-            self._on_jump()
+    def _on_wake(self) -> None:
+        if self._closed:  # in the same round of the executor
+            return
+        with self._lock:
+            jumps, self._jumps = self._jumps, []
+            bad, self._bad = self._bad, []
+        for reason in bad:
+            self._on_bad(reason)
+        for stamp in jumps:
+            self._on_jump(stamp)
         self._on_update()
 
-    def _on_tf_static(self, msg: TFMessage) -> None:
-        for transform in msg.transforms:
+    # --- in the reader's thread
+
+    def _read(self, message: bytes, static: bool) -> None:
+        with self._lock:
             try:
-                self._buffer.insert_static(transform)
-            except (InvalidTransformError, InputError) as error:
-                self._on_bad(f"/tf_static: {error}")
+                wire = WireTransforms(message)
+                for parent, child, stamp, at in wire:
+                    self._take(_Sample(wire, stamp, at), parent, child, static)
+            except InputError as error:
+                self._refuse(error, static)
+            if self._jumps or self._bad or self._has_come():
+                self._wake.trigger()
+
+    def _take(self, sample: _Sample, parent: bytes, child: bytes, static: bool) -> None:
+        link = self._links.get(child)
+        try:
+            if link is None or link.of != (parent, static):
+                self._meet(_Link(parent, child, static), sample)
+            elif link.on_the_way:
+                self._insert(link, sample)
             else:
-                self._name(transform)
-        self._on_update()
+                link.last = sample
+        except InvalidTransformError as error:
+            self._refuse(error, static)
 
-    def _insert(self, transform) -> bool:
-        """Store a moving transform; whether time jumped back between `frames`."""
-        outcome = self._buffer.insert(transform)
-        jumped = outcome is Insertion.TIME_JUMP and self._name(transform) in self._between()
-        if jumped:
+    def _refuse(self, error: Exception, static: bool) -> None:
+        self._bad.append(f"{'/tf_static' if static else '/tf'}: {error}")
+
+    def _meet(self, link: _Link, sample: _Sample) -> None:
+        """A frame that is new, or has a new parent: find the way between `frames` anew."""
+        self._insert(link, sample)
+        self._links[link.name] = link
+        parents = {each.child: each.parent for each in self._links.values()}
+        chains = [_chain(frame, parents) for frame in self._frames]
+        common = set.intersection(*chains)
+        self._between = set.union(*chains) - common
+        for each in self._links.values():
+            was_kept, each.on_the_way = each.on_the_way, not common or each.child in self._between
+            if each.on_the_way and not was_kept and each.last is not None:
+                self._insert(each, each.last)
+        if common:
+            self._buffer.keep(self._between)
+
+    def _insert(self, link: _Link, sample: _Sample) -> None:
+        """Keep a transform; when it jumped back in time between `frames`, forget what came before."""
+        what = link.parent, link.child, sample.stamp, sample.pose, link.static
+        if self._buffer.insert(*what) is Insertion.TIME_JUMP and link.child in self._between:
+            self._jumps.append(sample.stamp)
             self._forget()
-            self._buffer.insert(transform)
-        self._newest[self._name(transform)] = stamp_ns(transform.header.stamp)
-        return jumped
+            self._buffer.insert(*what)
+        link.last = sample
+
+    def _has_come(self) -> bool:
+        """Whether something that a `lookup` was told to wait for is there; it is not told twice."""
+        come = []
+        for frames, stamp in self._awaited.items():
+            with contextlib.suppress(TransformError):
+                newest = self._buffer.latest_common_stamp(*frames)
+                if newest is None or newest >= stamp:
+                    come.append(frames)
+        for frames in come:
+            del self._awaited[frames]
+        return bool(come)
 
     def _forget(self) -> None:
         self._buffer.clear()
-        self._newest.clear()
+        for link in self._links.values():
+            if not link.static:
+                link.last = None
 
-    def _name(self, transform) -> str:
-        """Its frame, which is from now on known to hang below its parent."""
-        child = transform.child_frame_id.lstrip("/")
-        self._parents[child] = transform.header.frame_id.lstrip("/")
-        return child
 
-    def _between(self) -> set[str]:
-        """The frames whose transforms to their parents link `frames`; while these are not linked, all above them."""
-        chains = [self._chain(frame) for frame in self._frames]
-        return set.union(*chains) - set.intersection(*chains)
+class _Sample(NamedTuple):
+    """A transform in the message it came in."""
 
-    def _chain(self, frame: str) -> set[str]:
-        chain = {frame}
-        while (frame := self._parents.get(frame, frame)) not in chain:
-            chain.add(frame)
-        return chain
+    wire: WireTransforms
+    stamp: int
+    at: int
+
+    @property
+    def pose(self) -> tuple[float, ...]:
+        return self.wire.pose(self.at)
+
+
+class _Link:
+    """What is known of a frame: its names, whether it is kept over time, and its newest transform."""
+
+    def __init__(self, parent: bytes, child: bytes, static: bool):
+        self.name, self.of, self.static = child, (parent, static), static
+        self.parent, self.child = frame_name(parent), frame_name(child)
+        self.on_the_way = True
+        self.last: _Sample | None = None
+
+
+def _chain(frame: str, parents: dict[str, str]) -> set[str]:
+    """The frame and all above it."""
+    chain = {frame}
+    while (frame := parents.get(frame, frame)) not in chain:
+        chain.add(frame)
+    return chain

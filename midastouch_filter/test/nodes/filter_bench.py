@@ -9,6 +9,7 @@ from filter_fakes import code_msg, loader_of, tf_msg, translation
 from tf2_msgs.msg import TFMessage
 
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.state import WAITING
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.ros.conversions import stamp_ns
 
@@ -17,13 +18,18 @@ OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
 T_BASE_OBJ = translation(0.4, 0.1, 0.2)
 
 
+def is_answer(status: FilterStatus) -> bool:
+    """Whether it is more than the word that an answer is still to come."""
+    return status.state != WAITING
+
+
 def skipped(status: FilterStatus) -> dict[str, int]:
     """How often each thing was skipped, by name."""
     return dict(zip(status.skipped_names, status.skipped_counts, strict=True))
 
 
 class Bench:
-    """A node with its inputs and the statuses it has published since its start.
+    """A node with its inputs and the statuses it has published since its start; `waits` are those that are no answers.
 
     load: replaces the one that hands out fake filters; `filters` are those that were handed out.
     """
@@ -35,10 +41,14 @@ class Bench:
             lambda **options: ParticleFilterNode(load=load, **options),
             {**REPLAY, **parameters},
         )
-        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        self.statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
+        self.waits = graph.listen(FilterStatus, "filter_status", wanted=lambda status: not is_answer(status))
         self.codes = graph.publisher(TactileCode, "tactile/code")
         self.tf = graph.publisher(TFMessage, "/tf")
-        graph.spin_until(lambda: self.statuses, "the status at start")
+        # the last one it says before it hears codes
+        graph.spin_until(
+            lambda: self.statuses and not self.statuses[-1].reason.startswith("loading"), "the status at start"
+        )
         self.statuses.clear()
 
     @property
@@ -48,6 +58,10 @@ class Bench:
     def answered(self) -> list[int]:
         """Stamps [ns] of the statuses."""
         return [stamp_ns(status.header.stamp) for status in self.statuses]
+
+    def waited(self, stamp: int) -> bool:
+        """Whether it was said of the code of a stamp [ns] that it waits."""
+        return stamp in [stamp_ns(status.header.stamp) for status in self.waits]
 
     def answers(self, stamp: int) -> list[FilterStatus]:
         """The statuses of a stamp [ns]."""

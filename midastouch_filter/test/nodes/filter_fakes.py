@@ -6,7 +6,6 @@ import array
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
-from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -33,56 +32,6 @@ MAP_SENSOR = SensorModel.load("digit_tacto").scaled(0.5)
 
 def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
     return se3.make(np.eye(3), np.array([x, y, z]))
-
-
-class FakeTf2:
-    """The part of tf2's Python interface that is used, for edges that are asked for one at a time."""
-
-    class LookupException(Exception):
-        pass
-
-    class ConnectivityException(Exception):
-        pass
-
-    class ExtrapolationException(Exception):
-        pass
-
-    class InvalidArgumentException(Exception):
-        pass
-
-    class Buffer:
-        def __init__(self, cache_time):
-            self.moving, self.static = [], []
-
-        def set_transform(self, msg, authority):
-            self.moving.append(msg)
-
-        def set_transform_static(self, msg, authority):
-            self.static.append(msg)
-
-        def clear(self):
-            self.moving.clear()
-
-        def get_latest_common_time(self, target, source):
-            return Time.from_msg(self.moving[-1].header.stamp)
-
-        def lookup_transform_core(self, target, source, time):
-            if any(not frame or frame.startswith("/") for frame in (target, source)):
-                raise FakeTf2.InvalidArgumentException("frame_ids cannot be empty or start with '/'")
-            known = {f for m in self.moving + self.static for f in (m.header.frame_id, m.child_frame_id)}
-            if not {target, source} <= known:
-                raise FakeTf2.LookupException(f"{source} unknown")
-            chosen = [
-                m for m in self.moving + self.static if m.header.frame_id == target and m.child_frame_id == source
-            ]
-            if not chosen:
-                raise FakeTf2.ConnectivityException("two trees")
-            at = [m for m in chosen if Time.from_msg(m.header.stamp).nanoseconds == time.nanoseconds]
-            if time.nanoseconds == 0 or chosen[0] in self.static:
-                at = chosen[-1:]
-            if not at:
-                raise FakeTf2.ExtrapolationException("would need extrapolation")
-            return at[0]
 
 
 class FakeFilter:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from filter_bench import is_answer
 from filter_fakes import SECOND, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 from std_srvs.srv import Empty
@@ -66,7 +67,7 @@ class Running:
 
     def connect(self) -> None:
         self.meshes = self.graph.listen(MarkerArray, "object_mesh", latched=True)
-        self.statuses = self.graph.listen(FilterStatus, "filter_status", latched=True)
+        self.statuses = self.graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
         self.codes = self.graph.publisher(TactileCode, "tactile/code")
         self.tf = self.graph.publisher(TFMessage, "/tf")
         self._stamp = 0

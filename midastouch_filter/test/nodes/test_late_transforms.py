@@ -8,6 +8,8 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import SECOND, code_msg, tf_msg, translation
 from rosgraph_msgs.msg import Clock
 
+from midastouch_perception.ros.conversions import stamp_ns
+
 pytestmark = pytest.mark.dds
 
 
@@ -15,13 +17,16 @@ def test_codes_wait_for_their_transform_in_order(graph):
     bench = Bench(graph, **OBJECT)
     for stamp in (1, 2, 3):
         bench.codes.publish(code_msg(stamp * SECOND))
-    graph.spin_for(0.2)
+    graph.spin_until(lambda: bench.waited(3 * SECOND), "the word that it waits")
+    assert "no transform yet: frame 'base_link'" in bench.waits[-1].reason
     assert bench.statuses == []
     for stamp in (1, 2, 3):
         bench.tf.publish(tf_msg(stamp * SECOND, translation(0.01 * stamp)))
     graph.spin_until(lambda: len(bench.statuses) == 3)
     assert bench.answered() == [SECOND, 2 * SECOND, 3 * SECOND]
     np.testing.assert_allclose(bench.filter.odometry[2], translation(0.01), atol=1e-9)
+    told = [stamp_ns(status.header.stamp) for status in bench.waits]
+    assert len(set(told)) == len(told), "each is told once"
 
 
 def test_transforms_are_interpolated_at_the_stamp_of_the_image(graph):
@@ -69,6 +74,7 @@ def test_paused_simulated_time_does_not_run_out(graph):
 
     tick(10.0)
     bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
     graph.spin_for(0.6)
     assert bench.statuses == []
     tick(10.5)

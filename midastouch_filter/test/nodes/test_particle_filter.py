@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, skipped
+from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, is_answer, skipped
 from filter_fakes import SECOND, loader_of, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
@@ -72,7 +72,7 @@ def test_code_handed_over_in_one_process(graph):
         lambda **options: ParticleFilterNode(load=loader_of(bench_filters), subscribe=False, **options),
         {**REPLAY, **OBJECT},
     )
-    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)
     tf = graph.publisher(TFMessage, "/tf")
     tf.publish(tf_msg(SECOND, T_BASE_OBJ))
     node.on_code(SECOND, Measurement(False, None, 0.0, "fake"))

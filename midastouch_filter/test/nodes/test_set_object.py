@@ -53,6 +53,8 @@ def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
     assert bench.frame(SECOND).state == "converged"
     answer = bench.set_object("cup")
     assert (answer.success, answer.message) == (True, "")
+    graph.spin_until(lambda: bench.waits, "the word that an object is read")
+    assert "loading the mesh /data/cup.ply" in bench.waits[-1].reason
     late = graph.listen(FilterStatus, "filter_status", latched=True)
     graph.spin_until(lambda: late and "now 'cup'" in late[-1].reason, "the status for who comes now")
     assert (late[-1].state, late[-1].n_particles) == ("uninitialised", 0)
@@ -90,6 +92,8 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
     answer = graph.call(SetObject, "set_object", wanted)
     assert not answer.success
     assert complaint in answer.message
+    graph.spin_until(lambda: len(bench.statuses) == 2, "the state of before")
+    assert (bench.statuses[1].state, bench.statuses[1].n_particles) == ("ambiguous", 800)
     assert bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01)).state == "ambiguous"
     assert len(bench.of["mug"].measurements) == 2
     np.testing.assert_allclose(bench.of["mug"].odometry[1], translation(0.01), atol=1e-9)

@@ -4,11 +4,10 @@ import types
 
 import numpy as np
 import pytest
-from filter_fakes import DIAGONAL, SECOND, FakeTf2, pose_msg, tf_msg, translation
+from filter_fakes import DIAGONAL, pose_msg, translation
 
-from midastouch_filter.nodes import transform_buffers
 from midastouch_filter.nodes.start_topics import StartTopics
-from midastouch_filter.nodes.transform_source import TransformSource
+from midastouch_filter.transforms import TransformBuffer
 
 
 class Topics:
@@ -24,10 +23,11 @@ class Topics:
             start_at=self.starts.append,
             expect_object_at=lambda *prior: self.priors.append(prior),
         )
-        transforms = TransformSource(node, ("base_link", "digit_gel_frame"), *[lambda *_: None] * 3)
+        known = TransformBuffer()
+        known.insert("base_link", "camera", 0, translation(0.1), static=True)
+        transforms = types.SimpleNamespace(newest=lambda target, source: known.lookup(target, source, 0))
         frames = {"base_frame_id": "base_link", "object_frame_id": "object"}
         StartTopics(node, frames, localiser, transforms, lambda *bad: self.bad.append(bad))
-        self.callbacks["/tf"](tf_msg(SECOND, translation(0.1), "base_link", "camera"))
 
     def _subscribe(self, _type, topic, callback, _qos):
         self.callbacks[topic] = callback
@@ -36,9 +36,8 @@ class Topics:
         self.callbacks[topic](pose_msg(frame, translation(0.0, 0.3)))
 
 
-@pytest.fixture(params=["own", "tf2"])
-def topics(request, monkeypatch):
-    monkeypatch.setattr(transform_buffers, "tf2_ros", FakeTf2 if request.param == "tf2" else None)
+@pytest.fixture
+def topics():
     return Topics()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -10,8 +11,8 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import DIAGONAL, SECOND, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
-from midastouch_filter.nodes.transform_source import Wait
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.transforms import TransformError
 from midastouch_perception import se3
 
 pytestmark = pytest.mark.dds
@@ -73,8 +74,13 @@ def test_object_pose_prior_starts_at_the_next_frame(graph):
     bench = Bench(graph, **OBJECT, init_mode="wait")
     priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
     bench.tf.publish(tf_msg(SECOND, translation(0, 0, 1), "base_link", "camera"))
-    camera_is_known = bench.node._transforms.lookup
-    graph.spin_until(lambda: not isinstance(camera_is_known("base_link", "camera", None), Wait))
+
+    def camera_is_known() -> bool:
+        with contextlib.suppress(TransformError):
+            return bench.node._transforms.newest("base_link", "camera") is not None
+        return False
+
+    graph.spin_until(camera_is_known)
     T_camera_obj = se3.inverse(translation(0, 0, 1)) @ T_BASE_OBJ
     priors.publish(pose_msg("camera", T_camera_obj))
     graph.spin_until(lambda: bench.node._localiser._pending_prior is not None)

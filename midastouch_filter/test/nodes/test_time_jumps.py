@@ -54,6 +54,8 @@ def test_repeated_and_late_stamps_are_answered_but_not_counted_twice(graph):
         bench.codes.publish(code_msg(stamp))
     graph.spin_until(lambda: len(bench.statuses) == 3)
     assert len(bench.filter.measurements) == 1
+    assert [status.state for status in bench.statuses] == ["ambiguous", "stale", "stale"]
+    assert "out of order" in bench.statuses[-1].reason
     assert bench.answered()[1:] == [10 * SECOND, 10 * SECOND - 100_000_000]
     status = bench.statuses[-1]
     assert skipped(status)["out_of_order"] == 2

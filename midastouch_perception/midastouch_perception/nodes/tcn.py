@@ -15,8 +15,8 @@ from ..errors import InputError
 from ..pointcloud import penetration_from_cloud
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import float32_to_msg, points_from_msg
-from ..ros.node import PipelineNode
-from ..ros.parameters import QUEUE, Parameter, Parameters
+from ..ros.managed_node import AUTOSTART, ManagedNode
+from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
 from ..tdn.inputs import SCALE
@@ -26,11 +26,12 @@ PARAMETERS = (
     Parameter("tcn", "fast", "Code network: a shipped one by name, or the path of its ONNX file"),
     Parameter("sensor_model", "digit_tacto", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     *QUEUE,
+    AUTOSTART,
 )
 
 
-class TcnNode(PipelineNode):
-    """Every valid cloud yields one TactileCode of the same stamp and frame; an empty cloud one without code.
+class TcnNode(ManagedNode):
+    """While active, every valid cloud yields one TactileCode of its stamp and frame; an empty cloud one without code.
 
     `tcn` replaces the network that the parameters name. When all stages run in one process, `on_depth` takes
     the place of the cloud (`subscribe` false) and `sink`, called with the header and the code of each frame,
@@ -44,23 +45,31 @@ class TcnNode(PipelineNode):
         subscribe: bool = True,
         **node_options,
     ):
-        super().__init__("tcn", **node_options)
-        self.parameters = Parameters(self, PARAMETERS)
-        sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._stage = CodeStage(tcn or load_tcn(self.parameters["tcn"], sensor))
-        self._map_sensor = sensor.scaled(SCALE)
-        self._sink = sink
-        depth = self.parameters["queue_depth"]
-        self._codes = self.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(depth))
-        if subscribe:
-            self.create_subscription(
-                PointCloud2,
-                "tactile/points",
-                self._on_points,
-                qos.stream_subscriber(depth, self.parameters["reliable"]),
-            )
+        super().__init__("tcn", PARAMETERS, **node_options)
+        self._given, self._sink, self._subscribe = tcn, sink, subscribe
+        self._stage: CodeStage | None = None
+        self._codes = self.create_publisher(
+            TactileCode, "tactile/code", qos.stream_publisher(self.parameters["queue_depth"])
+        )
         self._rate = diagnostics.Rate()
-        self.diagnostics = diagnostics.Diagnostics(self, self._describe)
+        self.autostart()
+
+    def configure(self) -> None:
+        """Load the code network."""
+        sensor = SensorModel.load(self.parameters["sensor_model"])
+        self._map_sensor = sensor.scaled(SCALE)
+        self.say(f"loading the code network '{self.parameters['tcn']}'")
+        self._stage = CodeStage(self._given or load_tcn(self.parameters["tcn"], sensor))
+
+    def unload(self) -> None:
+        """Forget the network."""
+        self._stage = None
+
+    def connect(self) -> None:
+        """Subscribe the clouds."""
+        if self._subscribe:
+            profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+            self.create_subscription(PointCloud2, "tactile/points", self._on_points, profile)
 
     def _on_points(self, msg: PointCloud2) -> None:
         started = time.perf_counter()
@@ -73,7 +82,9 @@ class TcnNode(PipelineNode):
         self._encode(msg.header, penetration, len(points) * self._map_sensor.pixel_area, started)
 
     def on_depth(self, header: Header, depth: Depth) -> None:
-        """The depth stage's result, handed over in one process."""
+        """The depth stage's result, handed over in one process; what comes while the node is not active is dropped."""
+        if not self.active:
+            return
         self._encode(header, depth.penetration, depth.area_m2, time.perf_counter())
 
     def _encode(self, header: Header, penetration: np.ndarray, area: float, started: float) -> None:
@@ -91,7 +102,8 @@ class TcnNode(PipelineNode):
             self._sink(header, code)
         self._rate.add(time.perf_counter() - started)
 
-    def _describe(self) -> tuple[bytes, str, dict]:
+    def describe(self) -> tuple[bytes, str, dict]:
+        """Level, message and values for the diagnostics."""
         return diagnostics.OK, "", {**self._rate.values(), **self._stage.skipped}
 
 

@@ -19,9 +19,9 @@ from ..errors import InputError
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
-from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg, stamp_ns
-from ..ros.node import PipelineNode
-from ..ros.parameters import QUEUE, Parameter, Parameters
+from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
+from ..ros.managed_node import AUTOSTART, ManagedNode
+from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.colour_layout import exposure_problem, image_problem, shipped_layout
@@ -66,11 +66,12 @@ PARAMETERS = (
     ),
     Parameter("sensor_frame_id", "digit_gel_frame", "Frame of the cloud: the gel frame"),
     *QUEUE,
+    AUTOSTART,
 )
 
 
-class TdnNode(PipelineNode):
-    """Every valid image yields one cloud (empty without contact) and one TactileContact of the same stamp.
+class TdnNode(ManagedNode):
+    """While active, every valid image yields one cloud (empty without contact) and one TactileContact of its stamp.
 
     `depth` replaces the network that the parameters name. When the next stage runs in the same process,
     `sink`, called with the header and the depth of each frame, takes the place of the cloud on the way to it;
@@ -83,37 +84,50 @@ class TdnNode(PipelineNode):
         sink: Callable[[Header, Depth], None] | None = None,
         **node_options,
     ):
-        super().__init__("tdn", **node_options)
-        self.parameters = Parameters(self, PARAMETERS)
-        self._sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._fit, self._layout = FitCheck(), shipped_layout()
-        depth = depth or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), fit=self._fit)
-        self._depth, self._stage = depth, ImageStage(depth)
-        self._map_sensor = self._sensor.scaled(SCALE)
-        self._sink = sink
+        super().__init__("tdn", PARAMETERS, **node_options)
+        self._given, self._sink = depth, sink
         self._running: RunningBackground | None = None
         self._capture: BackgroundCapture | None = None
         self._captured: Future | None = None
-        self._newest_stamp = 0
-        self._load_background()
 
-        depth = self.parameters["queue_depth"]
-        out = qos.stream_publisher(depth)
+        out = qos.stream_publisher(self.parameters["queue_depth"])
         self._points = self.create_publisher(PointCloud2, "tactile/points", out)
         self._penetration = self.create_publisher(Image, "tactile/penetration", out)
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
-        self.create_subscription(
-            Image, "image_raw", self._on_image, qos.stream_subscriber(depth, self.parameters["reliable"])
-        )
         # In a group of its own: while it waits for images, they must get through.
         group = ReentrantCallbackGroup()
         self.create_service(Trigger, "capture_background", self._on_capture, callback_group=group)
         self._rate = diagnostics.Rate()
         self._unseen_clouds = 0
-        self.diagnostics = diagnostics.Diagnostics(self, self._describe)
+        self.autostart()
+
+    def configure(self) -> None:
+        """Load the depth network and the background."""
+        self._sensor = SensorModel.load(self.parameters["sensor_model"])
+        self._map_sensor = self._sensor.scaled(SCALE)
+        self._fit, self._layout = FitCheck(), shipped_layout()
+        self.say(f"loading the depth network '{self.parameters['tdn']}'")
+        self._depth = self._given or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), fit=self._fit)
+        self._stage = ImageStage(self._depth)
+        self.say("loading the background")
+        self._load_background()
+
+    def unload(self) -> None:
+        """Forget the network and the background."""
+        self._depth = self._stage = self._background = self._running = None
+
+    def connect(self) -> None:
+        """Subscribe the images."""
+        profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+        self.create_subscription(Image, "image_raw", self._on_image, profile)
+
+    def disconnect(self) -> None:
+        """Refuse a capture that is under way."""
+        self._finish_capture(None, "the node was deactivated")
 
     def _load_background(self) -> None:
         path = self.parameters["background"]
+        self._running = None
         self._background, self._background_source, self._background_problem = None, "none yet", ""
         self._store = store_of(self.parameters["background_folder"], self.parameters["serial"])
         size = self._sensor.height, self._sensor.width
@@ -139,10 +153,7 @@ class TdnNode(PipelineNode):
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
-        # a replay sends a frame again when its answer takes long, which must not make another background
-        if (stamp := stamp_ns(msg.header.stamp)) == 0 or stamp != self._newest_stamp:
-            self._newest_stamp = stamp
-            self._observe_background(image)
+        self._observe_background(image)
         depth = self._stage.process(image, self._background)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
         self._rate.add(time.perf_counter() - started)
@@ -179,6 +190,9 @@ class TdnNode(PipelineNode):
             self._sink(header, depth)
 
     async def _on_capture(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.active:
+            response.success, response.message = False, "the node is not active; activate it (ros2 lifecycle set)"
+            return response
         if self._capture is not None:
             response.success, response.message = False, "a capture is already under way"
             return response
@@ -206,7 +220,8 @@ class TdnNode(PipelineNode):
         kept = self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"
         self._captured.set_result((True, kept))
 
-    def _describe(self) -> tuple[bytes, str, dict]:
+    def describe(self) -> tuple[bytes, str, dict]:
+        """Level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background_source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= self._fit.values

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
+RCLError = rclpy_implementation.RCLError
+PERIOD_S = 1.0
 _LOG_PERIOD = 5.0
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -25,9 +30,9 @@ class Diagnostics:
         node: Node,
         describe: Callable[[], tuple[bytes, str, dict]],
         hardware_id: str = "",
-        period: float = 1.0,
+        period: float = PERIOD_S,
     ):
-        self._node, self._describe, self._hardware_id = node, describe, hardware_id
+        self._node, self._describe, self._hardware_id, self._period = node, describe, hardware_id, period
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._problems: dict[str, int] = {}
         self._log_again: dict[str, float] = {}
@@ -44,6 +49,28 @@ class Diagnostics:
         if now >= self._log_again.get(kind, now):
             self._log_again[kind] = now + _LOG_PERIOD
             self._node.get_logger().warning(message)
+
+    @contextlib.contextmanager
+    def kept_up(self) -> Iterator[None]:
+        """Publish in the usual rhythm, the first at once, also while the caller keeps the executor from doing so."""
+        over = threading.Event()
+
+        def publish() -> None:
+            while not over.is_set() and self._node.context.ok():
+                try:
+                    self.publish()
+                except RCLError:  # told to stop in the middle of the call
+                    if self._node.context.ok():
+                        raise
+                over.wait(self._period)
+
+        thread = threading.Thread(target=publish, name="diagnostics", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
 
     @property
     def counts(self) -> dict[str, int]:

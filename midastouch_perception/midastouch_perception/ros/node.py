@@ -46,3 +46,12 @@ class PipelineNode(Node):
             if isinstance(error, ParameterException) or "QoS override" in str(error):
                 raise InputError(f"{self.get_name()}: qos_overrides of {topic}: {error}") from error
             raise
+
+
+def refuse_unused_overrides(node: Node) -> None:
+    """InputError for a name in the YAML file or command line that the node, now complete, does not have."""
+    # rclpy keeps what was given in this attribute only
+    unused = sorted(name for name in node._parameter_overrides if not node.has_parameter(name))
+    if unused:
+        known = ", ".join(sorted(name for name in node._parameters if name.startswith(unused[0].split(".")[0])))
+        raise InputError(f"{node.get_name()}: no parameter '{unused[0]}'; known are {known or 'others'}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,8 @@ class Parameter:
 
     `default` fixes the type (bool, int, float, str or a list of one of them). `minimum` and `maximum` are
     inclusive and hold for every element of a list; `choices` lists the only legal values. Only parameters
-    with `read_only=False` may change while the node runs.
+    with `read_only=False` may change while the node runs; those of a managed node also while it is unconfigured,
+    but for those with `at_start=True`.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Parameter:
     maximum: float | None = None
     choices: tuple = ()
     read_only: bool = True
+    at_start: bool = False
 
     def problem(self, value: Any) -> str | None:
         """Why `value` is illegal, in words; None if it is legal."""
@@ -62,10 +64,11 @@ class Parameter:
                 return f"parameter '{self.name}' must be in [{low}, {high}]{unit}, got {value}"
         return None
 
-    def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
+    def descriptor(self, managed: bool = False) -> ParameterDescriptor:
+        """What `ros2 param describe` shows; `managed`: of a managed node."""
         text = f"{self.description} [{self.unit}]" if self.unit else self.description
-        out = ParameterDescriptor(name=self.name, description=text, read_only=self.read_only)
+        out = ParameterDescriptor(name=self.name, description=text)
+        out.read_only = self.read_only and (self.at_start or not managed)
         if self.choices:
             out.additional_constraints = "one of " + ", ".join(map(str, self.choices))
         if self.minimum is None and self.maximum is None:
@@ -87,10 +90,12 @@ class Parameters:
 
     Raises InputError for a value of the wrong type or out of range, and for a name in the node's YAML file
     or command line that the table does not hold, so that a misspelt name never goes unnoticed.
+
+    unconfigured: of a managed node, whether it is in that state.
     """
 
-    def __init__(self, node: Node, table: Iterable[Parameter]):
-        self._node = node
+    def __init__(self, node: Node, table: Iterable[Parameter], unconfigured: Callable[[], bool] | None = None):
+        self._node, self._unconfigured = node, unconfigured
         self.table = {parameter.name: parameter for parameter in table}
         # rclpy keeps what the YAML file and the command line set in this attribute only
         overrides = node._parameter_overrides
@@ -102,7 +107,7 @@ class Parameters:
             if problem := parameter.problem(value):
                 raise InputError(f"{node.get_name()}: {problem}")
             try:
-                node.declare_parameter(name, parameter.default, parameter.descriptor())
+                node.declare_parameter(name, parameter.default, parameter.descriptor(unconfigured is not None))
             except ParameterException as error:
                 raise InputError(f"{node.get_name()}: {error}") from error
         node.add_on_set_parameters_callback(self._check)
@@ -113,9 +118,15 @@ class Parameters:
 
     def _check(self, changes: list) -> SetParametersResult:
         for change in changes:
-            if change.name in self.table and (problem := self.table[change.name].problem(change.value)):
+            if change.name in self.table and (problem := self._problem(self.table[change.name], change.value)):
                 return SetParametersResult(successful=False, reason=problem)
         return SetParametersResult(successful=True)
+
+    def _problem(self, parameter: Parameter, value: Any) -> str | None:
+        # rclpy itself refuses those that are read-only in every state
+        if parameter.read_only and self._unconfigured is not None and not self._unconfigured():
+            return f"parameter '{parameter.name}' is read when the node is configured; clean it up first"
+        return parameter.problem(value)
 
 
 QUEUE = (
@@ -125,11 +136,13 @@ QUEUE = (
         "Messages kept while the node is busy; 1 drops all but the newest (live), replay wants more",
         minimum=1,
         maximum=10000,
+        at_start=True,
     ),
     Parameter(
         "reliable",
         False,
         "Ask the publisher to repeat lost messages (replay); false takes what comes (live)",
+        at_start=True,
     ),
 )
 """Parameters that every node with a stream input has."""

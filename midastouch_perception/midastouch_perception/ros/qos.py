@@ -38,5 +38,8 @@ COMMAND = _profile(5, reliable=True)
 TF = _profile(100, reliable=True)
 """`/tf`, as tf2_ros."""
 
+TF_SUBSCRIBER = _profile(1000, reliable=True)
+"""`/tf`, received where none may be lost: two seconds of an arm at 500 Hz."""
+
 TF_STATIC_SUBSCRIBER = _profile(100, reliable=True, latched=True)
 """`/tf_static`, as tf2_ros."""

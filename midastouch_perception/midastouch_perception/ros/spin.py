@@ -11,6 +11,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from ..errors import InputError
+from .managed_node import ManagedNode
+from .node import refuse_unused_overrides
 
 
 def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
@@ -25,7 +27,8 @@ def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = N
     try:
         nodes = make_nodes()
         for node in nodes:
-            _refuse_unused_overrides(node)
+            if not isinstance(node, ManagedNode):  # which are complete once they are active, and look themselves
+                refuse_unused_overrides(node)
             executor.add_node(node)
         executor.spin()
     except InputError as error:
@@ -47,15 +50,6 @@ def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = N
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
-
-
-def _refuse_unused_overrides(node: Node) -> None:
-    """InputError for a name in the YAML file or command line that the node, now complete, does not have."""
-    # rclpy keeps what was given in this attribute only
-    unused = sorted(name for name in node._parameter_overrides if not node.has_parameter(name))
-    if unused:
-        known = ", ".join(sorted(name for name in node._parameters if name.startswith(unused[0].split(".")[0])))
-        raise InputError(f"{node.get_name()}: no parameter '{unused[0]}'; known are {known or 'others'}")
 
 
 def _let_the_handler_finish() -> None:

@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -53,12 +55,16 @@ class Graph:
             self._executor.add_node(node)
         return nodes
 
+    def remove(self, node: Node) -> None:
+        """Destroy one node."""
+        self._nodes.remove(node)
+        self._executor.remove_node(node)
+        node.destroy_node()
+
     def remove_all(self) -> None:
         """Destroy all nodes and begin again with a new companion."""
-        for node in self._nodes:
-            self._executor.remove_node(node)
-            node.destroy_node()
-        self._nodes.clear()
+        for node in [*self._nodes]:
+            self.remove(node)
         self.companion = self.add(Node, node_name="companion")
 
     def publisher(self, kind: type, topic: str, profile: QoSProfile | None = None, latched: bool = False) -> Publisher:
@@ -68,11 +74,18 @@ class Graph:
         self.spin_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher
 
-    def listen(self, kind: type, topic: str, latched: bool = False) -> list:
-        """The list into which messages of a topic arrive; its publisher is already connected."""
+    def listen(
+        self, kind: type, topic: str, latched: bool = False, wanted: Callable[[Any], bool] = lambda message: True
+    ) -> list:
+        """The list into which the `wanted` messages of a topic arrive; its publisher is already connected."""
         received: list = []
         profile = qos.latched(100) if latched else qos.stream_subscriber(100, reliable=True)
-        subscription = self.companion.create_subscription(kind, topic, received.append, profile)
+
+        def keep(message: Any) -> None:
+            if wanted(message):
+                received.append(message)
+
+        subscription = self.companion.create_subscription(kind, topic, keep, profile)
         self.spin_until(lambda: self.companion.count_publishers(topic) > 0, f"a publisher of {topic}")
         publishers = self.companion.get_publishers_info_by_topic(subscription.topic_name)
         owners = {node.get_name(): node for node in self._nodes}
@@ -92,6 +105,16 @@ class Graph:
         future = client.call_async(request)
         self.spin_until(future.done, f"the response of {name}")
         return future.result()
+
+    def change_state(self, node: str, transition: str) -> bool:
+        """Ask a lifecycle node for a transition as nav2's lifecycle manager does; whether it succeeded."""
+        number = getattr(Transition, f"TRANSITION_{transition.upper()}")
+        request = ChangeState.Request(transition=Transition(id=number))
+        return self.call(ChangeState, f"{node}/change_state", request).success
+
+    def state_of(self, node: str) -> str:
+        """The state a lifecycle node says it is in."""
+        return self.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
 
     def spin_until(self, done: Callable[[], bool], what: str = "the awaited event") -> None:
         """Spin until `done()`; AssertionError naming `what` if it does not come."""

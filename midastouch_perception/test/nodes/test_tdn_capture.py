@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, image_msg, touched
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -23,18 +22,6 @@ def test_background_is_estimated_from_the_first_images(graph, depth):
         images.publish(image_msg(pixels, stamp + 1))
     graph.spin_until(lambda: len(contacts) == 5)
     assert [c.in_contact for c in contacts] == [False] * 4 + [True]
-
-
-def test_a_frame_that_is_sent_again_is_not_counted_twice(graph, depth):
-    start(graph, depth, background_frames=8)
-    images, reports = graph.publisher(Image, "image_raw"), graph.listen(DiagnosticArray, "/diagnostics")
-    contacts = graph.listen(TactileContact, "tactile/contact")
-    for stamp in (1, 1, 1, 2):
-        images.publish(image_msg(BACKGROUND, stamp))
-    graph.spin_until(lambda: len(contacts) == 4)
-    reports.clear()
-    graph.spin_until(lambda: reports)
-    assert {v.key: v.value for v in reports[-1].status[0].values}["background"] == "the first 2 images"
 
 
 def test_capture_background(graph, depth, background):

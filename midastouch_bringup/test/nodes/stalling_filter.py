@@ -1,0 +1,38 @@
+"""The filter's node on a fake filter that is busy for long now and then: a program for tests of who waits for it."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
+
+from filter_fakes import DIAGONAL, MAP_SENSOR, FakeFilter
+
+from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_perception.ros import spin
+
+STALL_S, BUSY_STEPS = 2.5, (1, 6)
+
+
+class StallingFilter(FakeFilter):
+    """Takes the codes of any network; some of its steps take long."""
+
+    def step(self, odometry, measurement, others=None):
+        if len(self.measurements) in BUSY_STEPS:
+            time.sleep(STALL_S)
+        return super().step(odometry, dataclasses.replace(measurement, network_id="fake"), others)
+
+
+def load(mesh_path, codebook_path, config, seed) -> LoadedObject:
+    """An object, the second one after a long time."""
+    if mesh_path.stem == "cup":
+        time.sleep(STALL_S)
+    return LoadedObject(StallingFilter(), DIAGONAL, mesh_path.stem, MAP_SENSOR)
+
+
+if __name__ == "__main__":
+    raise SystemExit(spin.run(lambda: [ParticleFilterNode(load=load)]))

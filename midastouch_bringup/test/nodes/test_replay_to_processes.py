@@ -1,0 +1,117 @@
+"""A replay through the nodes in processes of their own, with a filter that stalls for longer than any time-out."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from replay_rig import replay, stamps
+from sensor_msgs.msg import Image
+from stalling_filter import STALL_S
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_bringup.bags import BagWriter
+from midastouch_bringup.messages import sequence_messages
+from midastouch_msgs.msg import FilterStatus
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns, stamp_ns
+
+pytestmark = pytest.mark.dds
+MS = 1_000_000
+QUEUE = {"queue_depth": 100, "reliable": True, "use_sim_time": True}
+NODES = {
+    "tdn": ["-m", "midastouch_perception.nodes.tdn"],
+    "tcn": ["-m", "midastouch_perception.nodes.tcn"],
+    "particle_filter": [str(Path(__file__).with_name("stalling_filter.py"))],
+}
+
+
+@contextlib.contextmanager
+def processes(graph, folder: Path, overrides: dict[str, dict]) -> Iterator[None]:
+    """The three nodes on the graph's DDS domain."""
+    config = folder / "nodes.yaml"
+    config.write_text(yaml.safe_dump({name: {"ros__parameters": QUEUE | overrides.get(name, {})} for name in NODES}))
+    environment = os.environ | {"ROS_DOMAIN_ID": str(graph.companion.context.get_domain_id())}
+    running = [
+        subprocess.Popen([sys.executable, *command, "--ros-args", "--params-file", str(config)], env=environment)
+        for command in NODES.values()
+    ]
+    try:
+        yield
+    finally:
+        for process in running:
+            process.send_signal(signal.SIGINT)
+        codes = [process.wait(timeout=60) for process in running]
+    assert codes == [0, 0, 0]
+
+
+def connect(graph, statuses: list, image) -> None:
+    """Return when an image gets as far as the filter: all of them have found each other."""
+    images = graph.publisher(Image, "image_raw", qos.stream_publisher(100))
+    sent = []
+
+    def heard() -> bool:
+        sent.append((len(sent) + 1) * MS)
+        header = Header(stamp=stamp_from_ns(sent[-1]), frame_id="digit_optical_frame")
+        images.publish(image_to_msg(image, "rgb8", header))
+        graph.spin_for(0.2)
+        return any(stamp_ns(status.header.stamp) in sent for status in statuses)
+
+    graph.spin_until(heard, "an answer of the filter")
+    graph.companion.destroy_publisher(images)
+
+
+def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=20)
+    recorded = [
+        dataclasses.replace(m, stamp_ns=m.stamp_ns + 30 * MS) if m.topic == "/tf" else m
+        for m in sequence_messages(sequence)
+    ]
+    with BagWriter(tmp_path / "x.mcap") as bag:
+        for message in sorted(recorded, key=lambda m: m.stamp_ns):
+            bag.write(message)
+    overrides = {
+        "tdn": {"background": str(sequence.background_path)},
+        "particle_filter": {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz", "transform_timeout": 1.0},
+    }
+    with processes(graph, tmp_path, overrides):
+        statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+        connect(graph, statuses, sequence.image(0))
+        node = replay(graph, tmp_path / "x.mcap", ack_topic="filter_status", ack_timeout=0.05, clock=True)
+        assert 2 * node.get_parameter("ack_timeout").value < STALL_S
+        images, moving = graph.listen(Image, "image_raw"), graph.listen(TFMessage, "/tf")
+        node.start()
+        graph.spin_until(lambda: len(images) >= 10, "half of the images")
+        request = SetObject.Request(mesh_path="/data/cup.ply", codebook_path="/data/cup.npz")
+        assert graph.call(SetObject, "set_object", request).success
+        graph.spin_until(node.finished.is_set, "the end")
+        wanted = sequence.stamps_ns.tolist()
+
+        def answers() -> dict[int, list[str]]:
+            said = {stamp: [] for stamp in wanted}
+            for status in statuses:
+                stamp = stamp_ns(status.header.stamp)
+                if status.state != FilterStatus.STATE_WAITING and stamp in said:
+                    said[stamp].append(f"{status.state}: {status.reason}")
+            return said
+
+        graph.spin_until(lambda: all(answers().values()), "an answer to each")
+        changed = "stale: the object was changed while this code waited for its transform"
+        assert {tuple(said) for said in answers().values()} <= {("ambiguous: as told",), (changed,)}
+        assert list(answers().values()).count([changed]) <= 1
+        assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (20, 0, 0)
+        assert stamps(images) == wanted
+        of_transforms = [stamp_ns(m.transforms[0].header.stamp) for m in moving]
+        assert of_transforms == wanted
+        skipped = dict(zip(statuses[-1].skipped_names, statuses[-1].skipped_counts, strict=True))
+        assert (skipped["out_of_order"], skipped["time_jumps"]) == (0, 0)

@@ -1,0 +1,211 @@
+"""`particle_filter` driven by a lifecycle manager over DDS."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench
+from filter_fakes import SECOND, code_msg, loader_of, translation
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rcl_interfaces.msg import Log
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Empty
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_filter.nodes.particle_filter import ParticleFilterNode
+from midastouch_filter.touch import Measurement
+from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.errors import InputError
+
+pytestmark = pytest.mark.dds
+WAITING = {**REPLAY, "autostart": False}
+INPUTS = {
+    "tactile/code": TactileCode,
+    "tactile/points": PointCloud2,
+    "right/tactile/code": TactileCode,
+    "right/tactile/points": PointCloud2,
+    "/tf": TFMessage,
+    "/tf_static": TFMessage,
+    "initialpose": PoseWithCovarianceStamped,
+    "object_pose_prior": PoseWithCovarianceStamped,
+}
+
+
+def add(graph, filters, **parameters) -> ParticleFilterNode:
+    """The node on fake filters, not yet configured."""
+    return graph.add(
+        lambda **options: ParticleFilterNode(load=loader_of(filters), **options), {**WAITING, **parameters}
+    )
+
+
+def set_parameters(graph, **values):
+    parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    request = SetParameters.Request(parameters=parameters)
+    return graph.call(SetParameters, "particle_filter/set_parameters", request).results
+
+
+def await_reason(graph, statuses: list[FilterStatus], words: str) -> FilterStatus:
+    graph.spin_until(lambda: statuses and words in statuses[-1].reason, words)
+    return statuses[-1]
+
+
+def test_it_hears_nothing_before_it_is_active_and_nothing_after(graph):
+    filters = []
+    add(graph, filters, **OBJECT, fingers="right:right_gel")
+    counts = lambda: {topic: graph.companion.count_subscribers(topic) for topic in INPUTS}  # noqa: E731
+    for _ in range(2):
+        assert graph.change_state("particle_filter", "configure")
+        assert counts() == dict.fromkeys(INPUTS, 0)
+        assert graph.change_state("particle_filter", "activate")
+        graph.spin_until(lambda: counts() == dict.fromkeys(INPUTS, 1), "the subscriptions")
+        assert graph.change_state("particle_filter", "deactivate")
+        graph.spin_until(lambda: counts() == dict.fromkeys(INPUTS, 0), "their end")
+        assert graph.change_state("particle_filter", "cleanup")
+    assert len(filters) == 2
+
+
+def test_the_latched_status_tells_each_step_of_its_life(graph):
+    add(graph, [], **OBJECT)
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
+    assert await_reason(graph, statuses, "not configured").state == "uninitialised"
+    assert graph.change_state("particle_filter", "configure")
+    await_reason(graph, statuses, "configured, but not active")
+    assert "loading the mesh /data/mug.ply and the codebook /data/mug.npz" in [s.reason for s in statuses]
+    graph.spin_until(lambda: meshes, "the mesh")
+    assert graph.change_state("particle_filter", "activate")
+    await_reason(graph, statuses, "waiting for tactile/code")
+    assert graph.change_state("particle_filter", "deactivate")
+    await_reason(graph, statuses, "deactivated")
+    late = graph.listen(FilterStatus, "filter_status", latched=True)
+    await_reason(graph, late, "deactivated")
+
+
+def test_a_mesh_that_cannot_be_used_fails_the_transition_until_it_is_mended(graph):
+    filters = []
+    add(graph, filters, mesh="/data/bad.ply", codebook="/data/mug.npz")
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    health = graph.listen(DiagnosticArray, "/diagnostics")
+    logs: list[Log] = []
+    late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.companion.create_subscription(Log, "/rosout", logs.append, late)
+    assert not graph.change_state("particle_filter", "configure")
+    reason = "/data/bad.ply: not a mesh"
+    await_reason(graph, statuses, reason)
+    graph.spin_until(lambda: any(log.msg == reason for log in logs), "the log")
+    graph.spin_until(lambda: any(s.message == reason for m in health for s in m.status), "the diagnostics")
+    assert not graph.change_state("particle_filter", "activate")
+
+    assert all(result.successful for result in set_parameters(graph, mesh="/data/mug.ply"))
+    assert graph.change_state("particle_filter", "configure")
+    assert graph.change_state("particle_filter", "activate")
+    await_reason(graph, statuses, "waiting for tactile/code")
+    assert filters[0].starts == ["uniform"]
+
+
+def test_settings_that_contradict_each_other_fail_the_transition(graph):
+    add(graph, [], **OBJECT, min_particles=5000, max_particles=1000)
+    statuses = graph.listen(FilterStatus, "filter_status", latched=True)
+    assert not graph.change_state("particle_filter", "configure")
+    await_reason(graph, statuses, "min_particles")
+    assert all(result.successful for result in set_parameters(graph, min_particles=500))
+    assert graph.change_state("particle_filter", "configure")
+
+
+def test_what_was_felt_before_a_pause_counts_no_more(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(SECOND)
+    bench.codes.publish(code_msg(2 * SECOND))  # waits for its transform
+    graph.spin_until(lambda: len(bench.node._queue) == 1, "the code in the queue")
+    assert graph.change_state("particle_filter", "deactivate")
+    for inputs in (bench.codes, bench.tf):
+        graph.spin_until(lambda inputs=inputs: inputs.get_subscription_count() == 0, "the subscription's end")
+    bench.node.on_code(3 * SECOND, Measurement(False, None, 0.0, "fake"))
+    assert graph.change_state("particle_filter", "activate")
+    graph.spin_until(lambda: bench.codes.get_subscription_count() == 1, "the subscription to codes")
+    graph.spin_until(lambda: bench.tf.get_subscription_count() == 1, "the subscription to transforms")
+    bench.frame(SECOND + 1, T_BASE_OBJ @ translation(0.05))
+    assert bench.filter.odometry == [None, None]
+    assert bench.filter.starts == ["uniform", "uniform"]
+    assert not bench.answers(3 * SECOND)
+
+
+def test_services_say_that_it_is_not_active(graph):
+    filters = []
+    add(graph, filters, **OBJECT)
+    request = SetObject.Request(mesh_path="/data/cup.ply", codebook_path="/data/cup.npz")
+    for transition in ("configure", "activate"):
+        answer = graph.call(SetObject, "set_object", request)
+        assert (answer.success, answer.message) == (False, "the node is not active; activate it (ros2 lifecycle set)")
+        for service in ("reinitialize_global_localization", "request_nomotion_update"):
+            graph.call(Empty, service, Empty.Request())
+        assert graph.change_state("particle_filter", transition)
+    assert filters[0].starts == ["uniform"]
+    assert graph.call(SetObject, "set_object", request).success
+    assert len(filters) == 2
+
+
+def test_another_object_can_be_configured(graph):
+    filters = []
+    add(graph, filters, **OBJECT)
+    meshes = graph.listen(MarkerArray, "object_mesh", latched=True)
+    assert graph.change_state("particle_filter", "configure")
+    assert graph.change_state("particle_filter", "cleanup")
+    assert all(result.successful for result in set_parameters(graph, mesh="/data/cup.ply", codebook="/data/cup.npz"))
+    assert graph.change_state("particle_filter", "configure")
+    graph.spin_until(lambda: meshes and meshes[-1].markers[-1].mesh_resource.endswith("/cup.ply"), "the mesh")
+
+
+def test_a_start_by_itself_on_a_bad_mesh_raises(graph):
+    with pytest.raises(InputError, match="not a mesh"):
+        add(graph, [], mesh="/data/bad.ply", codebook="/data/mug.npz", autostart=True)
+
+
+# --- the executable
+
+
+def executable(*parameters: str) -> subprocess.Popen:
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "midastouch_filter.nodes.particle_filter", "--ros-args", *words],
+        env=os.environ.copy(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_process_ends_with_the_reason_unless_a_manager_may_mend_it(graph, tmp_path):
+    missing = f"mesh:={tmp_path / 'missing.ply'}", f"codebook:={tmp_path / 'missing.npz'}"
+    by_itself = executable(*missing)
+    _, errors = by_itself.communicate(timeout=120)
+    assert by_itself.returncode == 2
+    assert [line for line in errors.splitlines() if "missing.ply" in line] == errors.splitlines()[-1:]
+
+    managed = executable(*missing, "autostart:=false")
+    try:
+        assert graph.state_of("particle_filter") == "unconfigured"
+        assert not graph.change_state("particle_filter", "configure")
+        assert graph.state_of("particle_filter") == "unconfigured"
+        assert all(result.successful for result in set_parameters(graph, mesh="", codebook=""))
+        assert graph.change_state("particle_filter", "configure")
+        assert graph.change_state("particle_filter", "activate")
+        for transition in ("deactivate", "cleanup", "unconfigured_shutdown"):  # as nav2's manager at its end
+            assert graph.change_state("particle_filter", transition)
+        assert graph.state_of("particle_filter") == "finalized"
+        managed.send_signal(signal.SIGINT)
+        _, errors = managed.communicate(timeout=60)
+    finally:
+        managed.kill()
+    assert managed.returncode == 0, errors
+    assert "missing.ply: no such mesh file" in errors

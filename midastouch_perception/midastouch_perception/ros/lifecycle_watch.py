@@ -1,0 +1,87 @@
+"""Which lifecycle nodes are active, told by themselves: `get_state` once, then their `transition_event`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+from lifecycle_msgs.msg import TransitionEvent
+from lifecycle_msgs.srv import GetState
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+
+from . import qos
+
+_ABSENT = "not running"
+_LOOK_S = 0.1  # for nodes that have come or gone
+_ASK_AGAIN_S = 1.0  # an event may be lost while both sides still find each other, and an answer with a node that dies
+
+
+class LifecycleWatch:
+    """Follows lifecycle nodes. `node` listens for it and must be spun.
+
+    names: of the nodes, absolute or in the namespace of `node`. on_change is called, by who spins, after each change of
+    `states`.
+    """
+
+    def __init__(self, node: Node, names: Iterable[str], on_change: Callable[[], None] = lambda: None):
+        self._on_change = on_change
+        self._watched = [_Watched(node, name, on_change) for name in names]
+        node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    @property
+    def states(self) -> dict[str, str]:
+        """Label of each node's state by its name, e.g. `inactive`; `not running` before it is there."""
+        return {watched.name: watched.state for watched in self._watched}
+
+    @property
+    def waiting_for(self) -> str:
+        """The nodes that are not active, with their states, in words; empty when all are."""
+        return ", ".join(f"{name} ({state})" for name, state in self.states.items() if state != "active")
+
+    def _look(self) -> None:
+        for watched in self._watched:
+            watched.look()
+
+
+class _Watched:
+    """One node: what it has said of its state."""
+
+    def __init__(self, node: Node, name: str, on_change: Callable[[], None]):
+        self.name, self.state = name, _ABSENT
+        self._on_change = on_change
+        self._client = node.create_client(GetState, f"{name}/get_state")
+        self._answer: Future | None = None
+        self._asked = 0.0
+        node.create_subscription(TransitionEvent, f"{name}/transition_event", self._on_event, qos.COMMAND)
+
+    def look(self) -> None:
+        """Ask the node for its state unless it is known, or forget what was known of one that is gone."""
+        if not self._client.service_is_ready():
+            self._drop_question()
+            self._set(_ABSENT)
+        elif self.state != "active" and (self._answer is None or time.monotonic() - self._asked > _ASK_AGAIN_S):
+            self._drop_question()
+            self._asked = time.monotonic()
+            self._answer = self._client.call_async(GetState.Request())
+            self._answer.add_done_callback(self._on_answer)
+
+    def _on_answer(self, answer: Future) -> None:
+        if answer is self._answer:  # else it comes too late
+            self._set(answer.result().current_state.label)
+
+    def _on_event(self, event: TransitionEvent) -> None:
+        # what is still to be answered may have been said before
+        self._drop_question()
+        self._set(event.goal_state.label)
+
+    def _drop_question(self) -> None:
+        if self._answer is not None:
+            self._client.remove_pending_request(self._answer)
+            self._answer = None
+
+    def _set(self, state: str) -> None:
+        if state != self.state:
+            self.state = state
+            self._on_change()

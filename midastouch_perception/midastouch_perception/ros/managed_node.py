@@ -1,0 +1,187 @@
+"""The base of this project's lifecycle nodes."""
+
+from __future__ import annotations
+
+import contextlib
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+
+from digit_driver.nodes.lifecycle import RobustLifecycleNode
+
+from ..errors import InputError
+from . import diagnostics
+from .node import PipelineNode, refuse_unused_overrides
+from .parameters import Parameter, Parameters
+
+AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
+"""Parameter of every lifecycle node."""
+
+_UNCONFIGURED = "not configured (ros2 lifecycle set)"
+
+
+class ManagedNode(PipelineNode, RobustLifecycleNode):
+    """A lifecycle node that says what it is loading, and why it could not.
+
+    A subclass makes its publishers and services in its constructor, which ends with `autostart()`. It has
+
+    configure(): load what the parameters name, and `say` so first; raises InputError;
+    connect(): make subscriptions and timers, which are destroyed when the node stops being active, so that a matched
+    subscription means an active node; raises InputError;
+    disconnect(): end what else `connect` has begun;
+    unload(): let go of what `configure` has loaded, all of it or a part;
+    describe(): level, message and values for the diagnostics of the active node.
+
+    table: its parameters. Those that are neither `at_start` nor may change at run time may while the node is
+    unconfigured: what could not be loaded can be mended and configured again.
+    """
+
+    def __init__(self, name: str, table: Iterable[Parameter], **node_options):
+        super().__init__(name, **node_options)
+        self._doing, self._starting = _UNCONFIGURED, False
+        self._error: Exception | None = None
+        self._lasting: set | None = None  # what the active node listened with before; None: it is not
+        try:
+            self.parameters = Parameters(self, table, lambda: self.lifecycle_state == "unconfigured")
+        except InputError:
+            self.destroy_node()
+            raise
+        self.diagnostics = diagnostics.Diagnostics(self, self._describe_state)
+
+    def autostart(self) -> None:
+        """Configure and activate if the parameter says so. Raises what went wrong, InputError or another."""
+        if not self.parameters["autostart"]:
+            self.say(_UNCONFIGURED)
+            return
+        self._starting = True
+        try:
+            if not self.start():
+                raise self._error
+        except BaseException:
+            self.destroy_node()
+            raise
+        self._starting = False
+
+    @property
+    def active(self) -> bool:
+        """Whether the node does its work."""
+        return self.lifecycle_state == "active"
+
+    def say(self, doing: str) -> None:
+        """Tell what the node does or waits for, until it is active."""
+        self._doing = doing
+        self.diagnostics.publish()
+
+    @contextlib.contextmanager
+    def busy(self, doing: str) -> Iterator[None]:
+        """Tell in the diagnostics what keeps the active node from its work."""
+        self._doing = doing
+        try:
+            with self.diagnostics.kept_up():
+                yield
+        finally:
+            self._doing = ""
+
+    def configure(self) -> None:
+        raise NotImplementedError
+
+    def connect(self) -> None:
+        raise NotImplementedError
+
+    def disconnect(self) -> None: ...
+
+    def unload(self) -> None:
+        raise NotImplementedError
+
+    def describe(self) -> tuple[bytes, str, dict]:
+        raise NotImplementedError
+
+    def destroy_node(self) -> None:
+        """As rclpy's, once what was begun has ended."""
+        self._disconnect_all()
+        super().destroy_node()
+
+    # --- transitions, called by rclpy
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._configure_or_unload, "configured, but not active (ros2 lifecycle set)")
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._connect_or_undo, "")
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._disconnect_all, "deactivated")
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self.unload, _UNCONFIGURED)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        return self._carry_out(self._disconnect_and_unload, "shut down")
+
+    def _carry_out(self, transition: Callable[[], None], doing: str) -> TransitionCallbackReturn:
+        """Its result, told with the reason when it fails (rclpy swallows what is raised), else what is done next."""
+        self.failure = ""
+        try:
+            transition()
+        except Exception as error:
+            return self._fail(error)
+        if doing and not self._starting:
+            self.say(doing)
+        else:
+            self._doing = doing
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure_or_unload(self) -> None:
+        try:
+            with self.diagnostics.kept_up():
+                self.configure()
+        except Exception:
+            self.unload()
+            raise
+
+    def _connect_or_undo(self) -> None:
+        self._lasting = {*self.subscriptions, *self.timers}
+        try:
+            self.connect()
+            refuse_unused_overrides(self)
+        except Exception:
+            self._disconnect_all()
+            raise
+
+    def _disconnect_and_unload(self) -> None:
+        self._disconnect_all()
+        self.unload()
+
+    def _disconnect_all(self) -> None:
+        """Undo `connect`, as far as it has come."""
+        if self._lasting is None:
+            return
+        self.disconnect()
+        for subscription in {*self.subscriptions} - self._lasting:
+            self.destroy_subscription(subscription)
+        for timer in {*self.timers} - self._lasting:
+            self.destroy_timer(timer)
+        self._lasting = None
+
+    def _fail(self, error: Exception) -> TransitionCallbackReturn:
+        """A transition's failure; the node stays in the state it was in before."""
+        expected = isinstance(error, InputError)
+        self.failure = str(error) if expected else f"{type(error).__name__}: {error}"
+        if self._starting:
+            self._error = error  # which `autostart` raises, and whoever makes the node reports
+        else:
+            trace = "" if expected else "\n" + "".join(traceback.format_exception(error)).rstrip()
+            self.get_logger().error(f"{self.failure}{trace}")
+        self.say(self.failure)
+        return TransitionCallbackReturn.FAILURE
+
+    def _describe_state(self) -> tuple[bytes, str, dict]:
+        state = self.lifecycle_state
+        if self.failure:
+            level, message, values = diagnostics.ERROR, self.failure, {}
+        elif self._doing:
+            level, message, values = diagnostics.WARN, self._doing, {}
+        else:
+            level, message, values = self.describe()
+        return level, message, {"lifecycle": state, **values}

@@ -1,0 +1,259 @@
+"""A lifecycle node driven over DDS as by nav2's lifecycle manager, and one that starts by itself."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import TransitionEvent
+from rcl_interfaces.msg import Log, SetParametersResult
+from rcl_interfaces.srv import SetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RclpyParameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import diagnostics, qos
+from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_perception.ros.parameters import Parameter
+
+pytestmark = pytest.mark.dds
+WAITING = {"autostart": False}
+UNCONFIGURED = "not configured (ros2 lifecycle set)"
+
+
+class Reader(ManagedNode):
+    """Loads a "file" by name: `good`, one that cannot be used, or one that reveals a bug."""
+
+    def __init__(self, while_loading=lambda: None, **options):
+        table = (
+            Parameter("file", "good", "What to load"),
+            Parameter("speed", 1.0, "Changes while it runs", read_only=False),
+            Parameter("depth", 1, "Read once", at_start=True),
+            AUTOSTART,
+        )
+        super().__init__("reader", table, **options)
+        self.loaded, self.heard, self.ended = None, [], 0
+        self._while_loading = while_loading
+        self.autostart()
+
+    def configure(self):
+        self.say(f"loading {self.parameters['file']}")
+        self._while_loading()
+        self.loaded = self.parameters["file"]
+        if self.loaded == "bad":
+            raise InputError("bad: not a file; choose another")
+        if self.loaded == "bug":
+            raise ZeroDivisionError("of something")
+
+    def unload(self):
+        self.loaded = None
+
+    def connect(self):
+        if self.loaded == "deaf":
+            raise InputError("deaf: cannot listen")
+        self.create_subscription(String, "words", self.heard.append, qos.COMMAND)
+        self.create_timer(1000.0, lambda: None)
+
+    def disconnect(self):
+        self.ended += 1
+        if self.loaded == "stuck":
+            raise OSError("it does not let go")
+
+    def describe(self):
+        return diagnostics.OK, "hears", {"words": len(self.heard)}
+
+
+def set_parameter(graph, name: str, value) -> SetParametersResult:
+    parameters = [RclpyParameter(name, value=value).to_parameter_msg()]
+    return graph.call(SetParameters, "reader/set_parameters", SetParameters.Request(parameters=parameters)).results[0]
+
+
+def expect(graph, received: list, level: bytes, message: str, **values) -> None:
+    """Spin until the newest diagnostics say so."""
+
+    def said() -> bool:
+        status = received[-1].status[0] if received else None
+        told = {pair.key: pair.value for pair in status.values} if status else {}
+        return status is not None and (status.level, status.message) == (level, message) and told == values
+
+    graph.spin_until(said, message)
+
+
+def subscribers(graph) -> int:
+    return graph.companion.count_subscribers("words")
+
+
+def test_a_manager_takes_it_through_its_whole_life(graph):
+    node = graph.add(Reader, WAITING)
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    events = graph.listen(TransitionEvent, "reader/transition_event")
+    assert graph.state_of("reader") == "unconfigured"
+    assert not graph.change_state("reader", "activate"), "must be configured first"
+    expect(graph, received, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
+
+    for _ in range(2):
+        assert graph.change_state("reader", "configure")
+        assert (graph.state_of("reader"), node.loaded, subscribers(graph)) == ("inactive", "good", 0)
+        inactive = "configured, but not active (ros2 lifecycle set)"
+        expect(graph, received, diagnostics.WARN, inactive, lifecycle="inactive")
+        for _ in range(2):
+            assert graph.change_state("reader", "activate")
+            graph.spin_until(lambda: subscribers(graph) == 1, "the subscription")
+            words = graph.publisher(String, "words")
+            words.publish(String(data="x"))
+            before = len(node.heard)
+            graph.spin_until(lambda before=before: len(node.heard) > before, "the word")
+            expect(graph, received, diagnostics.OK, "hears", lifecycle="active", words=str(len(node.heard)))
+            timers = len(list(node.timers))
+            assert graph.change_state("reader", "deactivate")
+            graph.spin_until(lambda: subscribers(graph) == 0, "the subscription's end")
+            assert len(list(node.timers)) == timers - 1
+        assert graph.change_state("reader", "cleanup")
+        assert (graph.state_of("reader"), node.loaded) == ("unconfigured", None)
+    assert node.ended == 4
+
+    assert graph.change_state("reader", "configure")
+    assert graph.change_state("reader", "activate")
+    assert graph.change_state("reader", "active_shutdown")
+    assert (graph.state_of("reader"), node.loaded, node.ended) == ("finalized", None, 5)
+    graph.spin_until(lambda: events and events[-1].goal_state.label == "finalized", "the last event")
+
+
+def test_what_cannot_be_loaded_is_told_and_can_be_mended(graph):
+    node = graph.add(Reader, {**WAITING, "file": "bad"})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    logs: list[Log] = []
+    late = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    graph.companion.create_subscription(Log, "/rosout", logs.append, late)
+    assert not graph.change_state("reader", "configure")
+    assert (graph.state_of("reader"), node.loaded) == ("unconfigured", None)
+    expect(graph, received, diagnostics.ERROR, "bad: not a file; choose another", lifecycle="unconfigured")
+    graph.spin_until(lambda: any(log.msg == "bad: not a file; choose another" for log in logs), "the log")
+
+    assert set_parameter(graph, "file", "good").successful
+    assert graph.change_state("reader", "configure")
+    assert graph.change_state("reader", "activate")
+    expect(graph, received, diagnostics.OK, "hears", lifecycle="active", words="0")
+
+
+def test_what_fails_at_activation_leaves_it_inactive(graph):
+    node = graph.add(Reader, {**WAITING, "file": "deaf"})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    assert graph.change_state("reader", "configure")
+    assert not graph.change_state("reader", "activate")
+    assert graph.state_of("reader") == "inactive"
+    expect(graph, received, diagnostics.ERROR, "deaf: cannot listen", lifecycle="inactive")
+    assert graph.change_state("reader", "cleanup")
+    expect(graph, received, diagnostics.WARN, UNCONFIGURED, lifecycle="unconfigured")
+    assert node.ended == 1
+
+
+def test_a_bug_fails_the_transition_and_is_named(graph):
+    graph.add(Reader, {**WAITING, "file": "bug"})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    assert not graph.change_state("reader", "configure")
+    assert graph.state_of("reader") == "unconfigured"
+    expect(graph, received, diagnostics.ERROR, "ZeroDivisionError: of something", lifecycle="unconfigured")
+
+
+def test_a_bug_while_it_stops_is_named_too(graph):
+    node = graph.add(Reader, {**WAITING, "file": "stuck"})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    assert graph.change_state("reader", "configure")
+    assert graph.change_state("reader", "activate")
+    assert not graph.change_state("reader", "deactivate")
+    expect(graph, received, diagnostics.ERROR, "OSError: it does not let go", lifecycle="active")
+    node.loaded = "good"
+    assert graph.change_state("reader", "deactivate")
+    assert subscribers(graph) == 0
+
+
+def test_an_override_of_a_topic_that_is_not_there_fails_the_activation(graph):
+    graph.add(Reader, {**WAITING, "qos_overrides./wrods.subscription.depth": 3})
+    received = graph.listen(DiagnosticArray, "/diagnostics")
+    assert graph.change_state("reader", "configure")
+    assert not graph.change_state("reader", "activate")
+    wrong = "no parameter 'qos_overrides./wrods.subscription.depth'"
+    graph.spin_until(lambda: any(wrong in msg.status[0].message for msg in received), "the reason")
+    assert subscribers(graph) == 0
+
+
+@pytest.mark.parametrize(("file", "error"), [("bad", InputError), ("bug", ZeroDivisionError), ("deaf", InputError)])
+def test_a_start_by_itself_raises_what_went_wrong_and_leaves_nothing_behind(graph, file, error):
+    with pytest.raises(error):
+        graph.add(Reader, {"file": file})
+    graph.spin_until(lambda: "reader" not in graph.companion.get_node_names(), "the node's end")
+
+
+def test_a_start_by_itself_ends_active(graph):
+    graph.add(Reader, {})
+    assert graph.state_of("reader") == "active"
+    assert graph.publisher(String, "words")
+
+
+def test_parameters_are_locked_while_what_was_made_of_them_is_in_use(graph):
+    node = graph.add(Reader, WAITING)
+    assert set_parameter(graph, "file", "other").successful
+    assert "expected 'Type.STRING'" in set_parameter(graph, "file", 3).reason
+    assert "read-only" in set_parameter(graph, "depth", 3).reason
+    assert graph.change_state("reader", "configure")
+    assert node.loaded == "other"
+    for transition in ("activate", "deactivate"):
+        refused = set_parameter(graph, "file", "good")
+        assert not refused.successful
+        assert "parameter 'file' is read when the node is configured" in refused.reason
+        assert set_parameter(graph, "speed", 2.0).successful
+        assert graph.change_state("reader", transition)
+    assert graph.change_state("reader", "cleanup")
+    assert set_parameter(graph, "file", "good").successful
+
+
+class Bystander:
+    """Hears diagnostics in a thread of its own, whatever the node under test is doing."""
+
+    def __init__(self):
+        self.heard_twice = threading.Event()
+        self.messages: list[str] = []
+        self._node = Node("bystander")
+        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._on_status, 100)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._spin)
+        self._thread.start()
+
+    def _spin(self):
+        while not self._over.is_set():
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def _on_status(self, msg):
+        self.messages.append(msg.status[0].message)
+        if self.messages.count("loading good") >= 2:
+            self.heard_twice.set()
+
+    def close(self):
+        self._over.set()
+        self._thread.join()
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+
+@pytest.mark.parametrize("by_itself", [True, False])
+def test_diagnostics_say_what_is_loading_for_as_long_as_it_takes(graph, by_itself):
+    bystander = Bystander()
+    waited = []
+    try:
+
+        def load():
+            waited.append(bystander.heard_twice.wait(60.0))
+
+        graph.add(lambda **options: Reader(load, **options), {"autostart": by_itself})
+        if not by_itself:
+            assert graph.change_state("reader", "configure")
+    finally:
+        bystander.close()
+    assert waited == [True]
