@@ -31,7 +31,10 @@ def _make_and_play(context: LaunchContext) -> list:
     failed = ends_the_launch()
 
     def play(event, context):
-        return start("demo", bag=str(demo_slide(name))) if event.returncode == 0 else failed(event, context)
+        # a lifecycle node that is launched once the shutdown has begun keeps launch from ending
+        if event.returncode != 0 or context.is_shutdown:
+            return failed(event, context)
+        return start("demo", bag=str(demo_slide(name)))
 
     # a process of its own: the libraries for it may be missing in the Python of launch
     midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")

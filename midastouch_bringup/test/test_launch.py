@@ -278,6 +278,9 @@ def test_a_failed_preparation_ends_the_launch():
     (process,) = prepare.kwargs["function"](context)
     with pytest.raises(RuntimeError, match="midastouch-1 died with exit code 2"):
         process.kwargs["on_exit"](ended(2, "midastouch-1"), context)
+    context.is_shutdown = True  # Ctrl-C
+    assert process.kwargs["on_exit"](ended(130), context) is None
+    assert process.kwargs["on_exit"](ended(0), context) is None
 
 
 @pytest.mark.usefixtures("stand_ins")
