@@ -26,10 +26,9 @@ def run(args: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from ament_index_python.packages import get_package_share_directory
-
     from ..foxglove_layout import in_namespace
+    from ..ros.launch_arguments import SHARE
 
-    path = Path(get_package_share_directory("midastouch_bringup")) / "foxglove" / "midastouch.json"
-    Path(args.out).write_text(json.dumps(in_namespace(json.loads(path.read_text()), args.namespace), indent=2) + "\n")
+    layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
+    Path(args.out).write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
     return 0
