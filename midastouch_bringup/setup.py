@@ -14,6 +14,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
+        ("bin", ["scripts/midastouch"]),
         *(
             (f"share/{package}/{folder}", [str(path) for path in sorted(Path(folder).glob("*.*"))])
             for folder in ("config", "foxglove", "launch", "rviz", "urdf")

@@ -72,6 +72,8 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
+    if name == "ur_tf":
+        return {"robot_ip": "the.arm"}
     if name == "recorder":
         return {"path": str(tmp_path / "recorded.mcap")}
     if name != "replay":

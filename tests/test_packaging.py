@@ -2,12 +2,16 @@
 
 import ast
 import importlib.metadata
+import os
+import shutil
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 PYTHON_PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
@@ -106,3 +110,24 @@ def test_share_folder_is_found(package):
     from ament_index_python.packages import get_package_share_directory
 
     assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
+
+
+@pytest.mark.parametrize("linked", [False, True], ids=["copied", "linked"])
+def test_midastouch_is_a_command_in_an_install(root, tmp_path, linked):
+    """Installed as colcon does it: entry points lie where `ros2 run` looks, only bin/ comes to be on PATH."""
+    facts = yaml.safe_load((root / "tests" / "facts" / "install.yaml").read_text())
+    source, prefix = tmp_path / "source", tmp_path / "install"
+    shutil.copytree(root / "midastouch_bringup", source, ignore=shutil.ignore_patterns("test", "*.egg-info", "build"))
+    command = [sys.executable, "setup.py", "-q", "install", "--prefix", str(prefix), "--record", str(tmp_path / "log")]
+    command += ["--single-version-externally-managed"]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    scripts = prefix / facts["scripts"].format(package="midastouch_bringup")
+    assert {"replay", "ur_tf", "midastouch"} <= {path.name for path in scripts.iterdir()}
+    on_path = prefix / facts["path"]
+    assert [path.name for path in on_path.iterdir()] == ["midastouch"]
+    if linked:
+        (on_path / "midastouch").unlink()
+        (on_path / "midastouch").symlink_to(source / "scripts" / "midastouch")
+    environment = {**os.environ, "PATH": f"{on_path}{os.pathsep}{os.environ['PATH']}"}
+    run = subprocess.run("midastouch doctor --help", shell=True, env=environment, capture_output=True, text=True)
+    assert run.stdout.startswith("usage: midastouch doctor"), run.stderr

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+import yaml
 
 SUPPORTED = ["3.10", "3.11", "3.12", "3.13"]
 SOURCES = ["ros_wheels/run.txt", "ros_wheels/build.txt", "requirements/base.txt", "requirements/dev.txt"]
@@ -48,3 +49,12 @@ def test_every_package_is_locked_by_its_content(root):
     packages = [line for line in lines if "==" in line]
     assert len(packages) > 100
     assert [line for line in packages if not re.search(r"( --hash=sha256:[0-9a-f]{64})+$", line)] == []
+
+
+def test_a_system_ros_on_ubuntu_is_new_enough(root):
+    """pytest of the distribution runs `colcon test`; what ROS is compiled against may not be replaced by pip."""
+    noble = yaml.safe_load((root / "tests" / "facts" / "noble.yaml").read_text())
+    wanted = re.search(r'^minversion = "([\d.]+)"', (root / "pyproject.toml").read_text(), flags=re.M)[1]
+    assert [int(part) for part in wanted.split(".")] <= [int(part) for part in noble["python3-pytest"].split(".")]
+    kept = pins(root / "docker" / "constraints.txt", "3.12")
+    assert kept == {name: noble[f"python3-{name}"] for name in ("numpy", "scipy")}

@@ -8,8 +8,8 @@ from launch.actions import ExecuteProcess, OpaqueFunction, SetEnvironmentVariabl
 from launch.substitutions import EnvironmentVariable
 from launch_ros.substitutions import ExecutableInPackage
 
-from midastouch_bringup.ros.launch_parts import declare, in_turn, start
-from midastouch_bringup.ros.setups import demo_preparations, demo_slide
+from midastouch_bringup.output_paths import demo_slide
+from midastouch_bringup.ros.launch_parts import check, declare, ends_the_launch, start
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -20,6 +20,7 @@ def generate_launch_description() -> LaunchDescription:
             # Nobody else on the network sees the demo's nodes, unless the user has said so.
             SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST")),
             *declare("demo"),
+            check("demo"),
             OpaqueFunction(function=_make_and_play),
         ]
     )
@@ -27,10 +28,15 @@ def generate_launch_description() -> LaunchDescription:
 
 def _make_and_play(context: LaunchContext) -> list:
     name = context.launch_configurations["object"]
-    (play,) = start("demo", bag=str(demo_slide(name)))
-    return in_turn([_midastouch(arguments) for arguments in demo_preparations(name)], play)
+    failed = ends_the_launch()
 
+    def play(event, context):
+        # a lifecycle node that is launched once the shutdown has begun keeps launch from ending
+        if event.returncode != 0 or context.is_shutdown:
+            return failed(event, context)
+        return start("demo", bag=str(demo_slide(name)))
 
-def _midastouch(arguments: list[str]) -> ExecuteProcess:
-    command = ExecutableInPackage("midastouch", "midastouch_bringup")
-    return ExecuteProcess(cmd=[command, *arguments], output="screen")
+    # a process of its own: the libraries for it may be missing in the Python of launch
+    midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")
+    command = [midastouch, "run", "demo", f"object:={name}", "--prepare"]
+    return [ExecuteProcess(cmd=command, output="screen", on_exit=play)]

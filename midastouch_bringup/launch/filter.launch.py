@@ -2,9 +2,9 @@
 
 from launch import LaunchDescription
 
-from midastouch_bringup.ros.launch_parts import declare, start
+from midastouch_bringup.ros.launch_parts import check, declare, start
 
 
 def generate_launch_description() -> LaunchDescription:
     """Node `particle_filter`."""
-    return LaunchDescription([*declare("filter"), *start("filter")])
+    return LaunchDescription([*declare("filter"), check("filter"), *start("filter")])

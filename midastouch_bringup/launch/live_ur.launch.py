@@ -6,16 +6,17 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
-from midastouch_bringup.ros.launch_parts import declare, start, when
+from midastouch_bringup.ros.launch_parts import check, declare, require_package, start, when
 
 
 def generate_launch_description() -> LaunchDescription:
     """Everything but the arm's own driver, unless `arm` asks for that too."""
     ur_driver = OpaqueFunction(function=_ur_driver, condition=when(("arm", "ur_driver")))
-    return LaunchDescription([*declare("live_ur"), ur_driver, *start("live_ur")])
+    return LaunchDescription([*declare("live_ur"), check("live_ur"), ur_driver, *start("live_ur")])
 
 
 def _ur_driver(context: LaunchContext) -> list:
+    require_package("ur_robot_driver", "or start the arm yourself (arm:=running)")
     given = context.launch_configurations
     arguments = {name: given[name] for name in ("robot_ip", "ur_type", "tf_prefix", "use_mock_hardware")}
     actions = []

@@ -1,7 +1,8 @@
 """RViz with our view; closing it ends the launch."""
 
-from launch import LaunchDescription
+from launch import LaunchContext, LaunchDescription
 from launch.actions import Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -20,7 +21,12 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=["-d", LaunchConfiguration("rviz_config")],
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
                 output="screen",
-                on_exit=Shutdown(reason="RViz was closed"),
+                on_exit=_close,
             ),
         ]
     )
+
+
+def _close(_event: ProcessExited, context: LaunchContext) -> Shutdown | None:
+    # a second event of that type fails in launch_ros, whose ROS node is gone by then
+    return None if context.is_shutdown else Shutdown(reason="RViz was closed")

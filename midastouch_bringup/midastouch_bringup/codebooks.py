@@ -17,15 +17,8 @@ from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
 from .progress import progress_bar
 
-CODEBOOK_FOLDER = Path("out/codebooks")
 _CACHE = Path("out/cache/codebooks")
 _SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
-
-
-def codebook_path(object_name: str) -> Path:
-    """Where `midastouch build-codebook` puts, and `midastouch evaluate` looks for, the codebook of an
-    object."""
-    return CODEBOOK_FOLDER / f"{object_name}.npz"
 
 
 def build_and_save(

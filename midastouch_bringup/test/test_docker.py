@@ -1,10 +1,13 @@
 """The container files against the rules of ROS_CONVENTIONS and against the tree. Nothing is built here."""
 
 import importlib.util
+import json
 import re
 import shlex
 import subprocess
 import threading
+import xml.etree.ElementTree as ElementTree
+from fnmatch import fnmatch
 from pathlib import Path
 
 import pytest
@@ -116,26 +119,119 @@ def test_pins_are_those_the_tests_run_with(pins, tested):
     assert {line for line in (DOCKER / pins).read_text().splitlines() if "==" in line} <= known
 
 
-def packages():
-    return sorted(path.parent.name for path in ROOT.glob("*/package.xml"))
+def in_the_build_context(path):
+    """Whether .dockerignore, whose patterns apply one after the other, leaves a path of the workspace in."""
+    kept = True
+    for line in (ROOT / ".dockerignore").read_text().splitlines():
+        if line and not line.startswith("#") and fnmatch(path.split("/")[0], line.removeprefix("!")):
+            kept = line.startswith("!")
+    return kept
 
 
-def test_every_package_is_resolved_and_built():
-    sources = {stage: " ".join(a for w, a in STAGES[stage][1] if w == "COPY") for stage in ("manifests", "build")}
-    for package in packages():
-        assert f"{package}/package.xml {package}/" in sources["manifests"]
-        assert f"{package} src/{package}" in sources["build"]
+def test_every_package_is_resolved_and_built_and_the_rest_stays_out():
+    for stage, copied in (("manifests", ". ."), ("build", ". src")):
+        assert ("COPY", copied) in STAGES[stage][1]
+    packages = [path.parent.name for path in ROOT.glob("*/package.xml")]
+    assert len(packages) >= 5
+    assert all(in_the_build_context(package) for package in packages)
+    assert not any(in_the_build_context(name) for name in (".git", ".venv", "out", "reports", "tests", "tools"))
 
 
 def test_what_is_copied_exists_and_is_in_the_build_context():
-    kept = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
     for _, own in STAGES.values():
         for word, argument in own:
             parts = [part for part in argument.split() if not part.startswith("--")]
-            if word == "COPY" and "--from" not in argument:
+            if word == "COPY" and "--from" not in argument and parts[0] != ".":
                 for source in parts[:-1]:
                     assert (ROOT / source).exists(), source
-                    assert source.split("/")[0] in kept, source
+                    assert in_the_build_context(source), source
+
+
+def test_what_pip_is_to_install_is_left_out_of_rosdep_and_pinned():
+    facts = yaml.safe_load((ROOT / "tests" / "facts" / "rosdep.yaml").read_text())
+    wanted = set()
+    for manifest in ROOT.glob("*/package.xml"):
+        wanted |= {child.text for child in ElementTree.parse(manifest).getroot() if child.tag.endswith("depend")}
+    assert {key for key in wanted if key.startswith("python3-")} <= {*facts["pip"], *facts["apt"]}
+    pinned = {line.split("==")[0] for line in (DOCKER / "requirements.txt").read_text().splitlines()}
+    assert {facts["pip"][key] for key in wanted & facts["pip"].keys()} <= pinned
+    for text in ((DOCKER / "Dockerfile").read_text(), (ROOT / "CONTRIBUTING.md").read_text()):
+        skipped = set(re.search(r'--skip-keys "([^"]*)"', text)[1].split())
+        assert wanted & facts["pip"].keys() <= skipped <= facts["pip"].keys() | {"rviz2"}
+
+
+@pytest.fixture
+def machine(tmp_path):
+    """Runs a shell line where every program is a recorder, with setup files that read what the real ones read."""
+    facts = yaml.safe_load((ROOT / "tests" / "facts" / "setup_files.yaml").read_text())
+    programs, log = tmp_path / "programs", tmp_path / "log"
+    programs.mkdir()
+    recorder = programs / "recorder"
+    recorder.write_text(f'#!/bin/sh\necho "${{0##*/}} $*" >> {log}\n')
+    recorder.chmod(0o755)
+    for name in PROGRAMS:
+        (programs / name).symlink_to(recorder)
+
+    def run(shell, line, *arguments, **variables):
+        for name, read in facts.items():
+            if name.endswith(".bash"):
+                path = tmp_path / Path(name).parent.name / "setup.bash"
+                path.parent.mkdir(exist_ok=True)
+                tests = "\n".join(f'if [ -n "${variable}" ]; then :; fi' for variable in read)
+                path.write_text(f"{tests}\nSOURCED=$SOURCED:{Path(name).parent.name}\nexport SOURCED\n")
+                for installed in (name, "/opt/midastouch/setup.bash") if name.startswith("install") else (name,):
+                    line = line.replace(f" {installed}", f" {path}")
+        log.write_text("")
+        environment = {"PATH": str(programs), "SOURCED": "", **variables}
+        done = subprocess.run([*shell, line, *arguments], env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return log.read_text().splitlines(), done.stdout
+
+    return run
+
+
+# all that the shell lines call; anything else is not found, and fails
+PROGRAMS = (
+    *("apt-get", "rosdep", "pip", "python3"),
+    *("find", "install", "mkdir", "rm", "groupadd", "useradd", "userdel"),
+    *("colcon", "sudo"),
+)
+
+
+def shell_lines():
+    lines = []
+    for stage in STAGES:
+        shell = None
+        for word, argument in history(stage):
+            if word == "SHELL":
+                shell = json.loads(argument)
+            elif word == "RUN" and (word, argument) in STAGES[stage][1]:
+                lines.append(pytest.param(shell, argument, id=f"{stage}: {argument.split(' && ')[0]}"))
+    return lines
+
+
+@pytest.mark.parametrize(("shell", "line"), shell_lines())
+def test_shell_lines_run_with_unset_variables_forbidden(machine, shell, line):
+    assert shell == ["/bin/bash", "-euo", "pipefail", "-c"]
+    called, _ = machine(shell, line, USER_ID="1000", GROUP_ID="1000")
+    assert len(called) == len(re.findall(r"(?:^|&& )(?!set |\. )", line))
+
+
+def test_colcon_runs_in_the_environment_that_pip_has_filled():
+    """What it installs starts with the Python that runs it; that of /usr/bin/colcon has none of pip's packages."""
+    installed = yaml.safe_load((ROOT / "tests" / "facts" / "install.yaml").read_text())
+    assert installed["interpreter"].startswith("the Python that ran colcon")
+    (environment,) = (argument for word, argument in STAGES["dependencies"][1] if word == "ENV")
+    assert "PATH=/opt/venv/bin:${PATH}" in environment
+    assert any("python3 -m venv --system-site-packages /opt/venv && pip install" in a for _, a in history("build"))
+    assert any("&& python3 -m colcon build " in argument for _, argument in STAGES["build"][1])
+
+
+def test_the_entrypoint_sources_both_installations_and_becomes_the_command(machine):
+    text = (DOCKER / "entrypoint.sh").read_text()
+    assert text.startswith("#!/usr/bin/env bash\n")
+    _, said = machine(["/bin/bash", "-c"], text, "entrypoint.sh", "/usr/bin/printenv", "SOURCED")
+    assert said == ":jazzy:install\n"
 
 
 def test_scripts_are_executable_and_the_entrypoint_becomes_the_command():
@@ -203,6 +299,21 @@ def test_live_is_healthy_when_all_its_nodes_are():
     assert (form, entrypoint, script) == ("CMD", "/usr/local/bin/entrypoint.sh", "healthcheck.py")
     # its launch file has another node, which reports nothing, in the place of mount_tf
     assert set(asked) == {one.name for one in executables("live_ur", SETUPS["live_ur"].values())} - {"mount_tf"}
+
+
+def test_the_set_up_with_a_system_ros_is_that_of_the_image(machine, tmp_path):
+    (tmp_path / "midastouch" / "bin").mkdir(parents=True)
+    (tmp_path / "midastouch" / "bin" / "activate").write_text("ACTIVE=1\n")
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    block = re.search(r"^## With a system ROS 2.*?^```\n(.*?)^```", text, flags=re.M | re.S)[1]
+    called, _ = machine(["/bin/bash", "-e", "-c"], block, HOME=str(tmp_path))
+    apt, rosdep, venv, pip, build, check, result = called
+    assert apt.startswith("sudo apt install python3-venv ")
+    assert "rosdep install --from-paths . --ignore-src -y --skip-keys python3-" in rosdep
+    assert venv == f"python3 -m venv --system-site-packages {tmp_path}/midastouch"
+    assert pip == "pip install -r docker/requirements.txt -c docker/constraints.txt"
+    assert (build, check) == ("python3 -m colcon build --symlink-install", "python3 -m colcon test")
+    assert result.startswith("colcon test-result")
 
 
 @pytest.fixture

@@ -4,7 +4,9 @@ Where the real one is installed, the descriptions are loaded with that as well.
 """
 
 import importlib.util
+import os
 import re
+import subprocess
 import sys
 import types
 from pathlib import Path
@@ -14,159 +16,45 @@ import yaml
 
 from midastouch_perception.errors import InputError
 
-PACKAGE = Path(__file__).parents[1]
-ROOT = PACKAGE.parent
-FILES = sorted(path.name.removesuffix(".launch.py") for path in (PACKAGE / "launch").glob("*.launch.py"))
-OURS = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+sys.path.insert(0, str(Path(__file__).parent))
+
+from fake_launch import (
+    DEPENDENT,
+    FACTS,
+    FILES,
+    OTHERS,
+    OURS,
+    PACKAGE,
+    ROOT,
+    Command,
+    Launched,
+    ended,
+    executables_of_setup_py,
+    installation,
+    load,
+    modules,
+)
+
 REAL_LAUNCH = importlib.util.find_spec("launch") is not None and importlib.util.find_spec("launch_ros") is not None
-
-
-# --- stand-ins: what each class means when a launch is carried out with `given`, the values of the arguments
-
-
-class Stub:
-    def __init__(self, *args, **kwargs):
-        self.args, self.kwargs = args, kwargs
-
-    def wanted(self, given):
-        condition = self.kwargs.get("condition")
-        return condition is None or condition.holds(given)
-
-
-class LaunchConfiguration(Stub):
-    def perform(self, given):
-        return given[self.args[0]]
-
-
-class EqualsSubstitution(Stub):
-    def perform(self, given):
-        return str(perform(self.args[0], given) == perform(self.args[1], given)).lower()
-
-
-class Command(Stub):
-    def perform(self, given):
-        return perform(self.args[0], given)
-
-
-class IfCondition(Stub):
-    def holds(self, given):
-        return {"true": True, "false": False}[perform(self.args[0], given)]
-
-
-class UnlessCondition(IfCondition):
-    def holds(self, given):
-        return not super().holds(given)
-
-
-def perform(value, given):
-    if isinstance(value, list | tuple):
-        return "".join(perform(part, given) for part in value)
-    return value.perform(given) if hasattr(value, "perform") else str(value)
-
-
-MODULES = {
-    "launch": ["LaunchContext", "LaunchDescription", "LaunchDescriptionEntity"],
-    "launch.actions": [
-        "DeclareLaunchArgument", "ExecuteProcess", "IncludeLaunchDescription", "OpaqueFunction",
-        "LogInfo", "RegisterEventHandler", "SetEnvironmentVariable", "Shutdown",
-    ],
-    "launch.event_handlers": ["OnProcessExit"],
-    "launch.conditions": [IfCondition, UnlessCondition],
-    "launch.launch_description_sources": ["PythonLaunchDescriptionSource"],
-    "launch.substitutions": [
-        Command, "EnvironmentVariable", EqualsSubstitution, LaunchConfiguration, "PathJoinSubstitution"
-    ],
-    "launch_ros": [],
-    "launch_ros.actions": ["Node"],
-    "launch_ros.parameter_descriptions": ["ParameterValue"],
-    "launch_ros.substitutions": ["ExecutableInPackage", "FindPackageShare"],
-}  # fmt: skip
+AN_ARM = {"arm": "rtde", "robot_ip": "the.arm"}
 
 
 @pytest.fixture
 def stand_ins(monkeypatch, tmp_path):
-    for name, classes in MODULES.items():
-        module = types.ModuleType(name)
-        for one in classes:
-            one = type(one, (Stub,), {}) if isinstance(one, str) else one
-            setattr(module, one.__name__, one)
+    """Stand-ins of launch, over an installation with what it is to start beside our nodes."""
+    for name, module in modules(tmp_path).items():
         monkeypatch.setitem(sys.modules, name, module)
-    logging = types.ModuleType("launch.logging")
-    logging.launch_config = types.SimpleNamespace(get_log_file_path=lambda name: str(tmp_path / name))
-    sys.modules["launch"].logging = logging
-    monkeypatch.setitem(sys.modules, "launch.logging", logging)
-    monkeypatch.delitem(sys.modules, "midastouch_bringup.ros.launch_parts", raising=False)
+    prefixes = [installation(tmp_path / "prefix"), os.environ["AMENT_PREFIX_PATH"]]
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join(prefixes))
+    monkeypatch.delitem(sys.modules, DEPENDENT, raising=False)
     yield
     # the module was imported on top of the stand-ins: nobody else may get it
-    sys.modules.pop("midastouch_bringup.ros.launch_parts", None)
+    sys.modules.pop(DEPENDENT, None)
 
 
-def load(name):
-    path = PACKAGE / "launch" / f"{name}.launch.py"
-    spec = importlib.util.spec_from_file_location(f"{name}_launch", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.generate_launch_description()
-
-
-def carry_out(name, said=None, **given):
-    """All processes a launch starts: (package, executable) -> keyword arguments of its node.
-
-    said: list that gets what the launch logs.
-    """
-    started = {}
-    _carry_out(name, given, started, [], [] if said is None else said)
-    return started
-
-
-def _carry_out(name, given, started, ran, said):
-    actions = list(load(name).args[0])
-    while actions:
-        action = actions.pop(0)
-        kind = type(action).__name__
-        if not action.wanted(given):
-            continue
-        if kind == "DeclareLaunchArgument":
-            given.setdefault(action.args[0], action.kwargs["default_value"])
-            choices = action.kwargs["choices"]
-            assert not choices or given[action.args[0]] in choices
-        elif kind == "OpaqueFunction":
-            context = types.SimpleNamespace(launch_configurations=given)
-            actions = action.kwargs["function"](context) + actions
-        elif kind == "Node":
-            started[action.kwargs["package"], action.kwargs["executable"]] = action.kwargs
-        elif kind == "IncludeLaunchDescription":
-            (location,) = action.args[0].args
-            arguments = {key: perform(value, given) for key, value in action.kwargs["launch_arguments"]}
-            if isinstance(location, str):
-                _carry_out(Path(location).name.removesuffix(".launch.py"), {**given, **arguments}, started, ran, said)
-            else:
-                package, *inside = location.args[0]
-                started[package.args[0], "/".join(inside)] = arguments
-        elif kind == "ExecuteProcess":
-            program, *arguments = action.kwargs["cmd"]
-            assert (program.args[1], program.args[0]) in executables_of_setup_py()
-            ran.append(arguments)
-        elif kind == "RegisterEventHandler":
-            # as if the process it waits for had ended well
-            event = types.SimpleNamespace(returncode=0, process_name="")
-            actions.append(action.args[0].kwargs["on_exit"](event, None))
-        elif kind == "LogInfo":
-            said.append(action.kwargs["msg"])
-        elif kind == "SetEnvironmentVariable":
-            name, value = action.args
-            assert value.args == (name,)  # what the user has set stays
-        else:
-            raise AssertionError(f"{kind} is not known to this test")
-
-
-def executables_of_setup_py():
-    """(package, executable) of every entry point in the setup.py files."""
-    found = set()
-    for package in OURS:
-        text = (ROOT / package / "setup.py").read_text()
-        found |= {(package, name) for name in re.findall(r'"(\w+) = \w+[\w.]*:main"', text)}
-    return found
+def carry_out(name, **given):
+    """All processes a launch starts: (package, executable) -> keyword arguments of its node."""
+    return Launched().carry_out(name, **given)
 
 
 def parameters(kwargs):
@@ -213,7 +101,7 @@ def test_a_launch_file_declares_whatever_its_includes_need(name):
 @pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize("name", FILES)
 def test_our_nodes_have_entry_points_and_parameters_of_existing_nodes(name):
-    started = carry_out(name, bag="/somewhere", arm="rtde") if name == "live_ur" else carry_out(name)
+    started = carry_out(name, **(AN_ARM if name == "live_ur" else {}))
     ours = {key: kwargs for key, kwargs in started.items() if key[0] in OURS}
     assert set(ours) <= executables_of_setup_py()
     nodes = {f"/{executable}" for _, executable in executables_of_setup_py()}
@@ -238,7 +126,7 @@ def test_other_packages_are_declared_as_dependencies():
 def test_live_starts_the_chain_and_no_arm_unless_asked():
     chain = {"digit_driver", "tdn", "tcn", "particle_filter", "robot_state_publisher", "rviz2"}
     assert names(carry_out("live_ur")) == chain
-    assert names(carry_out("live_ur", use_rviz="false", arm="rtde")) == chain - {"rviz2"} | {"ur_tf"}
+    assert names(carry_out("live_ur", use_rviz="false", **AN_ARM)) == chain - {"rviz2"} | {"ur_tf"}
     driver = carry_out("live_ur", arm="ur_driver", robot_ip="10.0.0.7", ur_type="ur10e")
     assert names(driver) == chain | {"launch/ur_control.launch.py"}
     arguments = driver["ur_robot_driver", "launch/ur_control.launch.py"]
@@ -250,17 +138,17 @@ def test_live_starts_the_chain_and_no_arm_unless_asked():
 @pytest.mark.usefixtures("stand_ins")
 def test_an_arm_without_its_calibration_is_warned_of():
     asked = {"arm": "ur_driver", "robot_ip": "10.0.0.7"}
-    said = []
-    without = carry_out("live_ur", said, **asked)["ur_robot_driver", "launch/ur_control.launch.py"]
+    launched = Launched()
+    without = launched.carry_out("live_ur", **asked)["ur_robot_driver", "launch/ur_control.launch.py"]
     assert "kinematics_params_file" not in without  # what the driver takes by itself is its own affair
-    assert "ur_calibration" in said[0]
-    said.clear()
-    calibrated = carry_out("live_ur", said, **asked, kinematics_params_file="/data/arm.yaml")
+    assert "ur_calibration" in launched.said[0]
+    launched = Launched()
+    calibrated = launched.carry_out("live_ur", **asked, kinematics_params_file="/data/arm.yaml")
     arguments = calibrated["ur_robot_driver", "launch/ur_control.launch.py"]
     assert arguments["kinematics_params_file"] == "/data/arm.yaml"
-    carry_out("live_ur", said, **asked, use_mock_hardware="true")
-    carry_out("live_ur", said)
-    assert said == []
+    launched.carry_out("live_ur", arm="ur_driver", use_mock_hardware="true")
+    launched.carry_out("live_ur")
+    assert launched.said == []
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -272,7 +160,7 @@ def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, m
 
     monkeypatch.chdir(tmp_path)
     setup = SETUPS[name]
-    given = setup.values() | {"composed": composed, "arm": arm}
+    given = setup.values() | {"composed": composed, "arm": arm, "robot_ip": "the.arm"}
     started = carry_out(name, **{key: value for key, value in given.items() if key in setup.arguments})
     # PyPI has neither: a node of ours has the same TF, and midastouch view shows the same
     instead = {"robot_state_publisher": {"mount_tf"}, "rviz2": set()}
@@ -319,7 +207,7 @@ def test_an_object_that_is_not_bundled_is_refused():
 
 @pytest.mark.usefixtures("stand_ins")
 def test_namespace_and_prefixes_reach_every_node():
-    started = carry_out("live_ur", namespace="left", sensor_prefix="left_", tf_prefix="a_", arm="rtde")
+    started = carry_out("live_ur", namespace="left", sensor_prefix="left_", tf_prefix="a_", **AN_ARM)
     for (package, executable), kwargs in started.items():
         if package in OURS:
             assert kwargs["namespace"] == "left"
@@ -371,40 +259,33 @@ def test_a_sequence_brings_its_background(tmp_path, inside, used):
 
 
 @pytest.mark.usefixtures("stand_ins")
-def test_the_demo_makes_what_is_missing_then_plays_it(tmp_path, monkeypatch):
+def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
     from midastouch_bringup.cli import build_parser
 
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: Path(path).is_file())
-    started = {}
-    ran = []
-    _carry_out("demo", {"use_rviz": "false"}, started, ran, [])
-    assert [arguments[0] for arguments in ran] == ["simulate", "build-codebook"]
-    slide, codebook = (build_parser().parse_args(arguments).out for arguments in ran)
-    values = parameters(started["midastouch_bringup", "replay"])
-    assert values["/replay"]["source"] == slide
-    assert values["/particle_filter"]["codebook"] == str(Path(codebook).resolve())
-
-    Path(slide).mkdir(parents=True)
-    Path(codebook).parent.mkdir(parents=True)
-    Path(codebook).touch()
-    _carry_out("demo", {"use_rviz": "false"}, started, ran := [], [])
-    assert ran == []
+    launched = Launched()
+    launched.carry_out("demo", object="eyebolt", use_rviz="false")
+    assert launched.ran == [["run", "demo", "object:=eyebolt", "--prepare"]]
+    assert build_parser().parse_args(launched.ran[0]).prepare
+    values = parameters(launched.started["midastouch_bringup", "replay"])
+    assert values["/replay"]["source"] == "out/slides/eyebolt"
+    assert values["/particle_filter"]["codebook"] == str(Path("out/codebooks/eyebolt.npz").resolve())
 
 
 @pytest.mark.usefixtures("stand_ins")
-def test_a_failed_preparation_ends_the_launch(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (prepare,) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
-    given = types.SimpleNamespace(launch_configurations={"object": "handle_tool"})
-    (first, *_) = prepare.kwargs["function"](given)
-    event = types.SimpleNamespace(returncode=2, process_name="midastouch-1")
-    assert type(first.args[0].kwargs["on_exit"](event, None)).__name__ == "Shutdown"
+def test_a_failed_preparation_ends_the_launch():
+    (_, prepare) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
+    context = types.SimpleNamespace(launch_configurations={"object": "handle_tool"}, is_shutdown=False)
+    (process,) = prepare.kwargs["function"](context)
+    with pytest.raises(RuntimeError, match="midastouch-1 died with exit code 2"):
+        process.kwargs["on_exit"](ended(2, "midastouch-1"), context)
+    context.is_shutdown = True  # Ctrl-C
+    assert process.kwargs["on_exit"](ended(130), context) is None
+    assert process.kwargs["on_exit"](ended(0), context) is None
 
 
 @pytest.mark.usefixtures("stand_ins")
 def test_live_sensors_keep_wall_time():
-    values = parameters(carry_out("live_ur", arm="rtde")["midastouch_bringup", "ur_tf"])
+    values = parameters(carry_out("live_ur", **AN_ARM)["midastouch_bringup", "ur_tf"])
     assert values["/particle_filter"]["use_sim_time"] is False
     assert not values["/digit_driver"].get("use_sim_time", False)
     assert not values["/ur_tf"].get("use_sim_time", False)
@@ -430,6 +311,152 @@ def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp
                 carry_out("filter", params_overlay=str(overlay))
         else:
             carry_out("filter", params_overlay=str(overlay))
+
+
+WRONG = [
+    ("live_ur", {**AN_ARM, "seed": "abc"}, "seed:=abc: must be a whole number"),
+    ("live_ur", {**AN_ARM, "object": "sofa"}, "sofa: not bundled"),
+    ("live_ur", {**AN_ARM, "params_file": "/nowhere.yaml"}, "/nowhere.yaml: No such file"),
+    ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
+    ("live_ur", {"arm": "rtde", "use_mock_hardware": "true"}, "arm:=rtde: at which address"),
+    ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
+    ("replay", {"rate": "fast"}, "rate:=fast: must be a number"),
+    ("demo", {"object": "sofa"}, "sofa: not bundled"),
+    *((name, {"params_overlay": "/nowhere.yaml"}, "/nowhere.yaml") for name in ("driver", "filter", "localization")),
+]
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize(("name", "given", "reason"), WRONG)
+def test_a_wrong_argument_is_refused_before_anything_is_started(name, given, reason):
+    """What was begun before an action raises would go on without launch."""
+    assert FACTS["behaviour"]["an action raises after a process was begun"]["leaves"]
+    launched = Launched()
+    with pytest.raises(InputError, match=reason):
+        launched.carry_out(name, **given)
+    assert (launched.started, launched.ran) == ({}, [])
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_mount_that_cannot_be_described_is_refused_before_anything_is_started(monkeypatch):
+    def fails(line):
+        raise RuntimeError(f"executed command failed. Command: {line}")
+
+    monkeypatch.setattr(Command, "ran", staticmethod(fails))
+    launched = Launched()
+    with pytest.raises(RuntimeError, match="frames_file:=/nowhere"):
+        launched.carry_out("live_ur", **AN_ARM, frames_file="/nowhere")
+    assert launched.started == {}
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("missing", OTHERS)
+def test_what_is_not_installed_is_named_before_anything_is_started(missing, tmp_path, monkeypatch):
+    there = installation(tmp_path / "less", [package for package in OTHERS if package != missing])
+    monkeypatch.setenv("AMENT_PREFIX_PATH", there)
+    launched = Launched()
+    mend = f"{missing} is not installed: sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
+    with pytest.raises(InputError, match=re.escape(mend)):
+        launched.carry_out("live_ur", arm="ur_driver", robot_ip="the.arm")
+    assert launched.started == {}
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("name", FILES)
+def test_a_process_that_dies_for_good_ends_the_launch(name):
+    behaviour = FACTS["behaviour"]
+    assert behaviour["on_exit raises"] == {"exit": 1, "leaves": False}
+    assert behaviour["on_exit returns Shutdown while launch is shutting down"]["exit"] == 1
+    running, ending = (types.SimpleNamespace(is_shutdown=done) for done in (False, True))
+    for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
+        on_exit = kwargs["on_exit"]
+        assert on_exit(ended(-2), ending) is None
+        if executable == "rviz2":
+            assert type(on_exit(ended(0), running)).__name__ == "Shutdown"
+        else:
+            with pytest.raises(RuntimeError, match="node-1 died with exit code 2: ending all"):
+                on_exit(ended(2), running)
+    if name not in ("rviz", "demo"):
+        for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
+            # not the replay, which would play twice, nor RViz, which the user has closed
+            again = executable not in ("replay", "rviz2")
+            assert (kwargs.get("respawn", False), kwargs["on_exit"] is None) == (again, again)
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
+    on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
+    said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
+    assert said.kwargs["msg"] == "replay-4 has finished; Ctrl-C ends the others"
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_lifecycle_nodes_are_launched_as_such():
+    launched = Launched()
+    launched.carry_out("live_ur", namespace="left", **AN_ARM)
+    lifecycle = {name for name, kind in launched.kinds.items() if kind == "LifecycleNode"}
+    assert lifecycle == {"digit_driver", "tdn", "tcn", "particle_filter"}
+    for (_, executable), kwargs in launched.started.items():
+        if executable in lifecycle:
+            assert (kwargs["name"], kwargs["namespace"]) == (executable, "left")
+    # a name given to that process would be the name of all its nodes
+    launched.carry_out("localization", composed="true")
+    assert launched.kinds["all_in_one"] == "Node"
+
+
+def test_the_arms_are_those_of_the_ur_driver():
+    from midastouch_bringup.ros.launch_arguments import ARGUMENTS
+
+    driver = yaml.safe_load((ROOT / "tests" / "facts" / "ur_driver.yaml").read_text())
+    assert sorted(ARGUMENTS["ur_type"].choices) == sorted(driver["ur_type"])
+
+
+_ELSEWHERE = """
+import sys
+
+sys.path[:0] = {path}
+
+
+class Nothing:
+    # the Python of `ros2 launch`: what pip has put into an environment is not there
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top not in {allowed} and top not in sys.stdlib_module_names:
+            raise ModuleNotFoundError(f"No module named '{{name}}'", name=name)
+
+
+for name in [name for name in sys.modules if name.partition(".")[0] not in sys.stdlib_module_names]:
+    del sys.modules[name]
+import yaml  # of launch
+sys.meta_path.insert(0, Nothing())
+
+from fake_launch import Launched, installation, modules
+
+sys.modules.update(modules({log!r}))
+launched = Launched()
+launched.carry_out({name!r}, **{given!r})
+print(len(launched.started))
+"""
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_launch_files_need_nothing_but_launch_and_the_standard_library(name, tmp_path):
+    """Carried out in a Python that has launch, what launch needs, and our packages."""
+    from midastouch_bringup.ros.setups import SETUPS
+
+    wanted = {"object": "handle_tool", "bag": str(tmp_path), "rate": "0", **AN_ARM}
+    code = _ELSEWHERE.format(
+        path=[str(Path(__file__).parent), *(str(ROOT / package) for package in OURS)],
+        allowed={*OURS, "launch", "launch_ros", "ament_index_python", "yaml", "fake_launch"},
+        log=str(tmp_path),
+        name=name,
+        given={key: value for key, value in wanted.items() if key in SETUPS[name].arguments},
+    )
+    prefixes = [installation(tmp_path / "prefix"), os.environ["AMENT_PREFIX_PATH"]]
+    environment = {**os.environ, "AMENT_PREFIX_PATH": os.pathsep.join(prefixes)}
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert int(run.stdout) > 0
 
 
 @pytest.mark.skipif(not REAL_LAUNCH, reason="ROS 2's launch and launch_ros are not installed")

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from midastouch_bringup import cli
+
 PACKAGE = Path(__file__).parents[1]
 VIEW = yaml.safe_load((PACKAGE / "rviz" / "midastouch.rviz").read_text())["Visualization Manager"]
 LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
@@ -96,6 +98,24 @@ def test_foxglove_panels_are_laid_out_and_read_topics_that_exist():
 
     assert sorted(leaves(LAYOUT["layout"])) == sorted(panels)
     known = {f"/{topic}" for topic in PUBLISHED} | {"/initialpose"}
-    topics = set(re.findall(r'"(/[a-z][a-z_]*(?:/[a-z_]+)*)[".]', json.dumps(LAYOUT)))
+    topics = layout_topics(LAYOUT)
     assert topics
     assert topics <= known
+
+
+def layout_topics(layout):
+    return set(re.findall(r'"(/[a-z][a-z_]*(?:/[a-z_]+)*)[".]', json.dumps(layout)))
+
+
+@pytest.mark.parametrize("namespace", ["left", "/left/"])
+def test_the_foxglove_layout_of_a_namespace_reads_its_topics(namespace, tmp_path):
+    assert cli.main(["foxglove", "--namespace", namespace, "--out", str(tmp_path / "left.json")]) == 0
+    layout = json.loads((tmp_path / "left.json").read_text())
+    assert layout_topics(layout) == {f"/left{topic}" for topic in layout_topics(LAYOUT)}
+    assert layout["layout"] == LAYOUT["layout"]
+    assert layout["configById"]["3D!object"]["followTf"] == "object"
+
+
+def test_the_foxglove_layout_without_a_namespace_is_the_shipped_one(tmp_path):
+    assert cli.main(["foxglove", "--out", str(tmp_path / "layout.json")]) == 0
+    assert json.loads((tmp_path / "layout.json").read_text()) == LAYOUT

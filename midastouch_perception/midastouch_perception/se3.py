@@ -7,6 +7,8 @@ moving frame (right perturbation): `T @ exp(xi)`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -37,15 +39,14 @@ def from_xyzquat(vector: np.ndarray) -> np.ndarray:
     if (np.linalg.norm(vector[..., 3:], axis=-1) < 1e-6).any():
         raise InputError("pose with a zero quaternion; drop the row that holds it")
     flat = vector.reshape(-1, 7)
-    rotation = Rotation.from_quat(flat[:, 3:]).as_matrix()
-    return make(rotation, flat[:, :3]).reshape((*vector.shape[:-1], 4, 4))
+    return make(_matrices(flat[:, 3:]), flat[:, :3]).reshape((*vector.shape[:-1], 4, 4))
 
 
 def to_xyzquat(transform: np.ndarray) -> np.ndarray:
     """Rows [x y z qx qy qz qw] (..., 7) of transforms (..., 4, 4)."""
     transform = np.asarray(transform, float)
     flat = transform.reshape(-1, 4, 4)
-    quaternion = Rotation.from_matrix(flat[:, :3, :3]).as_quat()
+    quaternion = _each(lambda matrices: Rotation.from_matrix(matrices).as_quat(), flat[:, :3, :3], 4)
     return np.concatenate([flat[:, :3, 3], quaternion], axis=1).reshape((*transform.shape[:-2], 7))
 
 
@@ -83,7 +84,7 @@ def log(transform: np.ndarray) -> np.ndarray:
     """Logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
     transform = np.asarray(transform, float)
     flat = transform.reshape(-1, 4, 4)
-    omega = Rotation.from_matrix(flat[:, :3, :3]).as_rotvec()
+    omega = _each(lambda matrices: Rotation.from_matrix(matrices).as_rotvec(), flat[:, :3, :3], 3)
     angle = np.linalg.norm(omega, axis=-1)[:, None, None]
     small = angle < 1e-4
     safe = np.where(small, 1.0, angle)
@@ -113,7 +114,17 @@ def rotation_angle(rotation: np.ndarray) -> np.ndarray:
 
 def random_rotations(n: int, rng: np.random.Generator) -> np.ndarray:
     """Rotation matrices (n, 3, 3), uniform over SO(3)."""
-    return Rotation.from_quat(rng.standard_normal((n, 4))).as_matrix()
+    return _matrices(rng.standard_normal((n, 4)))
+
+
+def _matrices(quaternions: np.ndarray) -> np.ndarray:
+    """Rotation matrices (N, 3, 3) of quaternions (N, 4) of any length."""
+    return _each(lambda some: Rotation.from_quat(some).as_matrix(), quaternions, 3, 3)
+
+
+def _each(convert: Callable[[np.ndarray], np.ndarray], rotations: np.ndarray, *shape: int) -> np.ndarray:
+    """What SciPy makes of N rotations, (N, *shape); that of Ubuntu 24.04 (1.11) refuses N = 0."""
+    return convert(rotations) if len(rotations) else np.empty((0, *shape))
 
 
 def frame_from_normal(normals: np.ndarray, yaw: np.ndarray) -> np.ndarray:

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -74,3 +76,17 @@ def test_frame_from_normal_has_no_singular_direction(seed):
     frame = se3.frame_from_normal(normals, rng.uniform(0, 7, 50))
     np.testing.assert_allclose(frame[:, :, 2], normals, atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(frame), 1)
+
+
+def test_no_transforms_are_no_error(monkeypatch):
+    """Of SciPy 1.11.4, which Ubuntu 24.04 has, `Rotation` says "Invalid shape in axis 0: 0." """
+
+    def refused(stack):
+        assert len(stack), "Invalid shape in axis 0: 0."
+
+    monkeypatch.setattr(se3, "Rotation", SimpleNamespace(from_quat=refused, from_matrix=refused))
+    none = np.zeros((0, 4, 4))
+    assert se3.from_xyzquat(np.zeros((2, 0, 7))).shape == (2, 0, 4, 4)
+    assert se3.to_xyzquat(none).shape == (0, 7)
+    assert se3.log(none).shape == se3.log(se3.exp(np.zeros((0, 6)))).shape == (0, 6)
+    assert se3.random_rotations(0, np.random.default_rng(0)).shape == (0, 3, 3)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from midastouch_perception.errors import InputError
 
+from ..output_paths import codebook_path
+
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
     from midastouch_perception.mesh import ObjectMesh
@@ -89,8 +91,6 @@ def load_object(
     together.
     """
     from midastouch_perception.codebook import Codebook
-
-    from ..codebooks import codebook_path
 
     path = Path(codebook) if codebook else codebook_path(object_name)
     if not path.is_file():

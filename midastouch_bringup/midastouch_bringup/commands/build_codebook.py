@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from ..output_paths import codebook_path
 from . import arguments
 
 
@@ -33,8 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import load_tcn
 
-    from ..codebooks import build_and_save, codebook_path
-
+    from ..codebooks import build_and_save
     mesh = arguments.load_mesh(args.mesh)
     out = Path(args.out) if args.out else codebook_path(mesh.name)
     sensor = SensorModel.load(args.sensor)

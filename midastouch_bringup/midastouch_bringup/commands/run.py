@@ -23,6 +23,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("setup", metavar="SETUP", help="what to start")
     parser.add_argument("arguments", nargs="*", metavar="NAME:=VALUE", help="arguments, as of ros2 launch")
+    parser.add_argument("--prepare", action="store_true", help="make what SETUP (demo) lacks in this folder, and end")
     parser.add_argument("-s", "--show-args", action="store_true", help="list the arguments of SETUP and end")
 
 
@@ -31,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.errors import InputError
 
     try:
-        from ..ros.run import manual, run_setup
+        from ..ros.run import manual, prepare, run_setup, values
     except ImportError as error:
         raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
 
@@ -40,4 +41,6 @@ def run(args: argparse.Namespace) -> int:
         return 0
     from ..cli import main
 
+    if args.prepare:
+        return prepare(args.setup, values(args.setup, args.arguments), main)
     return run_setup(args.setup, args.arguments, main)

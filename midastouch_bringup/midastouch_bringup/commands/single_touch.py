@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_perception.errors import InputError
 
+from ..output_paths import codebook_path
 from . import arguments
 
 if TYPE_CHECKING:
@@ -123,7 +124,5 @@ def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
 
 
 def _load(mesh: str | None, codebook: Path | None, networks: Networks) -> tuple[ObjectMesh, Codebook, Path]:
-    from ..codebooks import codebook_path
-
     path = codebook or codebook_path(Path(mesh).stem)
     return *arguments.load_object(Path(mesh or path).stem, mesh, codebook and str(codebook), networks), path

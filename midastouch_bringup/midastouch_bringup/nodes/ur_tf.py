@@ -27,7 +27,7 @@ from ..rtde_receiver import ArmState, RtdeReceiver, rtde_connector
 from ..rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, tool_from_tcp
 
 PARAMETERS = (
-    Parameter("robot_ip", "192.168.56.101", "Address of the robot's controller"),
+    Parameter("robot_ip", "", "Address of the robot's controller; must be given"),
     Parameter("rate", 125.0, "Samples per second", "Hz", minimum=1.0, maximum=500.0),
     Parameter("tf_prefix", "", "Put before the names of frames and joints; for several arms"),
     Parameter(
@@ -56,6 +56,8 @@ class UrTf(PipelineNode):
         self._settings = Parameters(self, PARAMETERS)
         if self.get_parameter("use_sim_time").value:
             raise InputError("ur_tf reads a real arm, whose time is wall time: set use_sim_time to false")
+        if not self._settings["robot_ip"]:
+            raise InputError("ur_tf: parameter 'robot_ip' is empty; give the address of the arm's controller")
         self._connect = connect
         prefix = self._settings["tf_prefix"]
         self._base, self._tool = prefix + "base", prefix + "tool0"

@@ -2,6 +2,9 @@
 
 Every argument is described once, in `ARGUMENTS`, and means the same wherever it is taken. An argument that stands for
 a parameter changes it only when it is given; empty leaves what the parameter file says.
+
+`ros2 launch` imports this module into the Python of ROS, which need not have what the nodes' Python has: it, and what
+it imports, keeps to the standard library and to what launch itself brings along.
 """
 
 from __future__ import annotations
@@ -15,11 +18,19 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 
 from midastouch_perception.errors import InputError
+from midastouch_perception.objects import bundled_objects
 
+from ..output_paths import codebook_path
 from ..parameter_files import merged, read_parameters
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 _YES_NO = ("true", "false")
+# all that ur_control.launch.py of the UR driver takes
+_UR_TYPES = (
+    *("ur3", "ur5", "ur10"),
+    *("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e"),
+    *("ur8long", "ur15", "ur18", "ur20", "ur30"),
+)
 _STREAM_NODES = ("tdn", "tcn", "particle_filter")
 
 
@@ -84,11 +95,13 @@ ARGUMENTS = {
         "running",
         ("running", "ur_driver", "rtde"),
     ),
-    "robot_ip": Argument("Address of the arm, for arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)),
+    "robot_ip": Argument(
+        "Address of the arm; must be given with arm:=ur_driver and arm:=rtde", sets=(("ur_tf", "robot_ip"),)
+    ),
     "ur_type": Argument(
         "Model of the arm, for arm:=ur_driver",
         "ur5e",
-        ("ur3", "ur3e", "ur5", "ur5e", "ur7e", "ur10", "ur10e", "ur12e", "ur16e", "ur15", "ur20", "ur30"),
+        _UR_TYPES,
         launch_only=True,
     ),
     "kinematics_params_file": Argument(
@@ -130,7 +143,8 @@ ARGUMENTS = {
 def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     """Parameters by node: params_file, params_overlay over it, and the arguments over both.
 
-    given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing.
+    given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing,
+    and for an arm without its address.
     """
     files = [_read(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
     overrides: dict[str, dict] = {}
@@ -142,9 +156,6 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     for node in _STREAM_NODES:
         overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
     if given.get("object"):
-        # here: `--show-args` need not wait for the libraries behind it
-        from ..codebooks import codebook_path
-
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
@@ -156,19 +167,27 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         overrides.setdefault("digit_driver", {})["frame_id"] = f"{prefix}digit_optical_frame"
         for node in ("tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
-    return merged([*files, overrides])
+    nodes = merged([*files, overrides])
+    _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))
+    return nodes
 
 
 def bundled_mesh(name: str) -> str:
     """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
-    from midastouch_perception.objects import bundled_objects
-
     objects = bundled_objects()
     if name not in objects:
         raise InputError(
             f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
         )
     return str(objects[name])
+
+
+def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
+    """InputError for an arm that is to be reached at no address; `of_ur_tf`: what ur_tf gets."""
+    arm = given.get("arm")
+    mock = given.get("use_mock_hardware") == "true"
+    if (arm == "rtde" and not of_ur_tf) or (arm == "ur_driver" and not given["robot_ip"] and not mock):
+        raise InputError(f"arm:={arm}: at which address? Give that of the arm's controller, robot_ip:=ADDRESS")
 
 
 def _read(path: str) -> dict[str, dict]:

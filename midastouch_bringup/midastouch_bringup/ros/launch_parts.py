@@ -1,28 +1,37 @@
-"""Launch descriptions from the table of set-ups."""
+"""Launch descriptions from the table of set-ups.
+
+What may fail is tried before anything is started: when an action raises, launch forgets the processes that the same
+description has begun, ends, and leaves them running.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import launch.logging
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescriptionEntity
-from launch.actions import (
-    DeclareLaunchArgument,
-    ExecuteProcess,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-    RegisterEventHandler,
-    Shutdown,
-)
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
-from launch.event_handlers import OnProcessExit
+from launch.events.process import ProcessExited
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import EqualsSubstitution, LaunchConfiguration
-from launch_ros.actions import Node
+from launch.substitutions import Command, EqualsSubstitution, LaunchConfiguration
+from launch_ros.actions import LifecycleNode, Node
+
+from midastouch_perception.errors import InputError
 
 from ..parameter_files import written
 from .launch_arguments import ARGUMENTS, SHARE, parameters
 from .setups import SETUPS, Executable, Include
+
+# one node each, under the executable's name; all_in_one has several
+_LIFECYCLE_NODES = ("digit_driver", "tdn", "tcn", "particle_filter")
+# what a launch file starts that is not ours: its package, and how to do without
+_OTHERS = {
+    "mount": ("robot_state_publisher", "or publish TF of the mount yourself"),
+    "rviz": ("rviz2", "or set use_rviz:=false"),
+}
 
 
 def declare(setup: str) -> list[DeclareLaunchArgument]:
@@ -36,6 +45,30 @@ def declare(setup: str) -> list[DeclareLaunchArgument]:
         )
         for name, default in SETUPS[setup].values().items()
     ]
+
+
+def check(setup: str) -> OpaqueFunction:
+    """Raises InputError for arguments that mean nothing, and for what is to be started and is not installed."""
+
+    def look(context: LaunchContext) -> None:
+        given = context.launch_configurations
+        parameters(given)
+        for part in _parts(setup, given):
+            if part in _OTHERS:
+                require_package(*_OTHERS[part])
+            if part == "mount":
+                mount_description().perform(context)
+
+    return OpaqueFunction(function=look)
+
+
+def require_package(package: str, instead: str) -> None:
+    """InputError with the mend, or what to do `instead`, for a package of ROS that is not installed."""
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError as error:
+        debian = package.replace("_", "-")
+        raise InputError(f"{package} is not installed: sudo apt install ros-$ROS_DISTRO-{debian}, {instead}") from error
 
 
 def start(setup: str, **arguments: str) -> list[LaunchDescriptionEntity]:
@@ -56,18 +89,42 @@ def when(condition: tuple[str, str] | None) -> IfCondition | None:
     return condition and IfCondition(EqualsSubstitution(LaunchConfiguration(condition[0]), condition[1]))
 
 
-def in_turn(processes: list[ExecuteProcess], then: LaunchDescriptionEntity) -> list[LaunchDescriptionEntity]:
-    """Run the processes one after the other, then do `then`; end the launch if one of them fails."""
-    if not processes:
-        return [then]
-    handlers = []
-    for process, following in zip(processes, [*processes[1:], then], strict=True):
+def mount_description() -> Command:
+    """The URDF of the mount: what xacro makes of it with the arguments of the set-up."""
+    xacro = ["xacro ", str(SHARE / "urdf" / "digit_mount.urdf.xacro")]
+    for argument, configuration in (
+        ("frames_file", "frames_file"),
+        ("tool_frame", "tool_frame"),
+        ("tf_prefix", "tf_prefix"),
+        ("prefix", "sensor_prefix"),
+    ):
+        xacro += [f" {argument}:=", LaunchConfiguration(configuration)]
+    return Command(xacro)
 
-        def go_on(event, _context, following=following):
-            return following if event.returncode == 0 else Shutdown(reason=f"{event.process_name} failed")
 
-        handlers.append(RegisterEventHandler(OnProcessExit(target_action=process, on_exit=go_on)))
-    return [*handlers, processes[0]]
+def ends_the_launch(*, unless_done: bool = False) -> Callable:
+    """`on_exit` of a process without which the others are of no use, for as long as it is not started again.
+
+    unless_done: of one that ends by itself; when it has done its work, the others go on. The error makes launch stop
+    all processes and exit with 1, where an event of type Shutdown would let it exit with 0.
+    """
+
+    def on_exit(event: ProcessExited, context: LaunchContext) -> LogInfo | None:
+        if context.is_shutdown:
+            return None
+        if unless_done and event.returncode == 0:
+            return LogInfo(msg=f"{event.process_name} has finished; Ctrl-C ends the others")
+        raise RuntimeError(f"{event.process_name} died with exit code {event.returncode}: ending all")
+
+    return on_exit
+
+
+def _parts(setup: str, given: Mapping[str, str]) -> Iterator[str]:
+    """A set-up and those that it includes with these arguments."""
+    yield setup
+    for part in SETUPS[setup].parts:
+        if isinstance(part, Include) and (part.when is None or given[part.when[0]] == part.when[1]):
+            yield from _parts(part.setup, given)
 
 
 def _processes(executable: Executable) -> OpaqueFunction:
@@ -78,17 +135,20 @@ def _processes(executable: Executable) -> OpaqueFunction:
         name = "_".join([*filter(None, given["namespace"].split("/")), executable.name])
         path = Path(launch.logging.launch_config.get_log_file_path(f"{name}.yaml"))
         path.write_text(written(parameters(given), given["namespace"]))
-        return [
-            Node(
-                package=executable.package,
-                executable=executable.name,
-                namespace=given["namespace"],
-                parameters=[str(path)],
-                arguments=["--ros-args", "--log-level", given["log_level"]],
-                respawn=given["use_respawn"] == "true" and not executable.ends,
-                respawn_delay=2.0,
-                output="screen",
-            )
-        ]
+        respawn = given["use_respawn"] == "true" and not executable.ends
+        options = {
+            "package": executable.package,
+            "executable": executable.name,
+            "namespace": given["namespace"],
+            "parameters": [str(path)],
+            "arguments": ["--ros-args", "--log-level", given["log_level"]],
+            "respawn": respawn,
+            "respawn_delay": 2.0,
+            "on_exit": None if respawn else ends_the_launch(unless_done=executable.ends),
+            "output": "screen",
+        }
+        if executable.name in _LIFECYCLE_NODES:
+            return [LifecycleNode(name=executable.name, **options)]
+        return [Node(**options)]
 
     return OpaqueFunction(function=nodes, condition=when(executable.when))

@@ -10,10 +10,11 @@ from pathlib import Path
 from midastouch_perception.errors import InputError
 
 from ..node_processes import find_executable
+from ..output_paths import demo_slide
 from ..parameter_files import written
 from ..supervisor import BackOff, Program, Supervisor
 from .launch_arguments import ARGUMENTS, parameters
-from .setups import SETUPS, demo_preparations, demo_slide, executables
+from .setups import SETUPS, demo_preparations, executables
 
 
 def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]], int]) -> int:
@@ -24,10 +25,9 @@ def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]],
     """
     given = values(name, words)
     environment = dict(os.environ)
+    if status := prepare(name, given, midastouch):
+        return status
     if name == "demo":
-        for preparation in demo_preparations(given["object"]):
-            if status := midastouch(preparation):
-                return status
         given["bag"] = str(demo_slide(given["object"]))
         # nobody else on the network sees the demo's nodes, unless the user has said so
         environment.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -36,6 +36,14 @@ def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]],
         path.write_text(written(parameters(given), given["namespace"]))
         respawn = BackOff if given["use_respawn"] == "true" else None
         return Supervisor(_programs(name, given, path), environment, respawn).run()
+
+
+def prepare(name: str, given: Mapping[str, str], midastouch: Callable[[list[str]], int]) -> int:
+    """Make what a set-up still lacks in the present folder (only `demo` needs anything); returns the exit status."""
+    for preparation in demo_preparations(given["object"]) if name == "demo" else ():
+        if status := midastouch(preparation):
+            return status
+    return 0
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:

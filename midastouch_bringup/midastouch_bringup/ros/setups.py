@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
+from ..output_paths import codebook_path, demo_slide
 from .launch_arguments import ARGUMENTS, SHARE, bundled_mesh
 
 
@@ -132,18 +132,13 @@ def executables(setup: str, given: Mapping[str, str]) -> Iterator[Executable]:
                 yield part
 
 
-def demo_slide(object_name: str) -> Path:
-    """The slide that the set-up `demo` plays."""
-    return Path("out/slides") / object_name
-
-
 def demo_preparations(object_name: str) -> list[list[str]]:
     """Calls of `midastouch`, without the name itself, that make what `demo` still lacks in the present folder.
 
     Raises InputError for an object that is not bundled.
     """
-    # here: `--show-args` need not wait for the libraries behind it
-    from ..codebooks import codebook_path, is_current
+    # here: launch files and `--show-args` do without the libraries behind it
+    from ..codebooks import is_current
     from ..commands.demo import SEED, SLIDE_LENGTH
 
     slide, codebook, mesh = demo_slide(object_name), codebook_path(object_name), bundled_mesh(object_name)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.codebooks import codebook_path
 from midastouch_bringup.commands import arguments
+from midastouch_bringup.output_paths import codebook_path
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh

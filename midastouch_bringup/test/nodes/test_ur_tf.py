@@ -80,7 +80,7 @@ class Bench:
             (DiagnosticArray, "/diagnostics", self.diagnostics, 10),
         ):
             self.listener.create_subscription(kind, topic, received.append, profile)
-        settings = {"timeout": 0.2, "reconnect_period": 0.1, **parameters}
+        settings = {"robot_ip": "the.arm", "timeout": 0.2, "reconnect_period": 0.1, **parameters}
         overrides = [Parameter(name, value=value) for name, value in settings.items()]
         self.node = UrTf(self.arms, context=self.context, parameter_overrides=overrides)
         self.executor.add_node(self.listener)
@@ -211,12 +211,18 @@ def test_a_sample_that_is_not_finite_is_not_published(bench):
     assert np.isfinite(poses).all()
 
 
-def test_refuses_simulated_time():
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [({"use_sim_time": True, "robot_ip": "the.arm"}, "use_sim_time"), ({}, "parameter 'robot_ip' is empty")],
+)
+def test_refuses_simulated_time_and_an_arm_without_address(settings, reason):
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=DOMAIN)
-    overrides = [Parameter("use_sim_time", value=True)]
-    with pytest.raises(InputError, match="use_sim_time"):
-        UrTf(Arms(), context=context, parameter_overrides=overrides)
+    overrides = [Parameter(name, value=value) for name, value in settings.items()]
+    arms = Arms()
+    with pytest.raises(InputError, match=reason):
+        UrTf(arms, context=context, parameter_overrides=overrides)
+    assert arms.attempts == 0
     context.shutdown()
 
 

@@ -12,7 +12,7 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.ros import run
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
-from midastouch_bringup.ros.run import manual, run_setup, values
+from midastouch_bringup.ros.run import manual, prepare, run_setup, values
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros.testing import open_graph
@@ -97,6 +97,18 @@ def test_the_demo_is_prepared_and_stays_on_this_machine(supervised, tmp_path, mo
     assert supervised["parameters"]["/replay"]["ros__parameters"]["source"] == "out/slides/handle_tool"
     assert supervised["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
+
+
+def test_the_demo_can_be_prepared_alone(supervised, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    called = []
+    assert prepare("demo", values("demo", ["object:=ball"]), lambda words: called.append(words) or 0) == 0
+    assert [words[:2] for words in called] == [["simulate", "ball"], ["build-codebook", "ball"]]
+    (tmp_path / called[0][called[0].index("--out") + 1]).mkdir(parents=True)
+    monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: mesh.endswith("ball.ply"))
+    assert prepare("demo", values("demo", ["object:=ball"]), None) == 0
+    assert prepare("replay", values("replay", []), None) == 0
+    assert supervised == {}
 
 
 def test_a_failed_preparation_ends_the_demo(supervised, tmp_path, monkeypatch):
