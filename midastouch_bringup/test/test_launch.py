@@ -165,7 +165,7 @@ def executables_of_setup_py():
     found = set()
     for package in OURS:
         text = (ROOT / package / "setup.py").read_text()
-        found |= {(package, name) for name in re.findall(r'"(\w+) = \w+[\w.]*:main"', text)}
+        found |= {(package, name) for name in re.findall(r'"(\w+) = [\w.]+:\w+"', text)}
     return found
 
 

@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-import rclpy
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.publisher import Publisher
@@ -21,7 +20,7 @@ from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 from midastouch_perception.ros.diagnostics import OK, WARN, Diagnostics
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
-from midastouch_perception.ros.spin import run
+from midastouch_perception.ros.spin import run, stop
 
 from ..frame_answers import FrameAnswers
 from ..keyboard import Keyboard
@@ -219,7 +218,7 @@ def main(args: Sequence[str] | None = None) -> int:
     with contextlib.ExitStack() as stack:
 
         def make() -> list[Replay]:
-            nodes.append(Replay(on_end=rclpy.try_shutdown))
+            nodes.append(Replay(on_end=stop))
             if stack.enter_context(Keyboard(nodes[0].control.keys())).active:
                 print(KEYS_HELP, file=sys.stderr)
             nodes[0].start()

@@ -218,6 +218,7 @@ def test_help_names_the_driver(capsys):
     assert "--driver" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("heeding_signals")
 def test_a_driver_that_gives_up_ends_the_process(monkeypatch):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr(all_in_one, "make_nodes", list)
