@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import gc
-import os
 import subprocess
 import sys
 import threading
@@ -25,15 +24,13 @@ from digit_driver.errors import InputError
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Digit
 
-DOMAIN = 42
-
 
 class Peer:
     """A driver and a node that listens to it, both spinning in a thread of their own."""
 
     def __init__(self, **parameters) -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=DOMAIN)
+        rclpy.init(context=self.context)
         self.received: dict[str, list] = {}
         self._changed = threading.Condition()
         try:
@@ -134,8 +131,7 @@ def run_driver():
     """Starts the driver's executable with the given ROS arguments."""
 
     def start(*arguments: str) -> subprocess.Popen:
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)}
         command = [sys.executable, "-m", "digit_driver.nodes.digit_driver", "--ros-args", *arguments]
-        return subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
+        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
 
     return start

@@ -51,7 +51,6 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
     def surprise(*_):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr(Replay, "_play_once", surprise)
     source = simulated_sequence(n=1).path
     with Path(os.devnull).open() as nothing:

@@ -22,7 +22,6 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros.conversions import stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
-DOMAIN = 83
 POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
 
 
@@ -67,7 +66,7 @@ class Bench:
 
     def __init__(self, **parameters):
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=DOMAIN)
+        rclpy.init(context=self.context)
         self.arms = Arms()
         self.executor = SingleThreadedExecutor(context=self.context)
         self.listener = rclpy.create_node("listener", context=self.context)
@@ -213,7 +212,7 @@ def test_a_sample_that_is_not_finite_is_not_published(bench):
 
 def test_refuses_simulated_time():
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
+    rclpy.init(context=context)
     overrides = [Parameter("use_sim_time", value=True)]
     with pytest.raises(InputError, match="use_sim_time"):
         UrTf(Arms(), context=context, parameter_overrides=overrides)
