@@ -186,6 +186,7 @@ def run_together(graph, touches, overrides):
     return play(graph, touches)
 
 
+@pytest.mark.slow
 def test_processes_and_all_in_one_give_the_same_estimate(graph, touches, overrides, tmp_path):
     with processes(overrides, tmp_path):
         statuses, poses = play(graph, touches)

@@ -15,7 +15,7 @@ from midastouch_bringup.rtde_receiver import RTDE_PORT, rtde_connector
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from PIL import Image
 from midastouch_bringup import cli
 from midastouch_bringup.ros import demo
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 DOMAIN = "--domain", os.environ["ROS_DOMAIN_ID"]
 
 

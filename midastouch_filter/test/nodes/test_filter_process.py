@@ -25,7 +25,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 T_BASE_GEL = translation(0.4, 0.1, 0.2)
 
 
