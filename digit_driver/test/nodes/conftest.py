@@ -24,6 +24,8 @@ from digit_driver.errors import InputError
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Digit
 
+PATIENCE = 120.0  # s; bounds a failing test only
+
 
 class Peer:
     """A driver and a node that listens to it, both spinning in a thread of their own."""
@@ -77,16 +79,16 @@ class Peer:
         """The messages of a topic, once ``predicate`` holds for them."""
         with self._changed:
             inbox = self.received[topic]
-            assert self._changed.wait_for(lambda: predicate(inbox), timeout=15.0), f"{topic}: {inbox[-1:]}"
+            assert self._changed.wait_for(lambda: predicate(inbox), timeout=PATIENCE), f"{topic}: {inbox[-1:]}"
             return list(inbox)
 
     def call(self, kind: type, name: str, request):
         client = self.node.create_client(kind, name)
-        assert client.wait_for_service(10.0)
+        assert client.wait_for_service(PATIENCE)
         answered = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        assert answered.wait(10.0), name
+        assert answered.wait(PATIENCE), name
         return future.result()
 
     def set_parameter(self, name: str, value):
