@@ -202,6 +202,7 @@ def test_processes_and_all_in_one_give_the_same_estimate(graph, touches, overrid
         assert apart.pose.pose == near.pose.pose, "the same to the last bit"
 
 
+@pytest.mark.slow
 def test_all_in_one_still_publishes_what_is_between_the_stages(graph, touches, overrides):
     graph.add_all(lambda options: make_nodes(depth=FakeDepthStage(), tcn=BookTcn(), options=options), overrides)
     codes = graph.listen(TactileCode, "tactile/code")

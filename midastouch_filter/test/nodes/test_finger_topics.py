@@ -188,6 +188,7 @@ def test_what_names_no_fingers_is_refused(graph, fingers):
         graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), {**OBJECT, "fingers": fingers})
 
 
+@pytest.mark.slow
 def test_two_simulated_sensors_tell_what_one_cannot(graph, gripper):
     """The filter itself, on an object that looks the same after half a turn to the first finger."""
     config = FilterConfig(max_particles=3000, min_particles=300, threads=1)
