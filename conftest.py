@@ -5,6 +5,9 @@ the module `midastouch_filter.test.x`, whose parent would be the folder in the w
 that name inside it, unless that is loaded already.
 """
 
+import itertools
+import os
+import socket
 from pathlib import Path
 
 import pytest
@@ -19,6 +22,29 @@ import midastouch_perception  # noqa: F401
 # on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
+
+
+def _claim_domain() -> tuple[int, socket.socket]:
+    """A DDS domain that no other run of tests on this machine has, and what is to be kept as long as it is ours.
+
+    Of 1 to 101, whose ports Linux keeps out of its ephemeral range.
+    """
+    for domain in itertools.chain(range(1 + os.getpid() % 101, 102), range(1, 102)):
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            # abstract, so it is free again when the process is gone, however it ends
+            claim.bind(f"\0midastouch_test_domain_{domain}")
+        except OSError:
+            claim.close()
+        else:
+            return domain, claim
+    raise RuntimeError("each of 101 DDS domains belongs to a run of tests that is under way")
+
+
+# Programs that tests start inherit both. Only this machine hears them.
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+_domain, _claim = _claim_domain()
+os.environ["ROS_DOMAIN_ID"] = str(_domain)
 
 
 @pytest.fixture(scope="session")

@@ -28,7 +28,7 @@ setup(
     extras_require={"test": ["pytest"]},
     entry_points={
         "console_scripts": [
-            "digit_driver = digit_driver.nodes.digit_driver:main",
+            "digit_driver = digit_driver.executables:digit_driver",
         ]
     },
 )

@@ -44,13 +44,13 @@ setup(
     extras_require={"test": ["pytest"], "ur": ["ur-rtde"], "view": ["rerun-sdk>=0.39,<0.42"]},
     entry_points={
         "console_scripts": [
-            "all_in_one = midastouch_bringup.nodes.all_in_one:main",
-            "detection_prior = midastouch_bringup.nodes.detection_prior:main",
+            "all_in_one = midastouch_bringup.executables:all_in_one",
+            "detection_prior = midastouch_bringup.executables:detection_prior",
             "midastouch = midastouch_bringup.cli:main",
-            "mount_tf = midastouch_bringup.nodes.mount_tf:main",
-            "recorder = midastouch_bringup.nodes.recorder:main",
-            "replay = midastouch_bringup.nodes.replay:main",
-            "ur_tf = midastouch_bringup.nodes.ur_tf:main",
+            "mount_tf = midastouch_bringup.executables:mount_tf",
+            "recorder = midastouch_bringup.executables:recorder",
+            "replay = midastouch_bringup.executables:replay",
+            "ur_tf = midastouch_bringup.executables:ur_tf",
         ]
     },
 )

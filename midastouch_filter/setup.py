@@ -13,7 +13,15 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
     ],
-    install_requires=["midastouch_kernels", "midastouch_perception", "numpy", "pykdtree", "scikit-learn", "scipy"],
+    install_requires=[
+        "digit_driver",
+        "midastouch_kernels",
+        "midastouch_perception",
+        "numpy",
+        "pykdtree",
+        "scikit-learn",
+        "scipy",
+    ],
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",
@@ -22,7 +30,7 @@ setup(
     extras_require={"test": ["hypothesis", "pytest"]},
     entry_points={
         "console_scripts": [
-            "particle_filter = midastouch_filter.nodes.particle_filter:main",
+            "particle_filter = midastouch_filter.executables:particle_filter",
         ]
     },
 )

@@ -17,6 +17,7 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=[
+        "digit_driver",
         "midastouch_kernels",
         "numpy",
         "onnxruntime",
@@ -38,8 +39,8 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "tdn = midastouch_perception.nodes.tdn:main",
-            "tcn = midastouch_perception.nodes.tcn:main",
+            "tdn = midastouch_perception.executables:tdn",
+            "tcn = midastouch_perception.executables:tcn",
         ]
     },
 )

@@ -35,6 +35,6 @@ def context():
     import rclpy
 
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=88)
+    rclpy.init(context=context)
     yield context
     context.try_shutdown()

@@ -85,9 +85,9 @@ def _read(client: socket.socket, size: int) -> bytes:
 
 
 def main() -> None:
-    """Serve one client after the other on the port in the first argument, until killed; FAULTS as second argument."""
-    fault = sys.argv[2] if len(sys.argv) > 2 else ""
-    with socket.create_server(("127.0.0.1", int(sys.argv[1]))) as server:
+    """Serve one client after the other on the given address and port, until killed; the third argument is a fault."""
+    address, port, fault = sys.argv[1:]
+    with socket.create_server((address, int(port))) as server:
         print("ready", flush=True)
         while True:
             client, _ = server.accept()

@@ -73,7 +73,7 @@ def test_missing_package_names_the_command(monkeypatch):
 
 
 def test_state_is_read_until_the_connection_is_lost(ur_rtde, controller):
-    arm = rtde_receiver.rtde_connector()("127.0.0.1", 125.0)
+    arm = rtde_receiver.rtde_connector(timeout=60.0)("127.0.0.1", 125.0)
     state = arm.read()
     assert state.robot_time == 12.5
     np.testing.assert_array_equal(state.tcp_pose, [1, 2, 3, 4, 5, 6])
@@ -103,7 +103,7 @@ def test_a_state_is_never_put_together_from_two(ur_rtde, controller):
             return [self.time] * 6
 
     ur_rtde.RTDEReceiveInterface = Hurried
-    state = rtde_receiver.rtde_connector()("127.0.0.1", 125.0).read()
+    state = rtde_receiver.rtde_connector(timeout=60.0)("127.0.0.1", 125.0).read()
     assert state.robot_time == pytest.approx(10.016)
     assert set(state.tcp_pose) == set(state.positions) == {state.robot_time}
 
@@ -123,4 +123,4 @@ def test_a_refusal_of_the_library_is_a_connection_error(ur_rtde, controller):
 
     ur_rtde.RTDEReceiveInterface = refuse
     with pytest.raises(ConnectionError, match="protocol version"):
-        rtde_receiver.rtde_connector()("127.0.0.1", 125.0)
+        rtde_receiver.rtde_connector(timeout=60.0)("127.0.0.1", 125.0)

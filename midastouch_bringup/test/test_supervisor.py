@@ -17,22 +17,24 @@ from midastouch_bringup.supervisor import BackOff, Program, Supervisor, _woken_b
 
 SUPERVISE = """
 import json, os, sys
-from midastouch_bringup import node_processes
+from midastouch_bringup import node_processes, supervisor
 from midastouch_bringup.supervisor import BackOff, Program, Supervisor
 
 task = json.loads(sys.argv[1])
 node_processes._GRACE_S = task["grace"]
+supervisor._LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
 programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
 respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
 sys.exit(Supervisor(programs, os.environ, respawn).run())
 """
+PATIENCE = 120.0  # s; bounds a failing test only
 FOR_EVER = "while :; do sleep 0.05; done"
 
 
 class Supervised:
     """A supervisor at work, and the lines it has printed."""
 
-    def __init__(self, programs, back_off=None, ends=(), grace=(10.0, 10.0, 10.0), before="", reads=None):
+    def __init__(self, programs, back_off=None, ends=(), grace=(PATIENCE,) * 3, before="", reads=None):
         task = json.dumps({"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace})
         command = ["sh", "-c", f'{before} exec "$@"', "sh", sys.executable, "-c", SUPERVISE, task]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -46,7 +48,7 @@ class Supervised:
                 self.lines.append(line.rstrip("\n"))
 
     def until(self, condition):
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + PATIENCE
         while not condition():
             assert time.monotonic() < deadline, f"it did not happen in time; printed: {self.lines}"
             time.sleep(0.01)
@@ -55,7 +57,7 @@ class Supervised:
         self.until(lambda: self.lines.count(line) >= times)
 
     def status(self):
-        status = self.process.wait(20.0)
+        status = self.process.wait(PATIENCE)
         self._reader.join()
         return status
 
@@ -116,12 +118,12 @@ def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, words
 
 
 def test_what_dies_is_started_again_later_each_time(supervise):
-    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 0.08))
+    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 600.0))
     run.said("[mortal] alive", times=5)
     run.process.send_signal(signal.SIGINT)
     assert run.status() == 0
     pauses = [line.split(" in ")[1] for line in run.lines if "starting it again" in line]
-    assert pauses[:4] == ["0.02 s", "0.04 s", "0.08 s", "0.08 s"]
+    assert pauses[:4] == ["0.02 s", "0.04 s", "0.08 s", "0.16 s"]
     assert run.lines.count("[other] alive") == 1
 
 
@@ -138,7 +140,7 @@ def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
 
     monkeypatch.setattr(subprocess, "Popen", short_of_memory)
     program = Program("mortal", ("sh", "-c", "exit 3"))
-    Supervisor([program], os.environ, lambda: BackOff(0.01, 1.0)).run()
+    Supervisor([program], os.environ, lambda: BackOff(0.01, 600.0)).run()
     assert len(calls) == 3
     assert "mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in capsys.readouterr().out
 
@@ -173,18 +175,30 @@ def test_a_signal_ends_all_of_them_softly_at_first(supervise, number, before):
         "reluctant": f"trap '' INT; trap 'echo bye; exit 0' TERM; echo $$; {FOR_EVER}",
         "deaf": f"trap '' INT TERM; echo $$; {FOR_EVER}",
     }
-    run = supervise(programs, grace=(0.5, 0.3, 10.0), before=before)
+    run = supervise(programs, before=before)
     run.until(lambda: len(run.lines) == 3)
     pids = [int(line.split()[1]) for line in run.lines]
+    for bye in ("[polite] bye", "[reluctant] bye"):
+        run.process.send_signal(number)
+        run.said(bye)
     run.process.send_signal(number)
     assert run.status() == 0
-    assert run.lines[3:5] == ["[midastouch] ending all", "[polite] bye"]
-    assert {"[reluctant] bye", "[midastouch] deaf: killed by SIGKILL"} <= set(run.lines)
+    assert run.lines[3:] == [
+        "[midastouch] ending all", "[polite] bye", "[reluctant] bye", "[midastouch] deaf: killed by SIGKILL"
+    ]  # fmt: skip
     assert not any(running(pid) for pid in pids)
 
 
+def test_who_does_not_go_in_time_is_killed(supervise):
+    run = supervise({"deaf": f"trap '' INT TERM; echo ready; {FOR_EVER}"}, grace=(0.05, 0.05, PATIENCE))
+    run.said("[deaf] ready")
+    run.process.send_signal(signal.SIGINT)
+    assert run.status() == 0
+    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
+
+
 def test_who_presses_again_waits_no_longer(supervise):
-    run = supervise({"deaf": f"trap '' INT; trap 'echo no' TERM; echo ready; {FOR_EVER}"}, grace=(60.0, 60.0, 60.0))
+    run = supervise({"deaf": f"trap '' INT; trap 'echo no' TERM; echo ready; {FOR_EVER}"}, grace=(PATIENCE,) * 3)
     run.said("[deaf] ready")
     for answer in ("[midastouch] ending all", "[deaf] no"):
         run.process.send_signal(signal.SIGINT)

@@ -343,6 +343,7 @@ def test_a_finger_needs_a_name(filter_):
 # --------------------------------------------------------------------------- a gripper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("two", [False, True])
 def test_two_fingers_tell_what_one_cannot(gripper, two):
     filter_, truth = gripper.make_filter(CONFIG), gripper.above
@@ -369,6 +370,7 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
         assert estimate.modes[0].weight < 0.9
 
 
+@pytest.mark.slow
 def test_a_finger_explores_while_the_first_one_rests(gripper):
     """As a thumb that holds the object; the first finger's one touch fits two places."""
     filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]

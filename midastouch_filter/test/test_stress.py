@@ -163,6 +163,7 @@ def test_any_weights_end_in_a_defined_state(filter_, world, most, some, count):
         assert "started again" in estimate.status.reason
 
 
+@pytest.mark.slow
 def test_a_million_particles(world):
     book = some_book(world, world.mesh, 1000)
     many = ParticleFilter(world.mesh, book, FilterConfig(max_particles=1_000_000, threads=1), 0)
@@ -241,6 +242,7 @@ def test_float32_pose_distance_agrees_with_float64(world, at, step, size):
     assert got == pytest.approx(exact, abs=1.5e-5)
 
 
+@pytest.mark.slow
 def test_float32_particles_agree_with_float64_over_a_slide(filter_, world):
     """The whole chain of float32 moves against the same in matrices, without noise."""
     still = FilterConfig(
@@ -285,6 +287,7 @@ def shapes():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shapes())
 def test_degenerate_meshes_work(world, name):
     mesh = ObjectMesh.from_arrays(*shapes()[name], name)
@@ -314,6 +317,7 @@ def test_unusable_meshes_are_named(vertices, faces, said):
         ObjectMesh.from_arrays(vertices, faces, "thing")
 
 
+@pytest.mark.slow
 def test_a_book_in_millimetres_is_lost_with_a_reason(world):
     poses = world.random_poses(world.mesh, 300, np.random.default_rng(2))
     codes = world.encode(poses)
@@ -329,6 +333,7 @@ def test_a_book_in_millimetres_is_lost_with_a_reason(world):
 # --------------------------------------------------------------------------- codebooks
 
 
+@pytest.mark.slow
 def test_a_book_that_holds_every_pose_twice_works(world):
     poses = np.repeat(world.random_poses(world.mesh, 200, np.random.default_rng(2)), 2, axis=0)
     filter_ = ParticleFilter(world.mesh, world.make_codebook(poses, world.encode(poses)), SMALL, 0)

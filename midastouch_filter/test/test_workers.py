@@ -26,7 +26,7 @@ def test_map_keeps_the_order(threads):
 
 
 def test_map_works_side_by_side():
-    both = threading.Barrier(2, timeout=10)
+    both = threading.Barrier(2, timeout=120)
     assert sorted(Workers(2).map(lambda _: both.wait(), [0, 1])) == [0, 1]
 
 

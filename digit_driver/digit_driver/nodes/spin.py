@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Protocol
 
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 from ..errors import InputError
+from ..stop_signals import end_at_once, stop_event
 
 
 class Driver(Protocol):
@@ -21,44 +22,27 @@ class Driver(Protocol):
 
 
 def run(make_node: Callable[[], Driver], args: list[str] | None = None) -> int:
-    """Spins the node that ``make_node`` returns; the exit code for the process.
+    """Spins the node that ``make_node`` returns; the exit code for the process, which then ends.
 
-    2: unusable input (the node has logged it), 1: the node gave up, 0: told to stop by SIGINT or SIGTERM.
+    2: unusable input (the node has logged it), 1: the node gave up, 0: told to stop by SIGINT, SIGTERM or SIGHUP, at
+    any moment and however often; what is going on then, the making of the node or a callback, is finished first.
     """
-    rclpy.init(args=args)
+    end_at_once()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
     node = None
     try:
-        node = make_node()
-        executor.add_node(node)
-        while rclpy.ok() and not node.failure:
-            executor.spin_once()
+        # a task lets spin_once return, which executor.wake() would not
+        with stop_event(lambda: executor.create_task(lambda: None)) as stopping:
+            node = make_node()
+            executor.add_node(node)
+            while not stopping.is_set() and not node.failure:
+                executor.spin_once()
     except InputError:
         return 2
-    except KeyboardInterrupt:
-        _let_the_handler_finish()
-    except ExternalShutdownException:
-        pass
-    except RuntimeError:
-        # A signal shuts the context down under whatever is being published or taken at that moment: an RCLError, or
-        # a failed conversion where rclpy swallowed the interrupt.
-        _let_the_handler_finish()
-        if rclpy.ok():
-            raise
     finally:
         executor.shutdown()
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
     return 1 if node is not None and node.failure else 0
-
-
-def _let_the_handler_finish() -> None:
-    """Waits until rclpy's signal handler, which may run in another thread, has shut the context down.
-
-    It still walks the executors' guard conditions when Python raises KeyboardInterrupt; destroying them under it ends
-    the process with a segmentation fault.
-    """
-    deadline = time.monotonic() + 1.0
-    while rclpy.ok() and time.monotonic() < deadline:
-        time.sleep(0.001)

@@ -43,8 +43,12 @@ def test_images_arrive_whole_with_camera_info_of_the_same_stamp(peer, folder) ->
     periods = np.diff(stamps) / 50_000_000
     assert np.abs(periods - periods.round()).max() < 0.02
     assert periods.min() > 0.5
-    assert abs(stamps[-1] - time.time_ns()) < 5_000_000_000
-    infos = it.wait("camera_info", lambda got: any(stamp_ns(info) == stamps[-1] for info in got))
+    assert abs(stamps[-1] - time.time_ns()) < 60_000_000_000
+
+    def of_an_image(info: CameraInfo) -> bool:
+        return any(stamp_ns(info) == stamp_ns(image) for image in it.received["image_raw"])
+
+    infos = it.wait("camera_info", lambda got: any(map(of_an_image, got)))
     assert (infos[-1].width, infos[-1].height, infos[-1].k[0]) == (240, 320, 0.0)
     assert infos[-1].header.frame_id == "left_optical_frame"
 
@@ -69,8 +73,9 @@ def test_compresses_only_while_subscribed(peer, folder, monkeypatch) -> None:
     assert image.shape == (320, 240, 3)
     it.node.destroy_subscription(subscription)
     before = it.driver._jpeg_pub
-    deadline = time.monotonic() + 10.0
-    while before.get_subscription_count() and time.monotonic() < deadline:
+    deadline = time.monotonic() + 120.0
+    while before.get_subscription_count():
+        assert time.monotonic() < deadline
         time.sleep(0.01)
     # One image may have been under way when the subscription went.
     count = len(made) + 1
@@ -95,15 +100,14 @@ def test_set_capture_stops_and_starts(peer, camera) -> None:
     it.wait("image_raw")
     answer = it.call(SetBool, "set_capture", SetBool.Request(data=False))
     assert (answer.success, answer.message) == (True, "capture is off")
-    opened = camera.opened
-    seen = len(it.received["image_raw"])
+    opened, taken = camera.opened, camera.sequence
     it.subscribe(DiagnosticArray, "/diagnostics")
     it.wait("/diagnostics", lambda got: got and got[-1].status[0].message == "capture is off")
-    assert len(it.received["image_raw"]) <= seen + 2  # What DDS still had under way.
-    seen = len(it.received["image_raw"])
+    assert camera.sequence == taken
+    answered_ns = time.time_ns()
     answer = it.call(SetBool, "set_capture", SetBool.Request(data=True))
     assert answer.success
-    it.wait("image_raw", lambda got: len(got) > seen)
+    it.wait("image_raw", lambda got: stamp_ns(got[-1]) > answered_ns)
     assert camera.opened > opened
 
 
@@ -112,21 +116,21 @@ def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) ->
     it = peer(reconnect_timeout=0.1, diagnostics_period=0.1, fps=60, stamp_jitter_limit=1.0)
     it.subscribe(DiagnosticArray, "/diagnostics")
 
-    def wait_for(words: str):
-        received = it.wait("/diagnostics", lambda got: got and words in got[-1].status[0].message)
-        return received[-1].status[0]
+    def wait_for(words: str, level: bytes):
+        def told(status) -> bool:
+            return words in status.message and status.level == level
 
-    status = wait_for("streaming")
+        return it.wait("/diagnostics", lambda got: got and told(got[-1].status[0]))[-1].status[0]
+
+    status = wait_for("streaming", b"\x00")
     assert status.name == "digit_test/digit_driver: stream"
     assert status.hardware_id == "D20001"
-    assert status.level == b"\x00"
     kernel.unplug(camera)
-    status = wait_for("disconnected")
-    assert status.level == b"\x02"
+    status = wait_for("disconnected", b"\x02")
     assert status.hardware_id == "D20001"
     camera.number = 6
     kernel.plug(camera)
-    status = wait_for("streaming")
+    status = wait_for("streaming", b"\x00")
     values = {pair.key: pair.value for pair in status.values}
     assert (values["reconnects"], values["source"]) == ("1", "/dev/video6")
     it.subscribe(Image, "image_raw")

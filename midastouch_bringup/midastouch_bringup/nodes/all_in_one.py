@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -66,7 +65,7 @@ def make_driver() -> Node:
         raise InputError(str(error)) from error
     # in a process of its own a driver that gives up ends it; the others must not go on blind
     steady = Clock(clock_type=ClockType.STEADY_TIME)
-    driver.create_timer(_LOOK_S, lambda: rclpy.try_shutdown() if driver.failure else None, clock=steady)
+    driver.create_timer(_LOOK_S, lambda: spin.stop() if driver.failure else None, clock=steady)
     return driver
 
 

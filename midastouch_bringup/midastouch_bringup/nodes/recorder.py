@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import shutil
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -152,19 +151,12 @@ class Recorder(PipelineNode):
             self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
 
 
-def _heed_hang_up() -> None:
-    """Take SIGHUP for SIGTERM: a terminal that is closed, or an ssh that breaks off, would cost the whole recording."""
-    if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # not under nohup
-        signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
-
-
 def main(args: Sequence[str] | None = None) -> int:
     """Entry point of the executable; exit code 1: the disk was too full for all of it."""
     nodes: list[Recorder] = []
 
     def make() -> list[Recorder]:
         nodes.append(Recorder())
-        _heed_hang_up()
         return nodes
 
     return run(make, args) or (1 if nodes and nodes[0].failure else 0)

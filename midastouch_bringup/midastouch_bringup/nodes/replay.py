@@ -8,7 +8,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -25,7 +24,7 @@ from midastouch_perception.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostic
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
-from midastouch_perception.ros.spin import run
+from midastouch_perception.ros.spin import run, stop
 
 from ..flow_control import FlowControl
 from ..keyboard import Keyboard
@@ -270,7 +269,7 @@ def main(args: Sequence[str] | None = None) -> int:
     with contextlib.ExitStack() as stack:
 
         def make() -> list[Replay]:
-            nodes.append(Replay(on_end=rclpy.try_shutdown))
+            nodes.append(Replay(on_end=stop))
             if stack.enter_context(Keyboard(nodes[0].control.keys())).active:
                 print(KEYS_HELP, file=sys.stderr)
             nodes[0].start()

@@ -1,11 +1,15 @@
 """`midastouch view` as a process: a recording of it, and a client of its server."""
 
+import contextlib
+import itertools
+import os
 import re
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -36,12 +40,18 @@ def rerun():
     return pytest.importorskip("rerun", reason="the view extra (rerun-sdk) is not installed")
 
 
+def of_this_run() -> Iterator[int]:
+    """Ports that are free and stay so: no other run of tests takes them, nor the system for an outgoing connection."""
+    for port in itertools.count(20_000 + 100 * int(os.environ["ROS_DOMAIN_ID"])):
+        with contextlib.suppress(OSError), socket.create_server(("127.0.0.1", port)):
+            yield port
+
+
+PORTS = of_this_run()
+
+
 def free_ports(n: int) -> list[int]:
-    probes = [socket.create_server(("127.0.0.1", 0)) for _ in range(n)]
-    ports = [probe.getsockname()[1] for probe in probes]
-    for probe in probes:
-        probe.close()
-    return ports
+    return list(itertools.islice(PORTS, n))
 
 
 def binary() -> str:
@@ -70,7 +80,7 @@ def start(graph):
     for process in processes:
         process.terminate()
         try:
-            process.communicate(timeout=60)
+            process.communicate(timeout=120)
         finally:
             process.kill()
 
@@ -116,7 +126,7 @@ def test_a_recording_holds_what_the_nodes_published(rerun, graph, start, tmp_pat
         send()
     assert not out.exists()  # nothing half-written under its name
     view.send_signal(signal.SIGINT)
-    said, _ = view.communicate(timeout=60)
+    said, _ = view.communicate(timeout=120)
     assert view.returncode == 0, said
     assert drawn(out) >= SCENE
     assert [path.name for path in tmp_path.iterdir()] == ["run.rrd"]
@@ -136,15 +146,15 @@ def test_a_client_gets_the_scene_from_the_server(rerun, graph, start, tmp_path):
     command = [binary(), source, "--save", str(got), "--bind", "127.0.0.1", "--port", str(own_port)]
     client = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
-        deadline = time.monotonic() + 40
+        deadline = time.monotonic() + 120
         while not (got.exists() and drawn(got) >= SCENE):
             assert time.monotonic() < deadline, f"the client got {got.exists() and drawn(got)}"
             send()
     finally:
         client.terminate()
-        client.wait(20)
+        client.wait(120)
     view.terminate()
-    said, _ = view.communicate(timeout=60)
+    said, _ = view.communicate(timeout=120)
     assert view.returncode == 0, said
     with pytest.raises(ConnectionRefusedError):  # the server went with it
         socket.create_connection(("127.0.0.1", port))

@@ -84,6 +84,7 @@ def test_single_touch(run):
     assert "eyebolt" in output
 
 
+@pytest.mark.slow
 def test_bench_has_the_keys_of_the_design(run):
     _, result = run("bench", "--object", "eyebolt", "--codebook-size", "300", "--frames", "10", "--json", "bench.json")
     for key in ("tdn_ms", "tcn_ms", "end_to_end_ms"):
@@ -96,6 +97,7 @@ def test_bench_has_the_keys_of_the_design(run):
         assert result[key] > 0
 
 
+@pytest.mark.slow
 def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, workspace):
     options = (
         "benchmark", "--objects", "eyebolt", "--out", "bm", "--slides", "1", "--length", "0.015", "--seeds", "1",
@@ -116,6 +118,7 @@ def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, works
     assert page.strip() == "benchmark_report/index.html"
 
 
+@pytest.mark.slow
 def test_report_takes_all_of_them(run, workspace):
     run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
     run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")

@@ -64,6 +64,7 @@ def log(tmp_path: Path) -> TrialLog:
     return TrialLog(tmp_path / "trials.jsonl")
 
 
+@pytest.mark.slow
 def test_every_combination_is_run_once(plan, saved_mesh, log, tmp_path):
     totals, done = [], []
 
@@ -87,6 +88,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, tmp_path):
     assert run_campaign(other, [saved_mesh], log, minutes=0)[1] == 4
 
 
+@pytest.mark.slow
 def test_a_seed_fixes_a_trial(plan, saved_mesh, tmp_path):
     plan = replace(plan, variants=("default",))
     runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name))[0] for name in ("a", "b")]
@@ -100,6 +102,7 @@ def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log):
     assert (trials, missing) == ([], 4)
 
 
+@pytest.mark.slow
 def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh, log, monkeypatch):
     monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", INPUT, codebook_size=500))
     seen = []

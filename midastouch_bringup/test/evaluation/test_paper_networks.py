@@ -1,10 +1,12 @@
 import numpy as np
+import pytest
 
 from midastouch_bringup.evaluation import paper_networks
 from midastouch_bringup.evaluation.paper_networks import paper_network_times
 from midastouch_perception.sensor_model import SensorModel
 
 
+@pytest.mark.slow
 def test_both_networks_are_timed_with_random_weights(monkeypatch, tmp_path):
     monkeypatch.setattr(paper_networks.tempfile, "tempdir", str(tmp_path))
     image = np.random.default_rng(0).integers(0, 255, (320, 240, 3), dtype=np.uint8)

@@ -50,6 +50,7 @@ def test_a_box_has_four_symmetries_and_no_mirrored_one():
     assert not contains(found, turn(0, 0, np.pi / 2))
 
 
+@pytest.mark.slow
 def test_a_cylinder_turns_about_its_axis_and_can_stand_on_its_head():
     found = find_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=64)))
     assert found.describe() == "axis, both ends alike"

@@ -58,6 +58,7 @@ def test_a_seed_fixes_a_trial(evaluated, sequence, mesh, codebook, networks):
     assert errors[0] != errors[1]
 
 
+@pytest.mark.slow
 def test_uniform_start_does_not_look_at_the_truth(sequence, mesh, codebook, networks):
     other = type(sequence)(**vars(sequence))
     other.poses_true = np.roll(sequence.poses_true, 7, axis=0)

@@ -190,6 +190,7 @@ def run_together(graph, touches, overrides):
     return play(graph, touches)
 
 
+@pytest.mark.slow
 def test_processes_and_all_in_one_give_the_same_estimate(graph, touches, overrides, tmp_path):
     with processes(overrides, tmp_path):
         statuses, poses = play(graph, touches)
@@ -205,6 +206,7 @@ def test_processes_and_all_in_one_give_the_same_estimate(graph, touches, overrid
         assert apart.pose.pose == near.pose.pose, "the same to the last bit"
 
 
+@pytest.mark.slow
 def test_all_in_one_still_publishes_what_is_between_the_stages(graph, touches, overrides):
     graph.add_all(lambda options: make_nodes(depth=FakeDepthStage(), tcn=BookTcn(), options=options), overrides)
     codes = graph.listen(TactileCode, "tactile/code")
@@ -222,8 +224,8 @@ def test_help_names_the_driver(capsys):
     assert "--driver" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("heeding_signals")
 def test_a_driver_that_gives_up_ends_the_process(monkeypatch):
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr(all_in_one, "make_nodes", list)
     settings = {"serial": "no-such-serial", "wait_for_device_timeout": "0.1", "reconnect_timeout": "0.1"}
     words = [word for name, value in settings.items() for word in ("-p", f"digit_driver:{name}:={value}")]

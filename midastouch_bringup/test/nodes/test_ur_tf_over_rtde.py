@@ -1,5 +1,6 @@
 """The node over ur-rtde and a real connection, to a controller with each fault that a network or an arm can show."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,9 @@ from midastouch_bringup.rtde_receiver import RTDE_PORT, rtde_connector
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
+# of this run of the tests, as its domain is: the port is the controller's own
+ADDRESS = f"127.0.0.{os.environ['ROS_DOMAIN_ID']}"
 
 
 @pytest.fixture
@@ -24,7 +27,7 @@ def controller():
     running = []
 
     def start(fault: str = "") -> subprocess.Popen:
-        command = [sys.executable, Path(__file__).parents[1] / "rtde_server.py", str(RTDE_PORT), fault]
+        command = [sys.executable, Path(__file__).parents[1] / "rtde_server.py", ADDRESS, str(RTDE_PORT), fault]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         running.append(process)
         if process.stdout.readline() != "ready\n":
@@ -41,7 +44,7 @@ class Arm:
     """The node and what it says."""
 
     def __init__(self, graph, timeout: float = 0.3):
-        settings = {"robot_ip": "127.0.0.1", "timeout": timeout, "reconnect_period": 0.1}
+        settings = {"robot_ip": ADDRESS, "timeout": timeout, "reconnect_period": 0.1}
         self.node = graph.add(lambda **options: UrTf(rtde_connector(), **options), settings)
         self.tf = graph.listen(TFMessage, "/tf")
         self.joints = graph.listen(JointState, "joint_states")
@@ -77,7 +80,7 @@ def test_a_controller_that_is_switched_off_and_on(graph, controller):
     graph.spin_until(lambda: arm.tf, "transforms")
     first.kill()
     first.wait()
-    graph.spin_until(lambda: arm.said("no RTDE at 127.0.0.1"), "the error")
+    graph.spin_until(lambda: arm.said(f"no RTDE at {ADDRESS}"), "the error")
     controller()
     arm.tf.clear()
     graph.spin_until(lambda: arm.tf, "transforms again")

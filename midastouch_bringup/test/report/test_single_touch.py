@@ -49,6 +49,7 @@ def touch(ball, book, tmp_path) -> dict:
     }
 
 
+@pytest.mark.slow
 def test_the_section_with_its_pictures(touch, tmp_path):
     page = write_results_page([("s.json", touch)], tmp_path / "out").read_text()
     for text in ("0.234", "0.789", "mean of 2 objects", "no weights given", "random lighting"):

@@ -1,6 +1,7 @@
 """The demo at a small size: real nodes as processes, over DDS."""
 
 import json
+import os
 
 import pytest
 from PIL import Image
@@ -8,7 +9,8 @@ from PIL import Image
 from midastouch_bringup import cli
 from midastouch_bringup.ros import demo
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
+DOMAIN = "--domain", os.environ["ROS_DOMAIN_ID"]
 
 
 @pytest.fixture(autouse=True)
@@ -21,7 +23,7 @@ def small(tmp_path, monkeypatch):
 
 
 def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
-    assert cli.main(["demo", "--object", "eyebolt", "--headless", "--out", "result"]) == 0
+    assert cli.main(["demo", "--object", "eyebolt", "--headless", "--out", "result", *DOMAIN]) == 0
     output = capsys.readouterr().out
     for text in ("particles, final error", "closest mode, final error", "tdn", "particle_filter", "state"):
         assert text in output
@@ -46,7 +48,7 @@ def test_a_node_that_dies_fails_the_demo_with_the_end_of_its_log(tmp_path, monke
         text = (demo._config_folder() / name).read_text()
         (config / name).write_text(text.replace("tdn: fast", "tdn: no_such_network"))
     monkeypatch.setattr(demo, "_config_folder", lambda: config)
-    assert cli.main(["demo", "--object", "eyebolt", "--headless"]) == 1
+    assert cli.main(["demo", "--object", "eyebolt", "--headless", *DOMAIN]) == 1
     error = capsys.readouterr().err
     assert "tdn ended with status 2" in error
     assert "no_such_network" in error

@@ -127,9 +127,10 @@ def test_a_real_node_runs_until_ctrl_c():
                 graph.spin_until(lambda: static, "the mount")
                 assert static[0].transforms[0].child_frame_id == "left_digit_link"
                 process.send_signal(signal.SIGINT)
-                output, _ = process.communicate(timeout=20.0)
+                output, _ = process.communicate()
             finally:
                 process.kill()
     assert process.returncode == 0
     assert "[mount_tf] " in output
-    assert output.splitlines()[-1] == "[midastouch] ending all"
+    # the node may still be saying what it sends
+    assert [line for line in output.splitlines() if line.startswith("[midastouch]")] == ["[midastouch] ending all"]

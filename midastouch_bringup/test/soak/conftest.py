@@ -25,6 +25,13 @@ from midastouch_bringup.evaluation.result_file import write_json
 from midastouch_perception.ros.testing import Graph, open_graph
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """All of these tests are slow."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.slow)
+
+
 @pytest.fixture(scope="session")
 def minutes() -> float | None:
     """Minutes of load; None in the suite, where everything is as short as it can be."""

@@ -26,7 +26,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 T_BASE_GEL = translation(0.4, 0.1, 0.2)
 
 
@@ -154,13 +154,16 @@ def test_it_starts_where_it_is_told(running, graph):
         graph.spin_until(lambda: clouds, "the particles")
         return np.linalg.norm([[p.position.x, p.position.y, p.position.z] for p in clouds[-1].poses] - place, axis=1)
 
+    def eventually(condition) -> bool:
+        """Whether it holds after one of the next frames: the node may hear a start after a later frame."""
+        return any(condition() for _ in range(100))
+
     corner = np.array([0.03, 0.02, 0.015])
     assert distances(corner).max() > 0.05
     running.frame()
 
     starts.publish(pose_msg("object", translation(*corner), (1e-6,) * 3 + (1e-3,) * 3))
-    graph.spin_for(0.5)
-    assert np.median(distances(corner)) < 0.005
+    assert eventually(lambda: np.median(distances(corner)) < 0.005)
     graph.call(Empty, "request_nomotion_update", Empty.Request())
     assert running.frame().n_particles > 0
 
@@ -170,11 +173,9 @@ def test_it_starts_where_it_is_told(running, graph):
     # RViz's 2D Pose Estimate as it comes: half a metre of spread, and zeros that mean "unknown"
     rviz = (0.25, 0.25, 0.0, 0.0, 0.0, (math.pi / 12) ** 2)
     starts.publish(pose_msg("object", translation(*corner), rviz))
-    graph.spin_for(0.5)
-    spread = distances(corner)
-    assert 0.005 < np.median(spread) < 0.08  # of the object's size, not half a metre
+    # of the object's size, not half a metre
+    assert eventually(lambda: 0.005 < np.median(distances(corner)) < 0.08)
 
     # The object is where the gel touches its opposite corner.
     priors.publish(pose_msg("base_link", T_BASE_GEL @ translation(*corner), (1e-6,) * 3 + (1e-4,) * 3))
-    graph.spin_for(0.5)
-    assert np.median(distances(-corner)) < 0.005
+    assert eventually(lambda: np.median(distances(-corner)) < 0.005)

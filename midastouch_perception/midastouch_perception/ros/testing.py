@@ -6,7 +6,6 @@ The test itself spins, so that nothing happens between two of its lines, and wai
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -138,14 +137,8 @@ class Graph:
 
 @contextlib.contextmanager
 def open_graph() -> Iterator[Graph]:
-    """A graph for one test, on this machine only and in a DDS domain of this process' own.
-
-    ROS_DOMAIN_ID, where set, names the domain instead. Programs that the test starts inherit both.
-    """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    # Linux keeps the ports of domains 0 to 101 out of its ephemeral range
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 101))
-    rclpy.init(args=[], domain_id=int(os.environ["ROS_DOMAIN_ID"]))
+    """A graph for one test, in the DDS domain of the environment."""
+    rclpy.init(args=[])
     graph = Graph()
     try:
         yield graph

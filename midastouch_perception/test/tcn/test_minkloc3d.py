@@ -29,6 +29,7 @@ def test_non_finite_maps_are_refused(minkloc):
         minkloc.encode(np.full((160, 120), np.nan, np.float32))
 
 
+@pytest.mark.slow
 def test_a_codebook_is_built_and_found_again(minkloc, tool, sensor, tmp_path):
     build_codebook(tool, minkloc, sensor, size=20).save(tmp_path / "book.npz")
     book = Codebook.load(tmp_path / "book.npz", mesh=tool, tcn=minkloc.network_id)

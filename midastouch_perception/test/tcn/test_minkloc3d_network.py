@@ -37,7 +37,7 @@ def test_number_of_parameters():
     assert sum(int(np.prod(shape)) for shape in learned.values()) == 1_055_713
 
 
-@pytest.mark.parametrize("voxel_size", [0.001, 0.01])
+@pytest.mark.parametrize("voxel_size", [pytest.param(0.001, marks=pytest.mark.slow), 0.01])
 def test_codes_of_touches_equal_the_official_ones(reference, official, voxel_size):
     with np.load(reference / f"tactile24_q{voxel_size}.npz") as data:
         clouds, coords, out = data["clouds_n"], data["coords"], data["out"]

@@ -1,0 +1,65 @@
+"""Signals that ask a process to end, taken as an event: whatever runs is finished first.
+
+Python's own handler raises KeyboardInterrupt between any two instructions, rclpy's shuts the context down under
+whatever the nodes do at that moment. Both leave nodes half made or half destroyed and threads running; a thread that
+is inside C++ (OpenCV, say) when Python ends aborts the process: "terminate called without an active exception".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+
+_NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+def end_at_once() -> None:
+    """From now on a signal to stop ends the process with exit code 0: there is nothing yet to be left in order."""
+    for number in _heeded():
+        signal.signal(number, lambda *_: os._exit(0))
+
+
+@contextlib.contextmanager
+def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
+    """The event that a signal to stop sets, however often it comes; to be used in the main thread.
+
+    ``wake`` is called after it is set, in another thread, and not after the context is left. From there on signals to
+    stop are ignored: the process is ending.
+    """
+    stopping = threading.Event()
+    numbers = _heeded()
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+
+    def watch() -> None:
+        while arrived := os.read(reading, 64):  # nothing: closed
+            if any(number in numbers for number in arrived):
+                stopping.set()
+                wake()
+
+    watcher = threading.Thread(target=watch, name="stop_signals")
+    watcher.start()
+    # before the handlers: a signal in between would do nothing at all
+    signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    for number in numbers:
+        signal.signal(number, lambda *_: None)
+    try:
+        yield stopping
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_IGN)
+        signal.set_wakeup_fd(-1)
+        os.close(writing)
+        watcher.join()
+        os.close(reading)
+
+
+def _heeded() -> list[signal.Signals]:
+    """Those to heed: one that is ignored (SIGHUP under nohup) stays so, but for SIGINT.
+
+    Shells without job control ignore SIGINT for what runs in the background; who sends it then means it.
+    """
+    return [n for n in _NUMBERS if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]

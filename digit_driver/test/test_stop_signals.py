@@ -1,0 +1,112 @@
+"""What a process does with the signals that ask it to end, moment by moment."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import sys
+from digit_driver.stop_signals import end_at_once, stop_event
+
+def stay(moment):
+    print(moment, flush=True)
+    sys.stdin.readline()
+
+end_at_once()
+stay("loading")
+with stop_event(lambda: print("woken", flush=True)) as stopping:
+    stay("making")
+    stopping.wait()
+    stay("ending")
+stay("ended")
+sys.exit(3)
+"""
+STOP = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+class Run:
+    """The program; it goes on from moment to moment when it is let."""
+
+    def __init__(self, *prefix: str) -> None:
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        self._process = subprocess.Popen([*prefix, sys.executable, "-c", PROGRAM], text=True, **pipes)
+        self.until("loading")
+
+    def until(self, said: str) -> None:
+        assert self._process.stdout.readline() == f"{said}\n"
+
+    def send(self, number: int) -> None:
+        self._process.send_signal(number)
+
+    def go_on(self) -> None:
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+
+    def end(self) -> tuple[int, str]:
+        """Exit code and stderr."""
+        errors = self._process.communicate()[1]
+        return self._process.returncode, errors
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+@pytest.fixture
+def run():
+    """Starts the program, behind a prefix of its command line."""
+    runs = []
+
+    def start(*prefix: str) -> Run:
+        runs.append(Run("env", "--default-signal=INT,HUP", *prefix))
+        return runs[-1]
+
+    yield start
+    for item in runs:
+        item.kill()
+
+
+@pytest.mark.parametrize("number", STOP)
+def test_before_there_is_anything_to_leave_in_order_the_process_ends_at_once(run, number) -> None:
+    it = run()
+    it.send(number)
+    assert it.end() == (0, "")
+
+
+@pytest.mark.parametrize("number", STOP)
+def test_a_signal_is_an_event_once_and_nothing_ever_after(run, number) -> None:
+    it = run()
+    it.go_on()
+    it.until("making")
+    it.send(number)
+    it.until("woken")
+    it.go_on()
+    it.until("ending")
+    it.send(number)
+    it.until("woken")
+    it.go_on()
+    it.until("ended")
+    it.send(number)
+    it.go_on()
+    assert it.end() == (3, "")
+
+
+@pytest.mark.parametrize(("ignored", "number"), [("HUP", signal.SIGHUP), ("INT", signal.SIGINT)])
+def test_only_a_hang_up_stays_ignored(run, ignored, number) -> None:
+    it = run("env", f"--ignore-signal={ignored}")
+    it.go_on()
+    it.until("making")
+    it.send(number)
+    if number == signal.SIGHUP:
+        it.send(signal.SIGTERM)
+    it.until("woken")
+    it.go_on()
+    it.until("ending")  # not woken twice
+    it.go_on()
+    it.until("ended")
+    it.go_on()
+    assert it.end() == (3, "")

@@ -1,0 +1,10 @@
+"""The executables of this package that are nodes."""
+
+from digit_driver.executables import executable
+
+all_in_one = executable("midastouch_bringup.nodes.all_in_one")
+detection_prior = executable("midastouch_bringup.nodes.detection_prior")
+mount_tf = executable("midastouch_bringup.nodes.mount_tf")
+recorder = executable("midastouch_bringup.nodes.recorder")
+replay = executable("midastouch_bringup.nodes.replay")
+ur_tf = executable("midastouch_bringup.nodes.ur_tf")
