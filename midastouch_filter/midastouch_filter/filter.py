@@ -117,17 +117,6 @@ class ParticleFilter:
         self._particles: Particles | None = None
         self._path_since_touch = np.inf
 
-    def warm_up(self, seed: int) -> None:
-        """Take some steps, so that every kernel is compiled or loaded before the first real one; then `reset`."""
-        self.initialise_uniform()
-        forward = np.eye(4)
-        for k in range(4):
-            forward[0, 3] = 1e-3 * k
-            self.step(forward, Measurement(True, self._measurement.code_of(k % 2)))
-        if self._refinement:
-            self._refinement.warm_up(self._particles)
-        self.reset(seed)
-
     # ------------------------------------------------------------------ start
 
     def initialise_uniform(self) -> None:

@@ -58,14 +58,6 @@ class Refinement:
         """Rows and columns of the reliefs."""
         return self.alignment.sensor.gel_depth.shape
 
-    def warm_up(self, particles: Particles) -> None:
-        """Compile or load the kernels of `apply`; moves nothing."""
-        pose = particles.poses[0]
-        covariance = self._jitter + np.diag(_FLOOR)
-        self.alignment.align(pose, covariance, np.zeros(self.shape, np.float32))
-        still = _GaussianMap.between(pose, covariance, pose, covariance)
-        self._move(particles, np.full(len(particles), -1, np.int32), {0: still}, 1)
-
     def apply(
         self,
         particles: Particles,

@@ -19,7 +19,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
-# the first call of a kernel compiles it
+# on a busy machine time says nothing about the code
 settings.register_profile("filter", deadline=None, derandomize=True)
 settings.load_profile("filter")
 

@@ -137,19 +137,6 @@ def test_same_seed_same_bits(world, slide, start):
     assert len(digests) == 1
 
 
-def test_warming_up_leaves_no_trace(start, slide):
-    poses = []
-    for warm in (False, True):
-        filter_ = start(seed=4)
-        if warm:
-            filter_.warm_up(seed=4)
-            assert len(filter_.poses) == 0
-        filter_.initialise_uniform()
-        play(filter_, slide, slice(0, 3))
-        poses.append(filter_.poses.tobytes())
-    assert poses[0] == poses[1]
-
-
 def test_particles_can_be_kept_between_both_limits_of_the_surface(world, slide, start):
     filter_ = start(FilterConfig(max_particles=2000, min_particles=300, project_to_surface=True))
     filter_.initialise_uniform()

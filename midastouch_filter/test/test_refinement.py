@@ -165,11 +165,3 @@ def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
     before = particles.positions.copy()
     assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)[0].fit == 0.1
     np.testing.assert_array_equal(particles.positions, before)
-
-
-def test_an_arm_without_jitter_warms_up(tool, sensor):
-    config = FilterConfig(jitter_translation=0.0, jitter_rotation=0.0)
-    particles = cloud(np.eye(4), 10, np.random.default_rng(0))
-    before = particles.positions.copy()
-    Refinement(tool, sensor, config, Workers(1)).warm_up(particles)
-    np.testing.assert_array_equal(particles.positions, before)

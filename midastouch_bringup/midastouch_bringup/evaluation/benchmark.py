@@ -169,7 +169,6 @@ class Benchmark:
             settings |= {"min_particles": count, "max_particles": count}
         config = FilterConfig(**settings)
         particle_filter = ParticleFilter(self._mesh, self._codebook, config, seed=0, clock=time.perf_counter)
-        particle_filter.warm_up(0)
         particle_filter.initialise_gaussian(self._truth[0], self._mesh.diagonal / 3, np.radians(60))
         return particle_filter
 

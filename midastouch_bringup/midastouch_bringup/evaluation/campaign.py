@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import midastouch_filter
+import midastouch_kernels
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.mesh import ObjectMesh
 
@@ -25,9 +26,6 @@ from .stock import Stock
 from .trial import RECORD, TrialFrame, run_trial
 from .trial_log import TrialLog, key_of, source_digest
 from .variants import VARIANTS
-
-_WARM_UP_FRAMES = 3
-_WARM_UP_SIGMA = 1e-3, np.radians(3)  # m, rad: so narrow that modes are aligned from the first touch on
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,13 +208,6 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
         plain = _frames(plan, mesh, slide)
         return [short.frame(frame) for frame in plain] if short else plain
 
-    def warm_up(frames: list[TrialFrame]) -> None:
-        """Compile or load what is compiled on first use: the steps of a start, and those of a convergence."""
-        for sigma in (mesh.diagonal / 3, np.radians(60)), _WARM_UP_SIGMA:
-            particle_filter.reset(0)
-            particle_filter.initialise_gaussian(frames[0].truth, *sigma)
-            run_trial(frames, particle_filter, series=False)
-
     def trial(frames: list[TrialFrame], labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
         Protocol(labels["init"], plan.beta).start(particle_filter, mesh, frames[0].truth)
@@ -227,8 +218,6 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
         if time.monotonic() >= deadline:
             return
         slide = labels["slide"]
-        if not frames_of:
-            warm_up(frames(slide)[:_WARM_UP_FRAMES])
         if slide not in frames_of:
             frames_of[slide] = frames(slide)
         yield key, trial(frames_of[slide], labels)
@@ -245,4 +234,4 @@ def _frames(plan: Plan, mesh: ObjectMesh, slide: int) -> list[TrialFrame]:
 
 @cache
 def _filter_code() -> str:
-    return source_digest(Path(midastouch_filter.__file__).parent)
+    return source_digest(*(Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)))

@@ -39,7 +39,7 @@ def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray]
 
 
 def _each(call: Callable[[np.ndarray], object], inputs: list[np.ndarray]) -> dict[str, float]:
-    call(inputs[0])  # compilation, caches
+    call(inputs[0])  # what is made on first use
     stopwatch = Stopwatch()
     for values in inputs:
         with stopwatch:

@@ -18,8 +18,6 @@ from ..datasets import Sequence
 from .setup import Networks, sequence_background
 from .trial import AnyFilter, TrialFrame, measure, run_trial
 
-_WARM_UP_FRAMES = 3
-
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
@@ -64,20 +62,19 @@ def run_sequence(
     images = [sequence.image(i) for i in indices]
     background, source = sequence_background(sequence)
 
-    def frames(count: int | None = None) -> Iterator[TrialFrame]:
+    def frames() -> Iterator[TrialFrame]:
         pipeline = networks.pipeline()
-        for i, image in zip(indices[:count], images, strict=False):
+        for i, image in zip(indices, images, strict=True):
             touch = pipeline.process(image, background)
             yield TrialFrame(i, measure(touch), touch.ms, sequence.poses_measured[i], sequence.poses_true[i])
 
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
 
-    def trial(seed: int, count: int | None, observe) -> dict:
+    def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
         protocol.start(particle_filter, mesh, sequence.poses_true[indices[0]])
-        return run_trial(frames(count), particle_filter, observe)
+        return run_trial(frames(), particle_filter, observe)
 
-    trial(0, _WARM_UP_FRAMES, None)  # compiles what compiles on first use
     trials = []
     for seed in range(protocol.seeds):
         labels = {
@@ -86,7 +83,7 @@ def run_sequence(
             "seed": seed,
             "init": protocol.init,
         }
-        trials.append(labels | trial(seed, None, lambda *_: progress(1)))
+        trials.append(labels | trial(seed, lambda *_: progress(1)))
     description = {
         "sequence": sequence.name,
         "object": sequence.object_name,

@@ -26,7 +26,7 @@ class Stopwatch:
             self.cpu_ms.append(1e3 * (time.process_time() - self._cpu))
 
     def drop(self, first: int) -> None:
-        """Forget the first measurements, in which things are loaded and compiled."""
+        """Forget the first measurements, in which things are loaded."""
         del self.wall_ms[:first], self.cpu_ms[:first]
 
     def summary(self) -> dict[str, float]:
@@ -44,7 +44,7 @@ def summarise(wall_ms: list[float], cpu_ms: list[float]) -> dict[str, float]:
 
 
 def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> Stopwatch:
-    """Run `call` `repeats` times after `warm_up` untimed calls (compilation, caches)."""
+    """Run `call` `repeats` times after `warm_up` untimed calls (caches)."""
     for _ in range(warm_up):
         call()
     stopwatch = Stopwatch()

@@ -49,9 +49,10 @@ def key_of(content: dict) -> str:
     return hashlib.sha256(json.dumps(to_json(content), sort_keys=True).encode()).hexdigest()[:24]
 
 
-def source_digest(folder: Path) -> str:
-    """Hash of the Python files directly in a folder: results of older code are not taken for those of the new."""
+def source_digest(*folders: Path) -> str:
+    """Hash of the Python files and compiled modules directly in folders: results of older code are not taken for those
+    of the new."""
     digest = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
+    for path in sorted(path for folder in folders for pattern in ("*.py", "*.so") for path in folder.glob(pattern)):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

@@ -51,7 +51,7 @@ NODES = ("tdn", "tcn", "particle_filter")
 CODEBOOK_SIZES = 5_000, 20_000
 """Fewest and most poses of a codebook: built within a minute on two cores."""
 _POSES_PER_AREA = 1e6  # 1/m^2
-_SILENCE_S = 120.0  # without a status while the replay goes on; the first one waits for compilation
+_SILENCE_S = 120.0  # without a status while the replay goes on
 _LAST_STATUS_S = 5.0
 _COLUMNS = 5
 _FOUND_MM, _FOUND_DEG = 10, 15

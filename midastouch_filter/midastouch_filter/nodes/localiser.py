@@ -71,7 +71,6 @@ def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed
     mesh = ObjectMesh.load(mesh_path)
     codebook = Codebook.load(codebook_path, mesh=mesh)
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
-    running.warm_up(seed)
     memory.trim()
     sensor = SensorModel.load(codebook.meta["sensor"]).scaled(SCALE)
     return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]))
