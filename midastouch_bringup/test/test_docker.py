@@ -112,9 +112,11 @@ def test_python_packages_are_pinned(name):
     assert all(re.fullmatch(r"[\w.-]+(\[[\w,]+\])?==[\w.]+", line) for line in lines)
 
 
-@pytest.mark.parametrize(("pins", "tested"), [("requirements.txt", "base.txt"), ("requirements-gpu.txt", "train.txt")])
+@pytest.mark.parametrize(
+    ("pins", "tested"), [("requirements.txt", ["base.txt", "dev.txt"]), ("requirements-gpu.txt", ["train.txt"])]
+)
 def test_pins_are_those_the_tests_run_with(pins, tested):
-    lines = (ROOT / "tools" / "requirements" / tested).read_text().splitlines()
+    lines = [line for name in tested for line in (ROOT / "tools" / "requirements" / name).read_text().splitlines()]
     known = {line.split(" ;")[0] for line in lines if "python_version < " not in line}
     assert {line for line in (DOCKER / pins).read_text().splitlines() if "==" in line} <= known
 

@@ -10,7 +10,6 @@ import dataclasses
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,6 +39,7 @@ from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import spin
 from midastouch_perception.ros.conversions import pose_from_msg, stamp_from_ns, stamp_ns, transform_to_msg
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import simulate_slide
@@ -122,29 +122,22 @@ def _is_answer(status: FilterStatus) -> bool:
 
 
 def play(graph, touches: Touches) -> tuple[list[FilterStatus], list[PoseWithCovarianceStamped]]:
-    """Send every frame, again each second until it is answered; the answers and the poses."""
+    """Send every frame once, when all stages are active and the one before is answered; the answers and the poses."""
     poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
     statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=_is_answer)
+    watch = LifecycleWatch(graph.companion, ["tdn", "tcn", "particle_filter"])
+    graph.spin_until(lambda: not watch.waiting_for, "the stages to be active")
     images, tf = graph.publisher(Image, "image_raw"), graph.publisher(TFMessage, "/tf")
-    for i, (T_obj_gel, image) in enumerate(zip(touches.poses, touches.images, strict=True)):
-        stamp = SECOND + i * SECOND // 10
+    sent = [SECOND + i * SECOND // 10 for i in range(len(touches.poses))]
+    for stamp, T_obj_gel, image in zip(sent, touches.poses, touches.images, strict=True):
         header = Header(stamp=stamp_from_ns(stamp), frame_id="base_link")
         transform = transform_to_msg(T_BASE_OBJ @ T_obj_gel)
         sensor = TransformStamped(header=header, child_frame_id="digit_gel_frame", transform=transform)
-        due = 0.0
-
-        def answered(stamp=stamp, sensor=sensor, image=image) -> bool:
-            nonlocal due
-            if time.monotonic() > due:
-                due = time.monotonic() + 1.0
-                tf.publish(TFMessage(transforms=[sensor]))
-                images.publish(image_msg(image, stamp))
-            return stamp in map(stamp_of, statuses)
-
-        graph.spin_until(answered, f"the answer to frame {i}")
-    sent = [SECOND + i * SECOND // 10 for i in range(len(touches.poses))]
+        tf.publish(TFMessage(transforms=[sensor]))
+        images.publish(image_msg(image, stamp))
+        graph.spin_until(lambda stamp=stamp: stamp in map(stamp_of, statuses), f"the answer to the frame of {stamp}")
     graph.spin_until(lambda: set(map(stamp_of, poses)) == set(sent))
-    answers = {stamp_of(status): status for status in reversed(statuses)}
+    answers = {stamp_of(status): status for status in statuses}
     return [answers[stamp] for stamp in sent], sorted(poses, key=stamp_of)
 
 

@@ -67,7 +67,7 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     sequence, filters = simulated_sequence(n=20), []
     parameters = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True}
     graph.add(lambda **options: ParticleFilterNode(load=loader_of(filters), **options), parameters)
-    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(100))
+    codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
     images = []
 
     def feel(image):

@@ -130,7 +130,7 @@ class Chain:
         given = {"mesh": "/data/a.ply", "codebook": "/data/a.npz", "queue_depth": 100, "reliable": True, **parameters}
         self.node = graph.add(lambda **options: ParticleFilterNode(load=loader_of(self.filters), **options), given)
         self.statuses = graph.listen(FilterStatus, "filter_status", latched=True)
-        codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stream_publisher(100))
+        codes = graph.companion.create_publisher(TactileCode, "tactile/code", qos.stage_publisher(100))
         graph.spin_until(lambda: codes.get_subscription_count() > 0, "the filter")
 
         def feel(image):

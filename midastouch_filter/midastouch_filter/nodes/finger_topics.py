@@ -153,7 +153,7 @@ class _Finger:
                 on_bad=lambda reason: on_bad("bad_clouds", reason),
                 topic=f"{name}/tactile/points",
             )
-        profile = qos.stream_subscriber(max(depth, 10), reliable)
+        profile = qos.stage_subscriber(max(depth, 10), reliable)
         node.create_subscription(TactileCode, f"{name}/tactile/code", self._on_code, profile)
 
     @property

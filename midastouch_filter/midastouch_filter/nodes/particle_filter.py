@@ -114,7 +114,7 @@ class ParticleFilterNode(ManagedNode):
         StartTopics(self, self.parameters, self._localiser, self._transforms, self.diagnostics.problem)
         self.create_timer(0.05, self._on_timer, clock=self._steady_clock)
         if self._subscribe:
-            profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+            profile = qos.stage_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
             if self._config.refinement:
                 self._reliefs = self._make_relief_source()
             self.create_subscription(TactileCode, "tactile/code", self._on_code_msg, profile)

@@ -44,7 +44,7 @@ class ReliefSource:
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
         # Live a code waits alone, but the clouds of its successors may already be there.
-        profile = qos.stream_subscriber(max(depth, 10), reliable)
+        profile = qos.stage_subscriber(max(depth, 10), reliable)
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int, waited: float) -> bool:

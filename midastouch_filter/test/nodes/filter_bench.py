@@ -13,7 +13,7 @@ from midastouch_filter.state import WAITING
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.ros.conversions import stamp_ns
 
-REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0}
+REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0, "transform_timeout": 300.0}
 OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}
 T_BASE_OBJ = translation(0.4, 0.1, 0.2)
 

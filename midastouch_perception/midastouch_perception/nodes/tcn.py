@@ -49,7 +49,7 @@ class TcnNode(ManagedNode):
         self._given, self._sink, self._subscribe = tcn, sink, subscribe
         self._stage: CodeStage | None = None
         self._codes = self.create_publisher(
-            TactileCode, "tactile/code", qos.stream_publisher(self.parameters["queue_depth"])
+            TactileCode, "tactile/code", qos.stage_publisher(self.parameters["queue_depth"])
         )
         self._rate = diagnostics.Rate()
         self.autostart()
@@ -68,7 +68,7 @@ class TcnNode(ManagedNode):
     def connect(self) -> None:
         """Subscribe the clouds."""
         if self._subscribe:
-            profile = qos.stream_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
+            profile = qos.stage_subscriber(self.parameters["queue_depth"], self.parameters["reliable"])
             self.create_subscription(PointCloud2, "tactile/points", self._on_points, profile)
 
     def _on_points(self, msg: PointCloud2) -> None:

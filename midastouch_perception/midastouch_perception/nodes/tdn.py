@@ -91,7 +91,9 @@ class TdnNode(ManagedNode):
         self._captured: Future | None = None
 
         out = qos.stream_publisher(self.parameters["queue_depth"])
-        self._points = self.create_publisher(PointCloud2, "tactile/points", out)
+        self._points = self.create_publisher(
+            PointCloud2, "tactile/points", qos.stage_publisher(self.parameters["queue_depth"])
+        )
         self._penetration = self.create_publisher(Image, "tactile/penetration", out)
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
         # In a group of its own: while it waits for images, they must get through.

@@ -24,6 +24,19 @@ def stream_subscriber(depth: int = 1, reliable: bool = False) -> QoSProfile:
     return _profile(depth, reliable)
 
 
+def stage_publisher(depth: int = 5) -> QoSProfile:
+    """Clouds and codes, from stage to stage: as `stream_publisher`, and kept for a stage that finds this one late.
+
+    An image may come through the first stage before that knows of the second; in a replay none may be lost.
+    """
+    return _profile(max(depth, 5), reliable=True, latched=True)
+
+
+def stage_subscriber(depth: int = 1, reliable: bool = False) -> QoSProfile:
+    """The same, received. Replay: also what was sent before; live: the newest only."""
+    return _profile(depth, reliable, latched=reliable)
+
+
 def latched(depth: int = 1) -> QoSProfile:
     """Status, estimate, mesh: a subscriber that comes late sees the last one. For both sides.
 

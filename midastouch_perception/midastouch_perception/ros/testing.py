@@ -68,7 +68,7 @@ class Graph:
 
     def publisher(self, kind: type, topic: str, profile: QoSProfile | None = None, latched: bool = False) -> Publisher:
         """A publisher that is already connected to a subscriber."""
-        profile = qos.latched(10) if latched else profile or qos.stream_publisher(100)
+        profile = qos.latched(10) if latched else profile or qos.stage_publisher(100)
         publisher = self.companion.create_publisher(kind, topic, profile)
         self.spin_until(lambda: publisher.get_subscription_count() > 0, f"a subscriber of {topic}")
         return publisher

@@ -16,7 +16,8 @@ from tdn_rig import REPLAY
 from midastouch_msgs.msg import TactileCode, TactileContact
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.ros.conversions import points_to_msg
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import points_to_msg, stamp_from_ns
 
 pytestmark = pytest.mark.dds
 WAITING = {**REPLAY, "autostart": False}
@@ -50,14 +51,14 @@ def test_tdn_hears_images_while_it_is_active_only(graph, depth, background):
 def test_tcn_hears_clouds_while_it_is_active_only(graph):
     graph.add(lambda **options: TcnNode(tcn=FakeTcn(), **options), WAITING)
     codes = graph.listen(TactileCode, "tactile/code")
-    clouds = graph.companion.create_publisher(PointCloud2, "tactile/points", 10)
+    clouds = graph.companion.create_publisher(PointCloud2, "tactile/points", qos.stage_publisher())
     for count in (1, 2):
         assert graph.change_state("tcn", "configure")
         assert graph.companion.count_subscribers("tactile/points") == 0
         assert graph.change_state("tcn", "activate")
         graph.spin_until(lambda: clouds.get_subscription_count() == 1, "the subscription")
-        clouds.publish(points_to_msg(np.zeros((0, 3)), Header()))
-        graph.spin_until(lambda count=count: len(codes) == count, "the code")
+        clouds.publish(points_to_msg(np.zeros((0, 3)), Header(stamp=stamp_from_ns(count))))
+        graph.spin_until(lambda count=count: codes and codes[-1].header.stamp.nanosec == count, "the code")
         assert graph.change_state("tcn", "deactivate")
         graph.spin_until(lambda: clouds.get_subscription_count() == 0, "its end")
         assert graph.change_state("tcn", "cleanup")
