@@ -62,6 +62,6 @@ def carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4): adjoint of its inverse."""
     back = se3.inverse(motion)
     r, (x, y, z) = back[:3, :3], back[:3, 3]
-    adjoint = np.kron(np.eye(2), r)
+    adjoint = se3.turn(r)
     adjoint[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
     return adjoint @ covariance @ adjoint.T

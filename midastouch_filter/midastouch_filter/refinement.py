@@ -193,13 +193,13 @@ def _agreed(found: list[Aligned], least_fit: float) -> Aligned | None:
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:
     """The mode with the pose of this very frame: where the relief puts the sensor, the arm's jitter included."""
-    turn = np.kron(np.eye(2), aligned.pose[:3, :3])
+    turn = se3.turn(aligned.pose[:3, :3])
     return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
 
 
 def _in_own_frame(mode: Mode) -> np.ndarray:
     """A mode's covariance (6, 6) in its pose's own axes instead of the object's."""
-    turn = np.kron(np.eye(2), mode.pose[:3, :3])
+    turn = se3.turn(mode.pose[:3, :3])
     return turn.T @ mode.covariance @ turn
 
 

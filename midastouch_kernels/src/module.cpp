@@ -21,6 +21,7 @@ void bind_renderer(nb::module_&);
 void bind_resampling(nb::module_&);
 void bind_shading(nb::module_&);
 void bind_surface(nb::module_&);
+void bind_tangent(nb::module_&);
 void bind_triangle_grid(nb::module_&);
 void bind_voxels(nb::module_&);
 
@@ -60,6 +61,7 @@ NB_MODULE(MODULE_NAME, m) {
     bind_resampling(m);
     bind_shading(m);
     bind_surface(m);
+    bind_tangent(m);
     bind_triangle_grid(m);
     bind_voxels(m);
 }

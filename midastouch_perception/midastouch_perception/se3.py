@@ -12,6 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import midastouch_kernels as kernels
+
 from .errors import InputError
 
 
@@ -45,9 +47,8 @@ def from_xyzquat(vector: np.ndarray) -> np.ndarray:
 def to_xyzquat(transform: np.ndarray) -> np.ndarray:
     """Rows [x y z qx qy qz qw] (..., 7) of transforms (..., 4, 4)."""
     transform = np.asarray(transform, float)
-    flat = transform.reshape(-1, 4, 4)
-    quaternion = _each(lambda matrices: Rotation.from_matrix(matrices).as_quat(), flat[:, :3, :3], 4)
-    return np.concatenate([flat[:, :3, 3], quaternion], axis=1).reshape((*transform.shape[:-2], 7))
+    flat = np.ascontiguousarray(transform.reshape(-1, 4, 4))
+    return np.concatenate([flat[:, :3, 3], kernels.quaternions(flat)], axis=1).reshape((*transform.shape[:-2], 7))
 
 
 def inverse(transform: np.ndarray) -> np.ndarray:
@@ -57,44 +58,23 @@ def inverse(transform: np.ndarray) -> np.ndarray:
     return make(rotation, -np.einsum("...ij,...j->...i", rotation, transform[..., :3, 3]))
 
 
-def _skew(v: np.ndarray) -> np.ndarray:
-    out = np.zeros((*v.shape[:-1], 3, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return out - np.swapaxes(out, -1, -2)
-
-
 def exp(xi: np.ndarray) -> np.ndarray:
     """Exponential map: tangent vectors (..., 6) [rho, omega] to transforms (..., 4, 4)."""
     xi = np.asarray(xi, float)
-    rho, omega = xi[..., :3], xi[..., 3:]
-    angle = np.linalg.norm(omega, axis=-1)[..., None, None]
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    a = np.where(small, 1 - angle**2 / 6, np.sin(safe) / safe)
-    b = np.where(small, 0.5 - angle**2 / 24, (1 - np.cos(safe)) / safe**2)
-    c = np.where(small, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
-    w = _skew(omega)
-    w2 = w @ w
-    rotation = np.eye(3) + a * w + b * w2
-    left_jacobian = np.eye(3) + b * w + c * w2
-    return make(rotation, np.einsum("...ij,...j->...i", left_jacobian, rho))
+    return kernels.exponentials(np.ascontiguousarray(xi.reshape(-1, 6))).reshape((*xi.shape[:-1], 4, 4))
 
 
 def log(transform: np.ndarray) -> np.ndarray:
     """Logarithm map: transforms (..., 4, 4) to tangent vectors (..., 6) [rho, omega]; angle in [0, pi]."""
     transform = np.asarray(transform, float)
-    flat = transform.reshape(-1, 4, 4)
-    omega = _each(lambda matrices: Rotation.from_matrix(matrices).as_rotvec(), flat[:, :3, :3], 3)
-    angle = np.linalg.norm(omega, axis=-1)[:, None, None]
-    small = angle < 1e-4
-    safe = np.where(small, 1.0, angle)
-    # 1/t^2 - (1 + cos t) / (2 t sin t), written with the half angle so that it stays finite at pi
-    half = safe / 2
-    d = np.where(small, 1 / 12 + angle**2 / 720, (1 - half * np.cos(half) / np.sin(half)) / safe**2)
-    w = _skew(omega)
-    inverse_jacobian = np.eye(3) - 0.5 * w + d * (w @ w)
-    rho = np.einsum("nij,nj->ni", inverse_jacobian, flat[:, :3, 3])
-    return np.concatenate([rho, omega], axis=1).reshape((*transform.shape[:-2], 6))
+    return kernels.logarithms(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape((*transform.shape[:-2], 6))
+
+
+def turn(rotation: np.ndarray) -> np.ndarray:
+    """(6, 6) that turns both parts of a tangent vector by a rotation (3, 3)."""
+    out = np.zeros((6, 6))
+    out[:3, :3] = out[3:, 3:] = rotation
+    return out
 
 
 def rotation_angle(rotation: np.ndarray) -> np.ndarray:
