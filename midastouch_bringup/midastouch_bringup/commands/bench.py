@@ -34,13 +34,14 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_perception.errors import InputError
 
-    from ..codebooks import cached_codebook
+    from ..codebooks import cached_codebook, cached_codebook_path
     from ..datasets import load_sequence
     from ..evaluation.benchmark import Benchmark, peak_rss_mb
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
     from ..progress import progress_bar
+    from ..ros.node_start import node_start
     from ..ros.pose_age import pose_age
     from ..slide_simulation import cached_slide
 
@@ -67,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
         benchmark.lookup,
         benchmark.end_to_end,
         lambda: pose_age(benchmark.stepper()),
+        lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
         benchmark.simulator,
     )
     for stage in progress_bar(iterable=stages, unit="stage"):
@@ -112,6 +114,8 @@ def _table(result: dict) -> str:
         f"{number(result['renders_per_s'], 0)} renders/s",
         f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
         f"{number(result['peak_rss_mb'], 0)} MiB at most",
+        f"the filter's process active after {result['filter_start_s']['p50']:.1f} s"
+        f" with {number(result['filter_rss_mb'], 0)} MiB",
         f"transforms kept by {result['transform_source']}",
     ]
     return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)

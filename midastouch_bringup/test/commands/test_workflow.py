@@ -93,7 +93,8 @@ def test_bench_has_the_keys_of_the_design(run):
     assert set(result["lookup_ms"]["50000"]) == BENCH_TIMES
     assert result["filter_ms"]["50000"]["cpu"] > result["filter_ms"]["1000"]["cpu"]
     assert 0 < result["pose_age_ms"]["p50"] <= result["pose_age_ms"]["p95"]
-    for key in ("threads", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):
+    assert 0 < result["filter_start_s"]["p50"] <= result["filter_start_s"]["max"]
+    for key in ("threads", "filter_rss_mb", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):
         assert result[key] > 0
 
 
