@@ -151,3 +151,9 @@ def find_executable(name: str) -> str:
     if found := shutil.which(name, path=os.pathsep.join(ours)) or shutil.which(name):
         return found
     raise InputError(f"executable '{name}' is not installed; run make, or build and source the workspace")
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of a process, MiB."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20

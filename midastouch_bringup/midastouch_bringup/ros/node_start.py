@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 
-from ..node_processes import NodeProcesses
+from ..node_processes import NodeProcesses, resident_mb
 
 _NODE = "particle_filter"
 _PATIENCE_S = 300.0
@@ -41,7 +41,7 @@ def node_start(mesh: Path, codebook: Path, repeats: int = 5) -> dict:
                 processes.start(_NODE, parameters)
                 _await_active(processes, domain)
                 seconds.append(time.monotonic() - begin)
-                memory.append(_resident_mb(processes.pids[_NODE]))
+                memory.append(resident_mb(processes.pids[_NODE]))
     seconds.sort()
     start = {"p50": round(seconds[len(seconds) // 2], 3), "max": round(seconds[-1], 3)}
     return {"filter_start_s": start, "filter_rss_mb": round(max(memory), 1)}
@@ -65,8 +65,3 @@ def _await_active(processes: NodeProcesses, domain: int) -> None:
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown(context=context)
-
-
-def _resident_mb(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20

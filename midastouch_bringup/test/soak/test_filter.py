@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from slide import Slide
 
+from midastouch_bringup.node_processes import resident_mb
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
 from midastouch_filter.refinement import reduced_relief
@@ -33,11 +33,6 @@ def touches(slide: Slide, mesh: ObjectMesh) -> list[Measurement]:
     penetration = PenetrationRenderer(mesh, sensor.scaled(SCALE)).render(slide.poses)
     codes = load_tcn("fast", sensor).encode(penetration)
     return [Measurement(True, code, 1e-5, "", reduced_relief(p)) for code, p in zip(codes, penetration, strict=True)]
-
-
-def resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def far_from_rotations(poses: np.ndarray) -> float:
@@ -77,7 +72,7 @@ def test_many_steps(slide, minutes, figures):
             estimate = running.step(odometry, touch)
             states[estimate.status.state] += 1
         cpu_ms.append(1e3 * (time.process_time() - started) / len(part))
-        resident.append(resident_mb())
+        resident.append(resident_mb(os.getpid()))
         poses = np.concatenate([running.poses, [mode.pose for mode in estimate.modes]])
         assert np.isfinite(poses).all()
         assert np.isfinite(running.weights).all()

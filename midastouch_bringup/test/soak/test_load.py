@@ -6,7 +6,6 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from sensor_msgs.msg import Image
 from slide import Sender, Slide
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.node_processes import NodeProcesses
+from midastouch_bringup.node_processes import NodeProcesses, resident_mb
 from midastouch_bringup.parameter_files import written
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.ros import qos
@@ -95,12 +94,7 @@ class Rig:
 
     def memory(self) -> dict[str, float]:
         """Resident MiB by node."""
-        return {name: _resident_mb(pid) for name, pid in self.processes.pids.items()}
-
-
-def _resident_mb(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+        return {name: resident_mb(pid) for name, pid in self.processes.pids.items()}
 
 
 @pytest.fixture(scope="module")
