@@ -101,8 +101,12 @@ class NodeProcesses:
     def _log(self, executable: str) -> Path:
         return self._folder / f"{executable}.log"
 
+    def log(self, executable: str) -> str:
+        """What a process has printed so far."""
+        return self._log(executable).read_text(errors="replace")
+
     def _tail(self, executable: str) -> str:
-        lines = self._log(executable).read_text(errors="replace").rstrip().splitlines()
+        lines = self.log(executable).rstrip().splitlines()
         return "\n".join("  " + line for line in lines[-_TAIL_LINES:]) or "  (empty)"
 
 

@@ -108,7 +108,10 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         return self._carry_out(self._configure_or_unload, "configured, but not active (ros2 lifecycle set)")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._carry_out(self._connect_or_undo, "")
+        result = self._carry_out(self._connect_or_undo, "")
+        if result == TransitionCallbackReturn.SUCCESS:
+            self.get_logger().info("active")
+        return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._carry_out(self._disconnect_all, "deactivated")
