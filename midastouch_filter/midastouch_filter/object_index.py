@@ -36,7 +36,7 @@ class ObjectIndex:
         kept = codebook.derived
         self.order = along_curve(codebook.poses)
         self.poses = np.asarray(codebook.poses, float)[self.order]
-        band = max(config.dead_distance, config.max_penetration, config.max_hover)
+        band = _band(config)
         # limits of another configuration ask for another grid
         fits = float(kept.get(_PREFIX + "band", np.nan)) == band
         try:
@@ -59,8 +59,7 @@ def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray
     """What to keep with a codebook, for the default configuration; nothing for a book too small to be used."""
     if len(codebook.poses) < 2:
         return {}
-    config = FilterConfig()
-    band = max(config.dead_distance, config.max_penetration, config.max_hover)
+    band = _band(FilterConfig())
     neighbours, links = neighbours_and_links(codebook.poses[along_curve(codebook.poses)])
     arrays = {
         "neighbours": neighbours,
@@ -69,3 +68,8 @@ def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray
         "distances": SurfaceGrid(mesh, band).values,
     }
     return {_PREFIX + name: array for name, array in arrays.items()}
+
+
+def _band(config: FilterConfig) -> float:
+    """How far from the surface [m] a configuration asks for distances."""
+    return max(config.dead_distance, config.max_penetration, config.max_hover)
