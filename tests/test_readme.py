@@ -93,7 +93,7 @@ def test_links_and_paths_lead_somewhere():
 
 
 def test_frames_are_those_of_the_mount_and_of_the_nodes():
-    from midastouch_bringup.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
+    from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME
     from midastouch_bringup.ros.parameter_tables import TABLES
 
     mount = yaml.safe_load((ROOT / "midastouch_bringup/config/frames.yaml").read_text())

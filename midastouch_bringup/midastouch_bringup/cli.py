@@ -10,8 +10,7 @@ import sys
 from midastouch_perception.errors import InputError
 
 from .commands import (
-    bench,
-    benchmark,
+    accuracy,
     build_codebook,
     demo,
     doctor,
@@ -27,6 +26,7 @@ from .commands import (
     run,
     simulate,
     single_touch,
+    speed,
     time_offset,
     to_bag,
     train_tcn,
@@ -44,8 +44,8 @@ _COMMANDS = (
     evaluate_presses,
     evaluate_checks,
     single_touch,
-    bench,
-    benchmark,
+    speed,
+    accuracy,
     to_bag,
     replay,
     time_offset,

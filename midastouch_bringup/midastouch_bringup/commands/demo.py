@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.object not in objects:
         raise InputError(f"--object {args.object}: not bundled; there are {', '.join(sorted(objects))}")
     try:
-        from ..node_processes import NodeFailed
+        from ..processes.node_processes import NodeFailed
         from ..ros.demo import run_demo
     except ImportError as error:
         raise InputError(f"{error}; run midastouch doctor to see what is missing") from error

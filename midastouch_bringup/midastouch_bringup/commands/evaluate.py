@@ -43,8 +43,8 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
-    from ..evaluation.protocol import Protocol, run_sequence
     from ..evaluation.result_file import write_compact_json
+    from ..evaluation.sequence_trials import Protocol, run_sequence
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
     from ..progress import progress_bar

@@ -26,8 +26,8 @@ def run(args: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
-    from ..foxglove_layout import in_namespace
     from ..ros.launch_arguments import SHARE
+    from ..view.foxglove_layout import in_namespace
 
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
     Path(args.out).write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_perception.errors import InputError
 
-    from ..bags import is_bag
+    from ..bags.reader import is_bag
     from ..datasets import load_sequence
 
     if not is_bag(args.source):

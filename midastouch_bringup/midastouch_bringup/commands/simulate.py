@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.errors import InputError
     from midastouch_perception.sensor_model import SensorModel
 
-    from ..slide_simulation import simulate_sequence
+    from ..datasets.slide_simulation import simulate_sequence
 
     out = Path(args.out)
     if out.exists():

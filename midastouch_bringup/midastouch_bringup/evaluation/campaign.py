@@ -20,7 +20,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 from .calibration import likelihood_counts
 from .disturbances import DISTURBANCES, PLAIN
-from .protocol import Protocol
+from .sequence_trials import Protocol
 from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import RECORD, TrialFrame, run_trial

@@ -18,7 +18,7 @@ from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
 
 from ..datasets import Sequence
-from ..parameter_files import read_parameters
+from ..processes.parameter_files import read_parameters
 
 _BACKGROUND_FRAMES = 60
 

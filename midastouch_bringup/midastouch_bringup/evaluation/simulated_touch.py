@@ -24,7 +24,7 @@ from midastouch_perception.tdn.fcrn import FcrnDepthNet
 from midastouch_perception.tdn.inputs import SCALE
 from midastouch_perception.training.backgrounds import load_backgrounds
 
-from ..slide_simulation import no_contact_image
+from ..datasets.slide_simulation import no_contact_image
 from .setup import Networks
 
 LIGHTINGS = ("tacto", "random")

@@ -13,7 +13,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 from ..codebooks import cached_codebook, cached_codebook_path
 from ..datasets import Sequence, load_sequence
-from ..slide_simulation import simulate_sequence
+from ..datasets.slide_simulation import simulate_sequence
 from .setup import Networks
 from .symmetry import Symmetry, cached_symmetry
 from .touches import Touches, made_from

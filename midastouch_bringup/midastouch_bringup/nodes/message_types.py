@@ -6,7 +6,7 @@ import importlib
 
 from midastouch_perception.errors import InputError
 
-from ..messages import TF_STATIC_TOPIC, TF_TOPIC
+from ..bags.messages import TF_STATIC_TOPIC, TF_TOPIC
 
 _GLOBAL = (TF_TOPIC, TF_STATIC_TOPIC, "/diagnostics")
 

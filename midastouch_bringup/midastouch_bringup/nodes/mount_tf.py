@@ -16,7 +16,7 @@ from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
-from ..mount_frames import read_mount
+from ..arm.mount_frames import read_mount
 
 PARAMETERS = (
     Parameter("frames_file", "", "Hand-eye calibration and mount; empty: the frames.yaml of this package"),

@@ -18,8 +18,8 @@ from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
-from ..bags import BagWriter
-from ..messages import SEQUENCE_TOPICS, Message, Topic
+from ..bags.messages import SEQUENCE_TOPICS, Message, Topic
+from ..bags.reader import BagWriter
 from .message_types import live_name, message_class
 
 TOPICS = (

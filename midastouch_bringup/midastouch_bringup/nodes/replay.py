@@ -26,11 +26,11 @@ from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.ros.spin import run, stop
 
-from ..flow_control import FlowControl
-from ..keyboard import Keyboard
-from ..messages import TF_TOPIC, Message, Topic, header_stamp_ns
-from ..playback import Playback
-from ..replay_source import ReplaySource, is_image
+from ..bags.messages import TF_TOPIC, Message, Topic, header_stamp_ns
+from ..replay.flow_control import FlowControl
+from ..replay.keyboard import Keyboard
+from ..replay.playback import Playback
+from ..replay.source import ReplaySource, is_image
 from .message_types import live_name, message_class
 from .replay_control import KEYS_HELP, ReplayControl
 from .replay_parameters import PARAMETERS

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from ..playback import Playback
+from ..replay.playback import Playback
 
 KEYS_HELP = "space: pause; right: next frame; left: 5 s back; up, down: faster, slower"
 _BACK_S, _FACTOR, _FASTEST = 5.0, 1.25, 1000.0

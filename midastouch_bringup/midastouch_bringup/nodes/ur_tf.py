@@ -22,9 +22,9 @@ from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
-from ..robot_clock import RobotClock
-from ..rtde_receiver import ArmState, RtdeReceiver, rtde_connector
-from ..rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, tool_from_tcp
+from ..arm.robot_clock import RobotClock
+from ..arm.rtde_receiver import ArmState, RtdeReceiver, rtde_connector
+from ..arm.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, tool_from_tcp
 
 PARAMETERS = (
     Parameter("robot_ip", "", "Address of the robot's controller; must be given"),

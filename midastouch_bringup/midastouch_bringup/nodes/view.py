@@ -31,7 +31,7 @@ from midastouch_perception.ros.conversions import (
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 
-from ..messages import TRUTH_FRAME, TRUTH_GEL_FRAME
+from ..bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 
 PARAMETERS = (
     Parameter(

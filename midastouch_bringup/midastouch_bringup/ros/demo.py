@@ -28,24 +28,24 @@ from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
+from ..bags.messages import IMAGE_TYPE
+from ..bags.run_record import PENETRATION, RunRecord, read_run
 from ..codebooks import cached_codebook, cached_codebook_path
 from ..commands.demo import SLIDE_LENGTH
 from ..datasets import Sequence, load_sequence
+from ..datasets.slide_simulation import cached_slide
 from ..evaluation.metrics import closest_mode_error, particle_rmse, pose_errors
 from ..evaluation.result_file import write_json
 from ..evaluation.table import number, text_table
-from ..messages import IMAGE_TYPE
-from ..node_processes import NodeFailed, NodeProcesses
 from ..nodes.recorder import TOPICS, Recorder, Topic
-from ..parameter_files import merged, read_parameters, written
+from ..processes.node_processes import NodeFailed, NodeProcesses
+from ..processes.parameter_files import merged, read_parameters, written
 from ..progress import progress_bar
 from ..report.animation import write_gif
 from ..report.figures import error_figure, run_figure, save
 from ..report.object_view import ObjectView
 from ..report.page import Page
 from ..report.snapshot import moments
-from ..run_record import PENETRATION, RunRecord, read_run
-from ..slide_simulation import cached_slide
 
 NODES = ("tdn", "tcn", "particle_filter")
 CODEBOOK_SIZES = 5_000, 20_000

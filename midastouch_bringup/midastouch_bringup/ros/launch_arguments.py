@@ -21,7 +21,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
 
 from ..output_paths import codebook_path
-from ..parameter_files import merged, read_parameters
+from ..processes.parameter_files import merged, read_parameters
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 _YES_NO = ("true", "false")

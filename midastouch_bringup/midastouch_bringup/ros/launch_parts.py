@@ -21,7 +21,7 @@ from launch_ros.actions import LifecycleNode, Node
 
 from midastouch_perception.errors import InputError
 
-from ..parameter_files import written
+from ..processes.parameter_files import written
 from .launch_arguments import ARGUMENTS, SHARE, parameters
 from .setups import SETUPS, Executable, Include
 

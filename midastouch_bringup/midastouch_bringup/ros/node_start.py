@@ -12,7 +12,7 @@ import yaml
 
 from midastouch_perception.errors import InputError
 
-from ..node_processes import NodeProcesses, resident_mb
+from ..processes.node_processes import NodeProcesses, resident_mb
 
 _NODE = "particle_filter"
 _PATIENCE_S = 300.0

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
-from ..node_processes import find_executable
 from ..output_paths import demo_slide
-from ..parameter_files import written
-from ..supervisor import BackOff, Program, Supervisor
+from ..processes.node_processes import find_executable
+from ..processes.parameter_files import written
+from ..processes.supervisor import BackOff, Program, Supervisor
 from .launch_arguments import ARGUMENTS, parameters
 from .setups import SETUPS, demo_preparations, executables
 

@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.protocol import Protocol, run_sequence
 from midastouch_bringup.evaluation.result_file import to_json
+from midastouch_bringup.evaluation.sequence_trials import Protocol, run_sequence
 from midastouch_bringup.evaluation.summary import summarise_trials, summary_table
 from midastouch_filter.config import FilterConfig
 

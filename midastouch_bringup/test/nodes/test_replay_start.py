@@ -9,7 +9,7 @@ from rcl_interfaces.msg import Log
 from replay_rig import replay, stamps
 
 from midastouch_bringup.nodes.all_in_one import make_nodes
-from midastouch_bringup.parameter_files import read_parameters
+from midastouch_bringup.processes.parameter_files import read_parameters
 from midastouch_bringup.ros.launch_arguments import SHARE
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus

@@ -19,8 +19,8 @@ from stalling_filter import STALL_S
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags import BagWriter
-from midastouch_bringup.messages import sequence_messages
+from midastouch_bringup.bags.messages import sequence_messages
+from midastouch_bringup.bags.reader import BagWriter
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.ros import qos

@@ -14,10 +14,10 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from digit_driver.clock_offset import ClockOffset
+from midastouch_bringup.arm.rtde_receiver import ArmState
+from midastouch_bringup.arm.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
 from midastouch_bringup.nodes import ur_tf
 from midastouch_bringup.nodes.ur_tf import UrTf
-from midastouch_bringup.rtde_receiver import ArmState
-from midastouch_bringup.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros.conversions import stamp_ns, transform_from_msg
 

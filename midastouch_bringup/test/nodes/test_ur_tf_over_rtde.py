@@ -11,8 +11,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
+from midastouch_bringup.arm.rtde_receiver import RTDE_PORT, rtde_connector
 from midastouch_bringup.nodes.ur_tf import UrTf
-from midastouch_bringup.rtde_receiver import RTDE_PORT, rtde_connector
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
@@ -27,7 +27,7 @@ def controller():
     running = []
 
     def start(fault: str = "") -> subprocess.Popen:
-        command = [sys.executable, Path(__file__).parents[1] / "rtde_server.py", ADDRESS, str(RTDE_PORT), fault]
+        command = [sys.executable, Path(__file__).parents[1] / "arm" / "rtde_server.py", ADDRESS, str(RTDE_PORT), fault]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         running.append(process)
         if process.stdout.readline() != "ready\n":

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_bringup.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
+from midastouch_bringup.bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_bringup.nodes.view import View
 from midastouch_filter.nodes import markers
 from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes

@@ -16,7 +16,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.slide_simulation import no_contact_image
+from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception import se3
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh

@@ -13,8 +13,8 @@ from sensor_msgs.msg import Image
 from slide import Sender, Slide
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.node_processes import NodeProcesses, resident_mb
-from midastouch_bringup.parameter_files import written
+from midastouch_bringup.processes.node_processes import NodeProcesses, resident_mb
+from midastouch_bringup.processes.parameter_files import written
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_ns

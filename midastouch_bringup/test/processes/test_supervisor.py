@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.supervisor import BackOff, Program, Supervisor, _woken_by_signals
+from midastouch_bringup.processes.supervisor import BackOff, Program, Supervisor, _woken_by_signals
 
 SUPERVISE = """
 import json, os, sys
-from midastouch_bringup import node_processes, supervisor
-from midastouch_bringup.supervisor import BackOff, Program, Supervisor
+from midastouch_bringup.processes import node_processes, supervisor
+from midastouch_bringup.processes.supervisor import BackOff, Program, Supervisor
 
 task = json.loads(sys.argv[1])
 node_processes._GRACE_S = task["grace"]

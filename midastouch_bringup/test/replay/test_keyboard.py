@@ -10,11 +10,11 @@ import time
 
 import pytest
 
-from midastouch_bringup.keyboard import Keyboard
+from midastouch_bringup.replay.keyboard import Keyboard
 
 PROGRAM = """
 import sys, time
-from midastouch_bringup.keyboard import Keyboard
+from midastouch_bringup.replay.keyboard import Keyboard
 stop = []
 keys = {" ": lambda: print("space", flush=True), "left": lambda: print("left", flush=True), "q": lambda: stop.append(1)}
 with Keyboard(keys) as keyboard:

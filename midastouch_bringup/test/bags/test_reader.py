@@ -10,8 +10,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability
 
-from midastouch_bringup.bags import BagWriter, bag_messages, bag_metadata, is_bag, read_bag, write_bag
-from midastouch_bringup.messages import (
+from midastouch_bringup.bags.messages import (
     BASE_FRAME,
     BASE_FROM_OBJECT,
     GEL_FRAME,
@@ -20,6 +19,7 @@ from midastouch_bringup.messages import (
     sequence_messages,
     typestore,
 )
+from midastouch_bringup.bags.reader import BagWriter, bag_messages, bag_metadata, is_bag, read_bag, write_bag
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from midastouch_bringup.playback import Playback
+from midastouch_bringup.replay.playback import Playback
 
 MS = 1_000_000
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from midastouch_bringup.robot_clock import RobotClock
+from midastouch_bringup.arm.robot_clock import RobotClock
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

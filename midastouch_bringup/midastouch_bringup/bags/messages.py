@@ -23,7 +23,7 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
-from .datasets import Sequence
+from ..datasets import Sequence
 
 BASE_FRAME = "base_link"
 GEL_FRAME = "digit_gel_frame"

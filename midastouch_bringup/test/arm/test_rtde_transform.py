@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.rtde_transform import BASE_LINK_FROM_BASE, tool_from_tcp, transform_from_rtde
+from midastouch_bringup.arm.rtde_transform import BASE_LINK_FROM_BASE, tool_from_tcp, transform_from_rtde
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from rtde_server import serve
 
-from midastouch_bringup.rtde_handshake import require_outputs
+from midastouch_bringup.arm.rtde_handshake import require_outputs
 
 OUTPUTS = ["timestamp", "actual_TCP_pose", "actual_q", "actual_qd"]
 

@@ -36,14 +36,14 @@ def run(args: argparse.Namespace) -> int:
 
     from ..codebooks import cached_codebook, cached_codebook_path
     from ..datasets import load_sequence
-    from ..evaluation.benchmark import Benchmark, peak_rss_mb
+    from ..datasets.slide_simulation import cached_slide
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
+    from ..evaluation.speed import Benchmark, peak_rss_mb
     from ..progress import progress_bar
     from ..ros.node_start import node_start
     from ..ros.pose_age import pose_age
-    from ..slide_simulation import cached_slide
 
     if args.frames < 10:
         raise InputError(f"--frames {args.frames}: too few to time; give at least 10")

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup import cli, slide_simulation
-from midastouch_bringup.datasets import load_sequence
+from midastouch_bringup import cli
+from midastouch_bringup.datasets import load_sequence, slide_simulation
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects

@@ -39,7 +39,7 @@ from midastouch_filter.transforms import (
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import naming
 
-from .datasets import Sequence
+from ..datasets import Sequence
 from .messages import (
     BASE_FRAME,
     COMPRESSED_TYPE,

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
-from midastouch_bringup.mount_frames import read_mount
+from midastouch_bringup.arm.mount_frames import read_mount
 from midastouch_perception.errors import InputError
 
-SHIPPED = Path(__file__).parents[1] / "config" / "frames.yaml"
+SHIPPED = Path(__file__).parents[2] / "config" / "frames.yaml"
 
 
 def test_the_shipped_file_is_read_entry_by_entry():

@@ -11,9 +11,9 @@ import numpy as np
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
-from .bags import bag_messages, read_bag
+from ..report.snapshot import Hypothesis, Snapshot
 from .messages import header_stamp_ns, typestore
-from .report.snapshot import Hypothesis, Snapshot
+from .reader import bag_messages, read_bag
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"

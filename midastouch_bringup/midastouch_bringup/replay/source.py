@@ -8,9 +8,7 @@ from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
-from .bags import bag_duration, bag_messages, bag_topics, decode_image, is_bag, readable
-from .datasets import load_sequence
-from .messages import (
+from ..bags.messages import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
     IMAGE_TOPIC,
@@ -24,6 +22,8 @@ from .messages import (
     sequence_messages,
     typestore,
 )
+from ..bags.reader import bag_duration, bag_messages, bag_topics, decode_image, is_bag, readable
+from ..datasets import load_sequence
 
 INPUT_TOPICS = frozenset({IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"})
 """Topics of a bag that are inputs of the pipeline, not its results."""

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup import node_processes
-from midastouch_bringup.node_processes import NodeFailed, NodeProcesses, find_executable
+from midastouch_bringup.processes import node_processes
+from midastouch_bringup.processes.node_processes import NodeFailed, NodeProcesses, find_executable
 from midastouch_perception.errors import InputError
 
 

@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from midastouch_bringup.flow_control import FlowControl
-from midastouch_bringup.playback import Playback
+from midastouch_bringup.replay.flow_control import FlowControl
+from midastouch_bringup.replay.playback import Playback
 
 
 class World:

@@ -1,7 +1,7 @@
 import pytest
 import yaml
 
-from midastouch_bringup.parameter_files import merged, read_parameters, written
+from midastouch_bringup.processes.parameter_files import merged, read_parameters, written
 from midastouch_perception.errors import InputError
 
 

@@ -16,8 +16,8 @@ from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
-from .datasets import write_sequence
-from .progress import progress_bar
+from ..progress import progress_bar
+from . import write_sequence
 
 _CACHE = Path("out/cache/slides")
 _CHUNK = 16  # frames made at a time: bounds memory

@@ -1,0 +1,1 @@
+"""A robot arm that carries the sensor: its poses, clock and mount; without ROS."""
