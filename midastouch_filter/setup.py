@@ -19,7 +19,6 @@ setup(
         "midastouch_perception",
         "numpy",
         "pykdtree",
-        "scikit-learn",
         "scipy",
     ],
     python_requires=">=3.10",

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
-from midastouch_filter.paper_filter import PaperFilter
 from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
@@ -18,6 +17,7 @@ from midastouch_perception.pipeline import Touch
 
 from .calibration import Coverage
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
+from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")

@@ -7,11 +7,11 @@ import time
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.paper_filter import PaperConfig, PaperFilter
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
+from .paper_filter import PaperConfig, PaperFilter
 from .trial import AnyFilter
 
 DEFAULT = "default"

@@ -15,23 +15,21 @@ from pykdtree.kdtree import KDTree
 from scipy.spatial.transform import Rotation
 from sklearn.cluster import DBSCAN
 
+from midastouch_filter import initialisation, resampling
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Estimate, Mode, modes_from_moments
+from midastouch_filter.lookup import ROTATION_SCALE
+from midastouch_filter.modes import Moments
+from midastouch_filter.motion_model import MotionModel, Odometry
+from midastouch_filter.particles import Particles
+from midastouch_filter.state import Evidence, StateMachine, Status
+from midastouch_filter.stopwatch import Stopwatch
+from midastouch_filter.workers import Workers
 from midastouch_perception.mesh import ObjectMesh
 
-from . import initialisation, resampling
-from .config import FilterConfig
-from .estimate import Estimate, Mode, modes_from_moments
-from .lookup import ROTATION_SCALE
-from .modes import Moments
-from .motion_model import MotionModel, Odometry
-from .particles import Particles
-from .state import Evidence, StateMachine, Status
-from .stopwatch import Stopwatch
-from .workers import Workers
-
 if TYPE_CHECKING:
+    from midastouch_filter.filter import Measurement
     from midastouch_perception.codebook import Codebook
-
-    from .filter import Measurement
 
 _SURFACE_SPACING = 5e-4  # m, between the points that stand for the surface
 _MOST_SURFACE_POINTS = 400_000
