@@ -12,8 +12,9 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
 from ..report.snapshot import Hypothesis, Snapshot
+from .frames import read_bag
 from .messages import header_stamp_ns, typestore
-from .reader import bag_messages, read_bag
+from .reader import bag_messages
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"

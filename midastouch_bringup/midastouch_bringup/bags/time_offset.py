@@ -15,7 +15,7 @@ import numpy as np
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
-from .reader import BagFrame
+from .frames import BagFrame
 
 _BLOCKS = (12, 16)  # columns and rows: noise averages out, what moves does not
 _LEVER = 0.01  # m; turning by an angle changes the image about as moving its edge by so much

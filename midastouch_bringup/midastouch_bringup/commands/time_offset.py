@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_perception.errors import InputError
 
-    from ..bags.reader import read_bag
+    from ..bags.frames import read_bag
     from ..bags.time_offset import estimate_time_offset
 
     frames = read_bag(args.bag, args.image_topic, args.base_frame, args.gel_frame)

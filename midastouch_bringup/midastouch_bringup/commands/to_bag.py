@@ -23,7 +23,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..bags.reader import write_bag
+    from ..bags.writer import write_bag
     from ..datasets import load_sequence
 
     sequence = load_sequence(args.sequence)

@@ -19,7 +19,7 @@ from midastouch_perception.ros.parameters import Parameter, Parameters
 from midastouch_perception.ros.spin import run
 
 from ..bags.messages import SEQUENCE_TOPICS, Message, Topic
-from ..bags.reader import BagWriter
+from ..bags.writer import BagWriter
 from .message_types import live_name, message_class
 
 TOPICS = (

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
+from ..bags.images import decode_image
 from ..bags.messages import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
@@ -22,7 +23,7 @@ from ..bags.messages import (
     sequence_messages,
     typestore,
 )
-from ..bags.reader import bag_duration, bag_messages, bag_topics, decode_image, is_bag, readable
+from ..bags.reader import bag_duration, bag_messages, bag_topics, is_bag, readable
 from ..datasets import load_sequence
 
 INPUT_TOPICS = frozenset({IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"})

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
-from midastouch_bringup.bags.reader import BagWriter
 from midastouch_bringup.bags.run_record import read_run
+from midastouch_bringup.bags.writer import BagWriter
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup.bags import reader
-from midastouch_bringup.bags.reader import BagFrame
+from midastouch_bringup.bags import frames as bag_frames
+from midastouch_bringup.bags.frames import BagFrame
 from midastouch_bringup.bags.time_offset import estimate_time_offset
 from midastouch_bringup.cli import main
 from midastouch_perception import se3
@@ -61,12 +61,12 @@ def test_a_recording_that_does_not_tell_is_refused(given, message):
 
 
 def test_the_command_says_what_to_set(monkeypatch, capsys):
-    monkeypatch.setattr(reader, "read_bag", lambda *_: frames(stop_and_go, 0.08))
+    monkeypatch.setattr(bag_frames, "read_bag", lambda *_: frames(stop_and_go, 0.08))
     assert main(["time-offset", "slide.mcap"]) == 0
     said = capsys.readouterr().out
     told, mend = re.search(r"stamped (\d+) ms too late .*\nadd (-\d+) to .* timestamp_offset", said).groups()
     assert int(told) == pytest.approx(80, abs=5)
     assert int(mend) == pytest.approx(-80e6, abs=5e6)
-    monkeypatch.setattr(reader, "read_bag", lambda *_: [])
+    monkeypatch.setattr(bag_frames, "read_bag", lambda *_: [])
     assert main(["time-offset", "slide.mcap"]) == 2
     assert "slide.mcap: needs 6 s" in capsys.readouterr().err

@@ -129,7 +129,7 @@ def test_report_takes_all_of_them(run, workspace):
 
 
 def test_to_bag_writes_what_replay_can_play(run, workspace):
-    from midastouch_bringup.bags.reader import read_bag
+    from midastouch_bringup.bags.frames import read_bag
 
     run("to-bag", "eyebolt/00", "--out", "slide.mcap")
     assert len(list(read_bag(workspace / "slide.mcap"))) == 10

@@ -19,8 +19,9 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.messages import Topic
-from midastouch_bringup.bags.reader import bag_messages, bag_metadata, bag_topics, read_bag
+from midastouch_bringup.bags.reader import bag_messages, bag_metadata, bag_topics
 from midastouch_bringup.nodes.recorder import TOPICS, Recorder
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_msgs.msg import FilterStatus, TactileCode

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import BASE_FROM_OBJECT
-from midastouch_bringup.bags.reader import write_bag
+from midastouch_bringup.bags.writer import write_bag
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.msg import TactileCode

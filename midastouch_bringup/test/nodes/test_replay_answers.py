@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import sequence_messages, typestore
-from midastouch_bringup.bags.reader import BagWriter
+from midastouch_bringup.bags.writer import BagWriter
 from midastouch_bringup.nodes import replay as replay_module
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode

@@ -10,7 +10,7 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.bags.reader import write_bag
+from midastouch_bringup.bags.writer import write_bag
 from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds

@@ -20,7 +20,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import sequence_messages
-from midastouch_bringup.bags.reader import BagWriter
+from midastouch_bringup.bags.writer import BagWriter
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.ros import qos

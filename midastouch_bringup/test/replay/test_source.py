@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message, sequence_messages, typestore
-from midastouch_bringup.bags.reader import BagWriter, write_bag
+from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_bringup.replay.source import ReplaySource
 from midastouch_perception.errors import InputError
 

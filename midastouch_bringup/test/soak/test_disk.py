@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_bringup.bags.reader import write_bag
+from midastouch_bringup.bags.writer import write_bag
 from midastouch_bringup.datasets import write_sequence
 from midastouch_bringup.evaluation.result_file import write_json
 from midastouch_perception.codebook import Codebook

@@ -1,0 +1,68 @@
+"""A bag frame by frame: each image with the poses at its stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from midastouch_filter.transforms import TransformBuffer, TransformError
+from midastouch_perception.errors import InputError
+
+from .images import decode_image
+from .messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME, TRUTH_GEL_FRAME, header_stamp_ns
+from .reader import bag_messages, readable
+from .transforms import recorded_transforms
+
+
+class BagFrame(NamedTuple):
+    """One image of a bag with the poses at its stamp.
+
+    stamp_ns: of the image's header; image: (320, 240, 3) uint8 RGB; base_from_gel: T_base_gel (4, 4);
+    object_from_gel_true: T_obj_gel (4, 4) from the ground truth frames, None if the bag has none.
+    """
+
+    stamp_ns: int
+    image: np.ndarray
+    base_from_gel: np.ndarray
+    object_from_gel_true: np.ndarray | None
+
+
+def read_bag(
+    path: str | Path,
+    image_topic: str = IMAGE_TOPIC,
+    base_frame: str = BASE_FRAME,
+    gel_frame: str = GEL_FRAME,
+) -> Iterator[BagFrame]:
+    """Every image of a bag whose stamp the transforms span, in recorded order, deterministically.
+
+    All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
+    which images and transforms were recorded. Images before the first or after the last transform are left
+    out, and transforms that are none (not finite, no unit quaternion), as the filter's node leaves them out.
+    Transforms that are late or repeated are told on stderr. Raises InputError if the bag cannot be read, lacks the
+    topic or the transforms, or if the time of a frame runs backwards on which the gel's or the true pose depends.
+    """
+    path = Path(path)
+    transforms, refused = recorded_transforms(path, ((base_frame, gel_frame), (TRUTH_FRAME, TRUTH_GEL_FRAME)))
+    used, reason = False, "it is empty"
+    for message in bag_messages(path, {image_topic}):
+        with readable(path):
+            stamp = header_stamp_ns(message.data)
+        try:
+            pose = transforms.lookup(base_frame, gel_frame, stamp)
+        except TransformError as error:
+            reason = "; ".join(filter(None, (str(error), refused)))
+            continue
+        used = True
+        yield BagFrame(stamp, decode_image(message, path), pose, _true_pose(transforms, stamp))
+    if not used:
+        raise InputError(f"{path}: no image on {image_topic} has a pose ({reason}); record /tf and /tf_static")
+
+
+def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
+    try:
+        return transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
+    except TransformError:
+        return None

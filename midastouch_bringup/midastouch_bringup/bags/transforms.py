@@ -1,0 +1,105 @@
+"""All transforms of a bag, in whatever order they were recorded."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError
+from midastouch_perception.errors import InputError
+
+from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
+from .reader import bag_messages, readable
+
+_FOREVER_S = 1e9
+_LATEST_NS = 1_000_000_000  # of a transform behind those that were recorded before it
+
+
+class _Track:
+    """The stamps of one frame's transforms in order of recording.
+
+    Late ones are put where their stamp says, but for those that are later than `_LATEST_NS`. The frame's time runs
+    backwards where it goes over more than that again, as in a looped bag. Attributes: late and left_out, how many;
+    jump, the stamp [ns] where time first ran backwards.
+    """
+
+    def __init__(self) -> None:
+        self.late = self.left_out = 0
+        self.jump: int | None = None
+        self._newest = self._again_from = -math.inf
+
+    def too_late(self, stamp: int) -> bool:
+        return stamp < self._newest - _LATEST_NS
+
+    def add(self, stamp: int, is_used: bool) -> None:
+        """The next transform that is one."""
+        self.left_out += not is_used
+        if stamp > self._newest:
+            self._newest, self._again_from = stamp, math.inf
+            return
+        self.late += is_used
+        self._again_from = min(stamp, self._again_from)
+        if self.jump is None and stamp - self._again_from > _LATEST_NS:
+            self.jump = self._again_from
+
+
+def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[TransformBuffer, str]:
+    """Every transform of a bag, and why one was refused, the last such reason; empty if none was.
+
+    asked: pairs of frames, on the way between which no time may run backwards, and what is late or repeated is told on
+    stderr. Other frames may have odd clocks.
+    """
+    buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
+    unused = TransformBuffer()
+    parents: dict[str, str] = {}
+    tracks: dict[str, _Track] = {}
+    store = typestore()
+    for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
+        with readable(path):
+            content = store.deserialize_cdr(message.data, message.type_name)
+        static = message.topic == TF_STATIC_TOPIC
+        for item in content.transforms:
+            stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
+            parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
+            track = tracks.setdefault(child, _Track())
+            t, q = item.transform.translation, item.transform.rotation
+            values = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+            target = unused if not static and track.too_late(stamp) else buffer
+            try:
+                outcome = target.insert(parent, child, stamp, values, static)
+            except TransformError as error:
+                refused = str(error)
+                continue
+            parents[child] = parent
+            if not static:
+                track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
+    for target, source in asked:
+        for child in sorted(tracks.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+            _report(path, child, tracks[child])
+    return buffer, refused
+
+
+def _report(path: Path, frame: str, track: _Track) -> None:
+    """Raise InputError if a frame's time runs backwards; else tell how many of its transforms are late."""
+    if track.jump is not None:
+        raise InputError(
+            f"{path}: the time of frame '{frame}' runs backwards at {track.jump / 1e9:.3f} s; split the bag there"
+        )
+    if track.late or track.left_out:
+        print(
+            f"{path}: transforms of '{frame}': {track.late} late, sorted in; "
+            f"{track.left_out} repeated or more than {_LATEST_NS / 1e9:g} s late, left out",
+            file=sys.stderr,
+        )
+
+
+def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:
+    """A frame and all above it."""
+    chain = {frame}
+    while (frame := parents.get(frame, frame)) not in chain:
+        chain.add(frame)
+    return chain

@@ -1,0 +1,85 @@
+"""What goes in comes out frame by frame, with poses at the stamps of the images."""
+
+import numpy as np
+import pytest
+from recorded import MOVED, SECOND, STILL, image, tf, write
+
+from midastouch_bringup.bags.frames import read_bag
+from midastouch_bringup.bags.messages import BASE_FROM_OBJECT, GEL_FRAME
+from midastouch_bringup.bags.reader import bag_metadata
+from midastouch_bringup.bags.writer import write_bag
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+
+
+@pytest.mark.parametrize("name", ["slide.mcap", "slide"])
+def test_a_sequence_survives_the_bag(tmp_path, simulated_sequence, name):
+    sequence = simulated_sequence(n=7)
+    path = tmp_path / name
+    write_bag(sequence, path)
+    frames = list(read_bag(path))
+    assert [frame.stamp_ns for frame in frames] == sequence.stamps_ns.tolist()
+    for i, frame in enumerate(frames):
+        np.testing.assert_array_equal(frame.image, sequence.image(i))
+        expected = BASE_FROM_OBJECT @ sequence.poses_measured[i]
+        np.testing.assert_allclose(frame.base_from_gel, expected, atol=1e-9)
+        np.testing.assert_allclose(frame.object_from_gel_true, sequence.poses_true[i], atol=1e-9)
+    expected = {"object": "test_object", "sequence": "test_object/00", "layout": "simulated"}
+    assert bag_metadata(path) == expected
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted([name, "test_object"])
+
+
+def test_poses_are_interpolated_at_the_images_stamp_not_at_arrival(tmp_path):
+    """The second transform is recorded after the image, and both long after they were true."""
+    path = write(
+        tmp_path / "x.mcap",
+        tf(SECOND, STILL, recorded_ns=50 * SECOND),
+        image(SECOND + SECOND // 4, recorded_ns=51 * SECOND),
+        tf(2 * SECOND, MOVED, recorded_ns=52 * SECOND),
+    )
+    (frame,) = read_bag(path)
+    np.testing.assert_allclose(frame.base_from_gel[:3, 3], [0.025, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(se3.log(frame.base_from_gel)[5], 0.125, atol=1e-12)
+    assert frame.object_from_gel_true is None
+
+
+def test_images_outside_the_transforms_are_left_out(tmp_path):
+    stamps = [SECOND // 2, SECOND, 2 * SECOND, 3 * SECOND]
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, MOVED), *(image(stamp) for stamp in stamps))
+    assert [frame.stamp_ns for frame in read_bag(path)] == [SECOND, 2 * SECOND]
+
+
+def looped(child):
+    """Transforms of 2 to 9 s, and again until 4 s."""
+    stamps = [*range(2, 10), 2, 3, 4]
+    return [tf(s * SECOND, STILL, child=child, recorded_ns=(i + 2) * SECOND) for i, s in enumerate(stamps)]
+
+
+@pytest.mark.parametrize(
+    ("messages", "message"),
+    [
+        ([image(SECOND)], "has no /tf, /tf_static; it has /image_raw"),
+        ([tf(SECOND, STILL)], "has no /image_raw; it has /tf"),
+        ([tf(SECOND, STILL), image(2 * SECOND)], "no image on /image_raw has a pose"),
+        ([tf(SECOND, STILL, child="tool0"), image(SECOND)], "'digit_gel_frame' is not known"),
+        ([tf(SECOND, [0, 0, 0, 0, 0, 0, 0]), image(SECOND)], "rotation is zero"),
+        ([tf(SECOND, [np.nan, 0, 0, 0, 0, 0, 1]), image(SECOND)], "NaN"),
+        (
+            [*looped(GEL_FRAME), image(2 * SECOND)],
+            f"the time of frame '{GEL_FRAME}' runs backwards at 2.000 s; split",
+        ),
+        (
+            [
+                *looped("tool0"),
+                tf(0, STILL, parent="tool0", recorded_ns=SECOND, topic="/tf_static"),
+                image(2 * SECOND),
+            ],
+            "the time of frame 'tool0' runs backwards at 2.000 s; split",
+        ),
+    ],
+)
+def test_bags_without_what_is_needed_say_so(tmp_path, messages, message):
+    path = write(tmp_path / "x.mcap", *messages)
+    with pytest.raises(InputError, match=message) as error:
+        list(read_bag(path))
+    assert "x.mcap" in str(error.value)

@@ -1,0 +1,48 @@
+"""Images in every form, and ones that are none."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+from recorded import SECOND, STILL, STORE, header, image, tf, write
+
+from midastouch_bringup.bags.frames import read_bag
+from midastouch_bringup.bags.messages import Message
+from midastouch_perception.errors import InputError
+
+
+def test_bgr_padded_and_compressed_images(tmp_path):
+    pixels = np.zeros((320, 240, 3), np.uint8)
+    pixels[..., 0] = 200
+    padded = np.zeros((320, 250, 3), np.uint8)
+    padded[:, :240, 2] = 200
+    wide = image(SECOND, padded, "bgr8")
+    content = STORE.deserialize_cdr(wide.data, wide.type_name)
+    content.width = 240
+    wide = dataclasses.replace(wide, data=bytes(STORE.serialize_cdr(content, wide.type_name)))
+    kind = "sensor_msgs/msg/CompressedImage"
+    png = cv2.imencode(".png", pixels[..., ::-1])[1]
+    content = STORE.types[kind](header(SECOND, "digit_optical_frame"), "png", png)
+    compressed = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, compressed)
+    for topic in ("/image_raw", "/compressed"):
+        (frame,) = read_bag(path, image_topic=topic)
+        np.testing.assert_array_equal(frame.image, pixels)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (image(SECOND, encoding="mono16"), "mono16; record rgb8"),
+        (image(SECOND, step=100), "bytes for its size"),
+        (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240, expected a portrait"),
+        (Message("/image_raw", "sensor_msgs/msg/Image", SECOND, b"\0\1"), "cannot be read as a bag"),
+        (tf(SECOND, STILL, topic="/image_raw"), "has a pose|TFMessage; record rgb8"),
+    ],
+)
+def test_images_that_are_none_are_refused(tmp_path, bad, message):
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), bad)
+    with pytest.raises(InputError, match=message) as error:
+        list(read_bag(path))
+    assert "x.mcap" in str(error.value)
