@@ -23,6 +23,7 @@ setup(
     install_requires=[
         "digit_driver",
         "matplotlib",
+        "mcap",
         "midastouch_filter",
         "midastouch_kernels",
         "midastouch_perception",

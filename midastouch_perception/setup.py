@@ -18,6 +18,7 @@ setup(
     ],
     install_requires=[
         "digit_driver",
+        "libigl",
         "midastouch_kernels",
         "numpy",
         "onnxruntime",

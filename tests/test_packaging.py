@@ -33,7 +33,7 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
-PIP_ONLY = {"mcap", "mcap_ros2", "pykdtree", "rosbags"}
+PIP_ONLY = {"igl", "mcap", "pykdtree", "rosbags"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {"dask", "onnx", "onnxscript", "openvino", "rerun", "rerun_cli", "rtde_receive", "safetensors", "torch"}
 SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}

@@ -9,7 +9,6 @@
 void bind_alignment(nb::module_&);
 void bind_belief(nb::module_&);
 void bind_canvas(nb::module_&);
-void bind_closest_points(nb::module_&);
 void bind_colour_table(nb::module_&);
 void bind_farthest_points(nb::module_&);
 void bind_measurement(nb::module_&);
@@ -49,7 +48,6 @@ NB_MODULE(MODULE_NAME, m) {
     bind_alignment(m);
     bind_belief(m);
     bind_canvas(m);
-    bind_closest_points(m);
     bind_colour_table(m);
     bind_farthest_points(m);
     bind_measurement(m);

@@ -49,7 +49,6 @@ def results(module) -> dict[str, np.ndarray]:
     tangent = np.tile(np.linspace(-0.3, 0.3, WIDTH), (HEIGHT, 1))
     normals = module.interpolate_normals(scene, poses, faces, corners, tangent, tangent)
     points = 0.01 * rng.standard_normal((500, 3))
-    closest, distance, _ = module.closest_points(grid, points, rng.integers(0, len(corners), len(points)))
     slopes = rng.standard_normal((2, HEIGHT, WIDTH)).astype(np.float32)
     table = rng.standard_normal((9, 8, 6, 3)).astype(np.float32)
     lights = rng.standard_normal((3, 3)).astype(np.float32)
@@ -57,8 +56,6 @@ def results(module) -> dict[str, np.ndarray]:
     return {
         "penetration": penetration,
         "normals": normals,
-        "closest": closest,
-        "distance": distance,
         "farthest": module.farthest_points(points, 100),
         "colours": module.look_up_colours(table, *slopes, 1, True) / 640**2,
         "shade": module.shade(gel_depth, normals[0], rays, rays, lights, abs(lights), 1.0, 0.1, 0.1, 0.8),

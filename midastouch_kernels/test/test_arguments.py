@@ -82,12 +82,6 @@ def test_grid(corners, cell, message):
         kernels.TriangleGrid(corners, cell)
 
 
-@pytest.mark.parametrize("guess", [[-1, 0], [0, 10**6], [0]])
-def test_guess_beyond_the_triangles(grid, guess):
-    with pytest.raises(ValueError, match=r"guess"):
-        kernels.closest_points(grid, np.zeros((2, 3)), np.array(guess, np.int64))
-
-
 def test_farthest_points_of_what_is_not_finite():
     with pytest.raises(ValueError, match="not finite"):
         kernels.farthest_points(np.array([[0.0, np.nan]]), 1)

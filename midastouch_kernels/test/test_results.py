@@ -10,33 +10,6 @@ import midastouch_kernels as kernels
 from .sheet import GEL_DISTANCE, HEIGHT, WIDTH, poses_above
 
 
-def brute_force_distance(points, corners):
-    """Distance (N,) to the nearest of points spread densely over the triangles."""
-    steps = [(a, b) for a in np.linspace(0, 1, 9) for b in np.linspace(0, 1, 9) if a + b <= 1 + 1e-9]
-    samples = np.concatenate(
-        [corners[:, 0] + a * (corners[:, 1] - corners[:, 0]) + b * (corners[:, 2] - corners[:, 0]) for a, b in steps]
-    )
-    return np.array([np.linalg.norm(samples - p, axis=1).min() for p in points])
-
-
-@pytest.mark.parametrize("guess", ["first", "random"])
-@pytest.mark.parametrize("spread", [1e-3, 0.05])
-def test_closest_points(corners, grid, spread, guess):
-    rng = np.random.default_rng(1)
-    points = spread * rng.standard_normal((40, 3))
-    start = np.zeros(40, np.int64) if guess == "first" else rng.integers(0, len(corners), 40)
-    closest, distance, face = kernels.closest_points(grid, points, start)
-    np.testing.assert_allclose(np.linalg.norm(points - closest, axis=1), distance, atol=1e-12)
-    sampled = brute_force_distance(points, corners)
-    assert (distance <= sampled + 1e-12).all()
-    # between samples 0.2 mm apart
-    assert (sampled - distance < 2e-4).all()
-    a, b, c = corners[face].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    assert np.abs(((closest - a) * normal).sum(axis=1)).max() < 1e-12
-
-
 def test_farthest_points():
     features = np.random.default_rng(2).standard_normal((500, 6))
     features[100:150] = features[:50]  # doubled ones too
@@ -73,14 +46,6 @@ def test_render_of_a_surface_level_with_the_gel(scene):
     assert penetration.max() == pytest.approx(1.5e-3, abs=1e-4)
     assert penetration.min() == 0
     np.testing.assert_array_equal(faces >= 0, penetration > 0)
-
-
-def test_closest_points_of_none_and_of_points_that_are_not_numbers(grid):
-    closest, distance, face = kernels.closest_points(grid, np.empty((0, 3)), np.empty(0, np.int64))
-    assert closest.shape == (0, 3)
-    assert len(distance) == len(face) == 0
-    _, distance, _ = kernels.closest_points(grid, np.full((1, 3), np.nan), np.zeros(1, np.int64))
-    assert np.isnan(distance).all()
 
 
 def test_render_of_a_pose_that_is_not_a_number_draws_nothing(scene):

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from . import torch_checkpoint
 from .errors import InputError
 from .files import require_file
+from .torch_checkpoint import read_tensors
 
 _SAFETENSORS_TYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "I64": "<i8", "I32": "<i4"}
 _HEADER_LIMIT = 100_000_000  # bytes, as the format's own reader has it
@@ -28,7 +28,9 @@ def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
     if start.startswith(b"PK"):
         return _read_archive(path)
     if start.startswith(b"\x80"):
-        return torch_checkpoint.read_legacy(path)
+        raise InputError(
+            f"{path}: a pickle, such as PyTorch before 1.6 wrote; save it again: torch.save(torch.load(FILE), FILE)"
+        )
     if start[8:] == b"{":
         return _read_safetensors(path)
     raise InputError(
@@ -41,7 +43,7 @@ def _read_archive(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
         if any(name.endswith("/data.pkl") for name in names):
-            return torch_checkpoint.read_zip(path)
+            return read_tensors(path)
         with np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in data.files}
     except InputError:

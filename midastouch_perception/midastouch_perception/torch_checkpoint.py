@@ -1,27 +1,21 @@
 """Read the tensors of a PyTorch checkpoint, as `torch.save` writes it, without PyTorch.
 
 The names, shapes and types of the tensors stand in a pickle, their content in raw blocks beside it. A pickle is a
-program: the only names it may call here are inert stand-ins for PyTorch's tensors, all else is refused. Both formats
-are read: the zip archive (PyTorch 1.6 and later) and the sequence of pickles before it.
+program: the only names it may call here are inert stand-ins for PyTorch's tensors, all else is refused.
 """
 
 from __future__ import annotations
 
-import io
 import math
-import pickletools
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from .errors import InputError
 from .restricted_unpickler import RestrictedUnpickler
 
-_LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
-_LEGACY_PROTOCOL = 1001
 _BFLOAT16 = "bfloat16"
 _TYPES = {
     "DoubleStorage": "<f8",
@@ -107,66 +101,14 @@ def _unpickle(data: bytes) -> Any:
     return _Unpickler(data, _ALLOWED, "but only tensors are read; save model.state_dict() alone").load()
 
 
-def read_zip(path: Path) -> dict[str, np.ndarray]:
-    """{name: values} of the state dict in a zip checkpoint; errors as `read_legacy`."""
-
-    def read(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
-        (index,) = (name for name in archive.namelist() if name.rpartition("/")[2] == "data.pkl")
-        folder = index.removesuffix("data.pkl")
-
-        def content(name: str) -> bytes:
-            entry = archive.getinfo(folder + name)
-            if entry.compress_type != zipfile.ZIP_STORED:  # torch.save never does; a bomb would
-                raise InputError(f"{entry.filename} is compressed; save it again with torch.save")
-            return archive.read(entry)
-
-        if f"{folder}byteorder" in archive.namelist() and content("byteorder") != b"little":
-            raise InputError("big-endian; save it again on a common machine")
-        state = _state_dict(_unpickle(content("data.pkl")))
-        return _arrays(state, lambda storage: storage.decode(content(f"data/{storage.key}")))
-
-    def open_and_read() -> dict[str, np.ndarray]:
-        with zipfile.ZipFile(path) as archive:
-            return read(archive)
-
-    return _guarded(path, open_and_read)
-
-
-def read_legacy(path: Path) -> dict[str, np.ndarray]:
-    """{name: values} of the state dict in a checkpoint of the format before PyTorch 1.6.
+def read_tensors(path: Path) -> dict[str, np.ndarray]:
+    """{name: values} of the state dict in a checkpoint: the zip archive that PyTorch writes since 1.6.
 
     Raises InputError: not such a checkpoint, cut short, foreign classes (named), no state dict in it.
     """
-
-    def read(stream: BinaryIO) -> dict[str, np.ndarray]:
-        magic, protocol, system, content, keys = (_next_pickle(stream) for _ in range(5))
-        if magic != _LEGACY_MAGIC or protocol != _LEGACY_PROTOCOL or not system["little_endian"]:
-            raise InputError("not written by torch.save on a common machine")
-        starts = {}
-        state = _state_dict(content)
-        sizes = {t.storage.key: t.storage.item_size for t in _tensors(content)}
-        for key in keys:
-            count = int.from_bytes(stream.read(8), "little")
-            starts[str(key)] = stream.tell(), count
-            stream.seek(count * sizes[str(key)], io.SEEK_CUR)
-
-        def block(storage: _Storage) -> np.ndarray:
-            start, _ = starts[storage.key]
-            stream.seek(start)
-            return storage.decode(stream.read(storage.count * storage.item_size))
-
-        return _arrays(state, block)
-
-    def open_and_read() -> dict[str, np.ndarray]:
-        with path.open("rb") as stream:
-            return read(stream)
-
-    return _guarded(path, open_and_read)
-
-
-def _guarded(path: Path, read: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     try:
-        return read()
+        with zipfile.ZipFile(path) as archive:
+            return _read(archive)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     # Crafted or damaged bytes make the unpickler fail in any way, MemoryError and RecursionError included.
@@ -174,13 +116,20 @@ def _guarded(path: Path, read: Callable[[], dict[str, np.ndarray]]) -> dict[str,
         raise InputError(f"{path}: not a complete PyTorch checkpoint ({error}); get the file again") from error
 
 
-def _next_pickle(stream: BinaryIO) -> Any:
-    start = stream.tell()
-    for _ in pickletools.genops(stream):
-        pass
-    length = stream.tell() - start
-    stream.seek(start)
-    return _unpickle(stream.read(length))
+def _read(archive: zipfile.ZipFile) -> dict[str, np.ndarray]:
+    (index,) = (name for name in archive.namelist() if name.rpartition("/")[2] == "data.pkl")
+    folder = index.removesuffix("data.pkl")
+
+    def content(name: str) -> bytes:
+        entry = archive.getinfo(folder + name)
+        if entry.compress_type != zipfile.ZIP_STORED:  # torch.save never does; a bomb would
+            raise InputError(f"{entry.filename} is compressed; save it again with torch.save")
+        return archive.read(entry)
+
+    if f"{folder}byteorder" in archive.namelist() and content("byteorder") != b"little":
+        raise InputError("big-endian; save it again on a common machine")
+    state = _state_dict(_unpickle(content("data.pkl")))
+    return {name: t.array(t.storage.decode(content(f"data/{t.storage.key}"))) for name, t in state.items()}
 
 
 def _state_dict(content: Any) -> dict[str, _Tensor]:
@@ -193,20 +142,3 @@ def _state_dict(content: Any) -> dict[str, _Tensor]:
             if tensors:
                 return tensors
     raise InputError(f"holds no state dict, only {', '.join(map(str, content)) or 'nothing'}; save model.state_dict()")
-
-
-def _tensors(content: Any) -> list[_Tensor]:
-    """Every tensor in nested containers; each container is looked into once."""
-    found, seen, pending = [], set(), [content]
-    while pending:
-        item = pending.pop()
-        if isinstance(item, _Tensor):
-            found.append(item)
-        elif isinstance(item, (dict, list, tuple)) and id(item) not in seen:
-            seen.add(id(item))
-            pending.extend([*item.keys(), *item.values()] if isinstance(item, dict) else item)
-    return found
-
-
-def _arrays(state: dict[str, _Tensor], block: Callable[[_Storage], np.ndarray]) -> dict[str, np.ndarray]:
-    return {name: tensor.array(block(tensor.storage)) for name, tensor in state.items()}

@@ -33,7 +33,6 @@ def test_closest_points_are_exact(block):
 
 
 def test_closest_points_one_by_one_are_the_same(block):
-    """Few points take another way, without threads."""
     points = np.random.default_rng(4).uniform(-0.03, 0.03, (40, 3))
     together = block.closest_points(points)
     for i in range(40):
@@ -45,6 +44,23 @@ def test_closest_points_of_nothing(block):
     closest, distance, face = block.closest_points(np.empty((0, 3)))
     assert closest.shape == (0, 3)
     assert len(distance) == len(face) == 0
+
+
+def test_closest_points_of_points_that_are_not_numbers(block):
+    points = np.array([[np.nan, 0, 0], [0, 0, 0.05], [0, np.inf, 0]])
+    closest, distance, face = block.closest_points(points)
+    np.testing.assert_array_equal(np.isfinite(distance), [False, True, False])
+    assert np.isfinite(closest[1]).all()
+    assert block.face_normals[face].shape == (3, 3)
+
+
+def test_closest_points_of_more_than_are_asked_at_once(block):
+    points = np.random.default_rng(5).uniform(-0.05, 0.05, (5000, 3))
+    closest, distance, face = block.closest_points(points)
+    for part in (slice(0, 100), slice(1990, 2010), slice(4900, 5000)):
+        again = block.closest_points(points[part])
+        for one, other in zip((closest[part], distance[part], face[part]), again, strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_surface_samples_are_uniform_by_area():

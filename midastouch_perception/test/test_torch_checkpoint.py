@@ -2,7 +2,6 @@
 
 import io
 import pickle
-import struct
 import zipfile
 from collections import OrderedDict
 
@@ -35,12 +34,8 @@ class Tensor:
 class Pickler(pickle._Pickler):
     """Writes `Name` and `Tensor` as the classes of a library that is not installed."""
 
-    legacy = False
-
     def persistent_id(self, obj):
-        if isinstance(obj, tuple) and obj and obj[0] == "storage":
-            return (*obj, None) if self.legacy else obj
-        return None
+        return obj if isinstance(obj, tuple) and obj and obj[0] == "storage" else None
 
     def save(self, obj, save_persistent_id=True):
         if isinstance(obj, Name):
@@ -54,11 +49,9 @@ class Pickler(pickle._Pickler):
             super().save(obj, save_persistent_id)
 
 
-def pickled(content: object, legacy: bool = False) -> bytes:
+def pickled(content: object) -> bytes:
     stream = io.BytesIO()
-    pickler = Pickler(stream, protocol=2)
-    pickler.legacy = legacy
-    pickler.dump(content)
+    Pickler(stream, protocol=2).dump(content)
     return stream.getvalue()
 
 
@@ -71,12 +64,6 @@ def zipped(content: object, blocks=None, compression=zipfile.ZIP_STORED, byteord
             archive.writestr(f"archive/data/{key}", block)
         archive.writestr("archive/version", b"3\n")
     return stream.getvalue()
-
-
-def legacy(content: object, blocks: dict[str, np.ndarray]) -> bytes:
-    parts = (0x1950A86A20F9469CFC6C, 1001, {"little_endian": True}, content, list(blocks))
-    out = b"".join(pickled(part, legacy=True) for part in parts)
-    return out + b"".join(struct.pack("<q", len(block)) + block.tobytes() for block in blocks.values())
 
 
 def read(data: bytes, tmp_path) -> dict[str, np.ndarray]:
@@ -129,15 +116,6 @@ def test_bfloat16_is_the_upper_half_of_float32(tmp_path):
     content = {"x": Tensor(shape=(2,), stride=(1,), count=2, storage="BFloat16Storage")}
     got = read(zipped(content, {"0": (exact.view("<u4") >> 16).astype("<u2").tobytes()}), tmp_path)["x"]
     np.testing.assert_array_equal(got, exact)
-
-
-def test_legacy_format(tmp_path):
-    """Also with blocks in front that belong to no wanted tensor."""
-    other = Tensor(key="9", shape=(5,), stride=(1,), count=5, storage="DoubleStorage")
-    content = {"state_dict": {"x": Tensor()}, "optimizer": [other]}
-    got = read(legacy(content, {"9": np.arange(5.0), "0": BLOCK}), tmp_path)
-    np.testing.assert_array_equal(got["x"], BLOCK.reshape(3, 4))
-    assert got.keys() == {"x"}
 
 
 @pytest.mark.parametrize("module", ["os", "builtins", "torch.nn.modules.conv"])
@@ -193,18 +171,21 @@ def test_a_claimed_memo_of_gigabytes_is_refused(tmp_path):
         read(zipped(b"\x80\x02}r\xff\xff\xff\xff."), tmp_path)
 
 
-@pytest.mark.parametrize("make", [zipped, lambda content: legacy(content, {"0": BLOCK})])
-def test_a_file_cut_anywhere_is_one_clear_error(tmp_path, make):
-    whole = make({"x": Tensor()})
+def test_the_format_before_the_archive_is_refused_with_the_mend(tmp_path):
+    with pytest.raises(InputError, match=r"net.pth.tar: a pickle, such as PyTorch before 1.6 wrote; save it again"):
+        read(pickled(0x1950A86A20F9469CFC6C), tmp_path)
+
+
+def test_a_file_cut_anywhere_is_one_clear_error(tmp_path):
+    whole = zipped({"x": Tensor()})
     for length in range(0, len(whole), 7):
         with pytest.raises(InputError, match=r"net.pth.tar: "):
             read(whole[:length], tmp_path)
 
 
-@given(st.booleans(), st.data())
-def test_a_damaged_file_never_ends_in_another_error(folder, old, data):
-    content = {"state_dict": {"x": Tensor()}}
-    damaged = bytearray(legacy(content, {"0": BLOCK}) if old else zipped(content))
+@given(st.data())
+def test_a_damaged_file_never_ends_in_another_error(folder, data):
+    damaged = bytearray(zipped({"state_dict": {"x": Tensor()}}))
     for _ in range(data.draw(st.integers(1, 4))):
         damaged[data.draw(st.integers(0, len(damaged) - 1))] = data.draw(st.integers(0, 255))
     try:
@@ -214,8 +195,7 @@ def test_a_damaged_file_never_ends_in_another_error(folder, old, data):
     assert all(isinstance(values, np.ndarray) for values in state.values())
 
 
-@pytest.mark.parametrize("new_format", [True, False])
-def test_files_of_torch_read_as_torch_reads_them(tmp_path, new_format):
+def test_files_of_torch_read_as_torch_reads_them(tmp_path):
     torch = pytest.importorskip("torch", reason="PyTorch is in the [train] extra")
     model = torch.nn.DataParallel(torch.nn.Sequential(torch.nn.Conv2d(3, 4, 3), torch.nn.BatchNorm2d(4)))
     optimizer = torch.optim.Adam(model.parameters())
@@ -227,7 +207,7 @@ def test_files_of_torch_read_as_torch_reads_them(tmp_path, new_format):
     state |= {"parameter": torch.nn.Parameter(base), "whole": torch.arange(4), "scalar": torch.tensor(2.5)}
     path = tmp_path / "net.pth.tar"
     content = {"epoch": 1, "state_dict": state, "optimizer": optimizer.state_dict()}
-    torch.save(content, path, _use_new_zipfile_serialization=new_format)
+    torch.save(content, path)
     expected = torch.load(path, weights_only=True)["state_dict"]
     got = read_checkpoint(path)
     assert list(got) == list(expected)

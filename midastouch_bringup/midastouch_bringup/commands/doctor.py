@@ -18,6 +18,7 @@ _MODULES = (
     ("cv2", "opencv-contrib-python-headless", "images, cameras", True, _SET_UP),
     ("trimesh", "trimesh", "mesh files", True, _SET_UP),
     ("pykdtree", "pykdtree", "nearest neighbours", True, _SET_UP),
+    ("igl", "libigl", "nearest surface points", True, _SET_UP),
     ("onnxruntime", "onnxruntime", "networks", True, _SET_UP),
     ("matplotlib", "matplotlib", "plots", True, _SET_UP),
     ("rosbags", "rosbags", "bags", True, _SET_UP),

@@ -1,8 +1,6 @@
 """Archives: plain files come out, everything else is refused as a whole."""
 
-import io
 import stat
-import tarfile
 import zipfile
 
 import pytest
@@ -12,19 +10,6 @@ from midastouch_bringup.download.archive import extract
 from midastouch_perception.errors import InputError
 
 
-def tar(path, *members):
-    """A tar.gz of (name, content) or TarInfo."""
-    with tarfile.open(path, "w:gz") as out:
-        for member in members:
-            if isinstance(member, tarfile.TarInfo):
-                out.addfile(member)
-            else:
-                info = tarfile.TarInfo(member[0])
-                info.size = len(member[1])
-                out.addfile(info, io.BytesIO(member[1]))
-    return path
-
-
 def zipped(path, *members):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as out:
         for name, content in members:
@@ -32,47 +17,23 @@ def zipped(path, *members):
     return path
 
 
-def special(name, kind, target=""):
-    info = tarfile.TarInfo(name)
-    info.type, info.linkname = kind, target
-    return info
-
-
-@pytest.mark.parametrize("make", [tar, zipped])
-def test_files_and_folders_come_out(tmp_path, make):
-    packed = make(tmp_path / "a.bin", ("mug/mesh.ply", b"ply"), ("mug/deep/er/note.txt", b"hello"), ("top", b""))
+def test_files_and_folders_come_out(tmp_path):
+    packed = zipped(tmp_path / "a.zip", ("mug/mesh.ply", b"ply"), ("mug/deep/er/note.txt", b"hello"), ("top", b""))
     assert extract(packed, tmp_path / "out") == 3
     found = {str(p.relative_to(tmp_path / "out")): p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
     assert found == {"mug/mesh.ply": b"ply", "mug/deep/er/note.txt": b"hello", "top": b""}
 
 
-@pytest.mark.parametrize("make", [tar, zipped])
 @pytest.mark.parametrize("name", ["../evil", "a/../../evil", "/evil", "a/..", "..\\evil", "C:\\evil"])
-def test_a_member_that_would_escape_condemns_the_archive(tmp_path, make, name):
-    packed = make(tmp_path / "a.bin", ("good", b"x"), (name, b"evil"))
+def test_a_member_that_would_escape_condemns_the_archive(tmp_path, name):
+    packed = zipped(tmp_path / "a.zip", ("good", b"x"), (name, b"evil"))
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match="would leave the folder"):
         extract(packed, tmp_path / "out")
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@pytest.mark.parametrize(
-    "member",
-    [
-        special("link", tarfile.SYMTYPE, "/etc"),
-        special("link", tarfile.LNKTYPE, "../../etc/passwd"),
-        special("pipe", tarfile.FIFOTYPE),
-        special("disk", tarfile.BLKTYPE),
-    ],
-)
-def test_links_and_devices_are_refused(tmp_path, member):
-    packed = tar(tmp_path / "a.tgz", member, (f"{member.name}/x", b"through the link"))
-    with pytest.raises(InputError, match="a link or a device"):
-        extract(packed, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_link_in_a_zip_is_refused(tmp_path):
+def test_a_link_is_refused(tmp_path):
     info = zipfile.ZipInfo("link")
     info.external_attr = (stat.S_IFLNK | 0o777) << 16
     packed = zipped(tmp_path / "a.zip", (info, "/etc"))
@@ -80,27 +41,26 @@ def test_a_link_in_a_zip_is_refused(tmp_path):
         extract(packed, tmp_path / "out")
 
 
-@pytest.mark.parametrize("make", [tar, zipped])
-def test_damage_leaves_nothing(tmp_path, make):
-    packed = make(tmp_path / "a.bin", ("good", b"x" * 50_000), ("more", bytes(range(256)) * 100))
+def test_damage_leaves_nothing(tmp_path):
+    packed = zipped(tmp_path / "a.zip", ("good", b"x" * 50_000), ("more", bytes(range(256)) * 100))
     whole = packed.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"nonsense", b""):
         packed.write_bytes(damaged)
         with pytest.raises(InputError, match="not a readable archive"):
             extract(packed, tmp_path / "out")
-        assert [p.name for p in tmp_path.iterdir()] == ["a.bin"]
+        assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
 
 def test_the_same_name_twice_is_refused(tmp_path):
-    packed = tar(tmp_path / "a.tgz", ("x", b"1"), ("x", b"2"))
-    with pytest.raises(FileExistsError):
+    packed = zipped(tmp_path / "a.zip", ("x", b"1"), ("x", b"2"))
+    with pytest.raises(InputError, match="is there twice"):
         extract(packed, tmp_path / "out")
-    assert [p.name for p in tmp_path.iterdir()] == ["a.tgz"]
+    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
 
 def test_more_than_the_disk_holds_is_noticed_before(tmp_path, monkeypatch):
     monkeypatch.setattr(archive, "_RESERVE", 1 << 60)
-    packed = tar(tmp_path / "a.tgz", ("x", b"1"))
+    packed = zipped(tmp_path / "a.zip", ("x", b"1"))
     with pytest.raises(InputError, match="MiB are free; make room"):
         extract(packed, tmp_path / "out")
-    assert [p.name for p in tmp_path.iterdir()] == ["a.tgz"]
+    assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]

@@ -66,6 +66,27 @@ def test_an_archive_of_another_layout_is_said(mug, tmp_path):
         download_mesh("025_mug", tmp_path, mug.url)
 
 
+def test_a_damaged_archive_leaves_no_mesh(mug, tmp_path):
+    whole = mug.files["/google/025_mug_google_16k.tgz"]
+    for damaged in (whole[: len(whole) // 2], b"nonsense"):
+        mug.files["/google/025_mug_google_16k.tgz"] = damaged
+        with pytest.raises(InputError, match="not a readable archive"):
+            download_mesh("025_mug", tmp_path, mug.url)
+        assert not (tmp_path / "025_mug.ply").exists()
+        (tmp_path / "025_mug_google_16k.tgz").unlink()
+
+
+def test_a_link_in_the_place_of_the_mesh_is_not_followed(mug, tmp_path):
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w:gz") as packed:
+        link = tarfile.TarInfo("025_mug/google_16k/nontextured.ply")
+        link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
+        packed.addfile(link)
+    mug.files["/google/025_mug_google_16k.tgz"] = out.getvalue()
+    with pytest.raises(InputError, match=r"holds no google_16k/nontextured.ply"):
+        download_mesh("025_mug", tmp_path, mug.url)
+
+
 @pytest.mark.parametrize("name", ["../secret", "025_mug/../x", "mug", "", "025_mug?x=1"])
 def test_names_that_are_no_objects_ask_nobody(mug, tmp_path, name):
     with pytest.raises(InputError, match="not the name of a YCB object"):
