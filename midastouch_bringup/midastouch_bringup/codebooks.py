@@ -13,7 +13,7 @@ from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import TactileCodeNet, load_tcn
+from midastouch_perception.tcn import TactileCodeNet
 
 from .progress import progress_bar
 
@@ -75,20 +75,17 @@ def cached_codebook(
     mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int, folder: Path = _CACHE
 ) -> Codebook:
     """The codebook of `size` poses of an object from an earlier call, built if there is none that fits."""
-    path = cached_codebook_path(mesh, size, folder)
-    return _usable(path, mesh, tcn) or build_and_save(mesh, tcn, sensor, size, 0, path)[0]
+    return ensure_codebook(cached_codebook_path(mesh, size, folder), mesh, tcn, sensor, size)
 
 
-def is_current(path: str | os.PathLike, mesh_path: str | os.PathLike) -> bool:
-    """Whether a codebook is there for this mesh, made with the networks that the nodes use if not told otherwise."""
-    return _usable(path, ObjectMesh.load(mesh_path), load_tcn("fast", SensorModel.load("digit_tacto"))) is not None
-
-
-def _usable(path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet) -> Codebook | None:
+def ensure_codebook(
+    path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int
+) -> Codebook:
+    """The codebook at `path`; one of `size` poses is built there if there is none of this mesh and network."""
     try:
         return Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
     except InputError:  # none yet, or of an older mesh or network
-        return None
+        return build_and_save(mesh, tcn, sensor, size, 0, path)[0]
 
 
 def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:

@@ -98,14 +98,19 @@ def test_a_book_of_one_pose_is_built_and_refused_where_two_are_needed(ball, tmp_
     assert len(book.poses) == 1
     with pytest.raises(InputError, match="codebook: 1 poses; build one of at least some thousands"):
         ParticleFilter(ball, book)
-    assert codebooks.is_current(out, bundled_objects()["ball"])
-    assert not codebooks.is_current(out, bundled_objects()["eyebolt"])
 
 
-def test_a_book_of_another_network_is_not_current(build, tmp_path):
-    build(FlatTcn())
-    assert not codebooks.is_current(tmp_path / "ball.npz", bundled_objects()["ball"])
-    assert not codebooks.is_current(tmp_path / "none.npz", bundled_objects()["ball"])
+def test_a_book_that_fits_is_not_built_again(build, ball, tmp_path):
+    sensor, out = SensorModel.load("digit_tacto"), tmp_path / "ball.npz"
+    first = build(FlatTcn())
+    again = FlatTcn()
+    kept = codebooks.ensure_codebook(out, ball, again, sensor, SIZE)
+    assert again.batches == 0
+    np.testing.assert_allclose(kept.codes, first.codes, atol=1e-3)  # kept at half precision
+    other = FlatTcn()
+    other.network_id = "other"
+    assert codebooks.ensure_codebook(out, ball, other, sensor, SIZE).meta["tcn"] == "other"
+    assert other.batches > 0
 
 
 def test_a_book_of_no_pose_is_refused(tmp_path, capsys):

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from ..demo import SEED
 from . import arguments
-
-SLIDE_LENGTH = 0.3  # m
-SEED = 3
-"""Of a slide over the jaws of the tool: long and varied enough to know the place for sure."""
 
 
 def add_parser(subparsers) -> None:
@@ -44,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     if args.object not in objects:
         raise InputError(f"--object {args.object}: not bundled; there are {', '.join(sorted(objects))}")
     try:
-        from ..processes.node_processes import NodeFailed
+        from ..processes.supervisor import NodeFailed
         from ..ros.demo import run_demo
     except ImportError as error:
         raise InputError(f"{error}; run midastouch doctor to see what is missing") from error

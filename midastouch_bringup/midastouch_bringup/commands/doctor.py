@@ -107,7 +107,7 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
 def _has_executable(name: str) -> bool:
     from midastouch_perception.errors import InputError
 
-    from ..processes.node_processes import find_executable
+    from ..processes.program import find_executable
 
     try:
         find_executable(name)

@@ -39,8 +39,7 @@ def run(args: argparse.Namespace) -> int:
     if args.show_args:
         print(manual(args.setup))
         return 0
-    from ..cli import main
-
     if args.prepare:
-        return prepare(args.setup, values(args.setup, args.arguments), main)
-    return run_setup(args.setup, args.arguments, main)
+        prepare(args.setup, values(args.setup, args.arguments))
+        return 0
+    return run_setup(args.setup, args.arguments)

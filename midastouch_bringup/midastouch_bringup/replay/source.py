@@ -47,17 +47,17 @@ class ReplaySource:
     """
 
     def __init__(self, path: str | Path, wanted: Collection[str] = ()) -> None:
-        self._path = Path(path)
+        self.path = Path(path)
         self._decompresses = False
-        self._sequence = None if is_bag(self._path) else load_sequence(self._path)
+        self._sequence = None if is_bag(self.path) else load_sequence(self.path)
         if self._sequence is not None:
             self.topics = list(SEQUENCE_TOPICS)
             return
-        present = bag_topics(self._path)
+        present = bag_topics(self.path)
         self.topics = [topic for topic in present if topic.name in (wanted or INPUT_TOPICS)]
         if not self.topics:
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self._path}: has no {', '.join(sorted(wanted or INPUT_TOPICS))}; it has {names}")
+            raise InputError(f"{self.path}: has no {', '.join(sorted(wanted or INPUT_TOPICS))}; it has {names}")
         if not wanted:
             self._prefer_raw_images()
 
@@ -80,7 +80,7 @@ class ReplaySource:
         """From the first message of the recording to the last."""
         if self._sequence is not None:
             return int(self._sequence.stamps_ns[-1] - self._sequence.stamps_ns[0]) / 1e9
-        return bag_duration(self._path)
+        return bag_duration(self.path)
 
     def _prefer_raw_images(self) -> None:
         names = {topic.name for topic in self.topics}
@@ -95,12 +95,12 @@ class ReplaySource:
         names = {topic.name for topic in self.topics}
         if self._decompresses:
             names = names - {IMAGE_TOPIC} | {COMPRESSED_TOPIC}
-        yield from map(self._as_sent, self._without_estimates(bag_messages(self._path, names)))
+        yield from map(self._as_sent, self._without_estimates(bag_messages(self.path, names)))
 
     def _as_sent(self, message: Message) -> Message:
         if not self._decompresses or message.topic != COMPRESSED_TOPIC:
             return message
-        pixels = decode_image(message, self._path)
+        pixels = decode_image(message, self.path)
         header = typestore().deserialize_cdr(message.data, message.type_name).header
         return image_message(header, pixels, message.stamp_ns)
 
@@ -110,7 +110,7 @@ class ReplaySource:
             if message.topic not in (TF_TOPIC, TF_STATIC_TOPIC):
                 yield message
                 continue
-            with readable(self._path):
+            with readable(self.path):
                 content = store.deserialize_cdr(message.data, message.type_name)
             kept = [t for t in content.transforms if t.child_frame_id not in ESTIMATED_FRAMES]
             if len(kept) == len(content.transforms):

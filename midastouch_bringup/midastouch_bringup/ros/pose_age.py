@@ -5,7 +5,6 @@ As a module it is that arm, and a camera: `python -m midastouch_bringup.ros.pose
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -28,6 +27,9 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
 
+from ..processes.local_domain import local_environment, own_domain
+from .local_context import local_context
+
 TRANSFORMS_HZ, IMAGES_HZ = 500, 30
 # An arm on whose last link the gel is, and a hand beside it: 20 links in one message, as of a robot_state_publisher.
 _ARM = ["base_link", *(f"arm_{i}" for i in range(1, 8)), "digit_gel_frame"]
@@ -42,20 +44,15 @@ def pose_age(step: Callable[[], object], images: int = 150) -> dict:
 
     Raises InputError if nothing comes.
     """
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    domain = int(os.environ.get("ROS_DOMAIN_ID", 1 + os.getpid() % 101))
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    domain = own_domain()
     seconds = (images + _SETTLED) / IMAGES_HZ + _PATIENCE_S
-    robot = subprocess.Popen(
-        [sys.executable, "-m", __name__, str(seconds)], env={**os.environ, "ROS_DOMAIN_ID": str(domain)}
-    )
+    robot = subprocess.Popen([sys.executable, "-m", __name__, str(seconds)], env=local_environment(domain))
     try:
-        ages, name = _listen(context, step, images + _SETTLED)
+        with local_context(domain) as context:
+            ages, name = _listen(context, step, images + _SETTLED)
     finally:
         robot.kill()
         robot.wait()
-        rclpy.try_shutdown(context=context)
     p50, p95, most = np.percentile(ages[_SETTLED:], [50, 95, 100]).round(4).tolist()
     return {"pose_age_ms": {"p50": p50, "p95": p95, "max": most}, "transform_source": name}
 

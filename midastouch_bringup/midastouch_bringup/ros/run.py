@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
 from ..output_paths import demo_slide
-from ..processes.node_processes import find_executable
+from ..processes.back_off import BackOff
+from ..processes.foreground import run_in_foreground
 from ..processes.parameter_files import written
-from ..processes.supervisor import BackOff, Program, Supervisor
-from .launch_arguments import ARGUMENTS, parameters
-from .setups import SETUPS, demo_preparations, executables
+from ..processes.program import Program, node_program
+from .launch_arguments import ARGUMENTS, bundled_mesh, parameters
+from .setups import SETUPS, executables
 
 
-def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]], int]) -> int:
+def run_setup(name: str, words: Sequence[str]) -> int:
     """Start the nodes of a set-up and watch them until they have ended or a signal comes; returns the exit status.
 
-    words: arguments as `ros2 launch` takes them; midastouch: the command, which makes what the demo needs.
+    words: arguments as `ros2 launch` takes them.
     Raises InputError for arguments that mean nothing and for nodes that are not installed.
     """
     given = values(name, words)
     environment = dict(os.environ)
-    if status := prepare(name, given, midastouch):
-        return status
+    prepare(name, given)
     if name == "demo":
         given["bag"] = str(demo_slide(given["object"]))
         # nobody else on the network sees the demo's nodes, unless the user has said so
@@ -35,15 +35,16 @@ def run_setup(name: str, words: Sequence[str], midastouch: Callable[[list[str]],
         path = Path(folder) / "parameters.yaml"
         path.write_text(written(parameters(given), given["namespace"]))
         respawn = BackOff if given["use_respawn"] == "true" else None
-        return Supervisor(_programs(name, given, path), environment, respawn).run()
+        return run_in_foreground(_programs(name, given, path), environment, respawn)
 
 
-def prepare(name: str, given: Mapping[str, str], midastouch: Callable[[list[str]], int]) -> int:
-    """Make what a set-up still lacks in the present folder (only `demo` needs anything); returns the exit status."""
-    for preparation in demo_preparations(given["object"]) if name == "demo" else ():
-        if status := midastouch(preparation):
-            return status
-    return 0
+def prepare(name: str, given: Mapping[str, str]) -> None:
+    """Make what a set-up still lacks in the present folder; only `demo` needs anything."""
+    if name == "demo":
+        # here: `--show-args` does without the libraries behind it
+        from ..demo import preparation
+
+        preparation.prepare(given["object"], bundled_mesh(given["object"]))
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:
@@ -93,7 +94,7 @@ def _choices(choices: Sequence[str]) -> str:
 
 
 def _programs(setup: str, given: Mapping[str, str], parameter_file: Path) -> list[Program]:
-    options = ["--ros-args", "--params-file", str(parameter_file), "--log-level", given["log_level"]]
+    options = ["--log-level", given["log_level"]]
     if namespace := given["namespace"].strip("/"):
         options += ["-r", f"__ns:=/{namespace}"]
-    return [Program(one.name, (find_executable(one.name), *options), one.ends) for one in executables(setup, given)]
+    return [node_program(one.name, parameter_file, options, one.ends) for one in executables(setup, given)]

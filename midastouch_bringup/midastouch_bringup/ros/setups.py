@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from ..output_paths import codebook_path, demo_slide
-from .launch_arguments import ARGUMENTS, SHARE, bundled_mesh
+from .launch_arguments import ARGUMENTS, SHARE
 
 
 @dataclass(frozen=True)
@@ -130,22 +129,3 @@ def executables(setup: str, given: Mapping[str, str]) -> Iterator[Executable]:
                 yield from executables(part.setup, given)
             else:
                 yield part
-
-
-def demo_preparations(object_name: str) -> list[list[str]]:
-    """Calls of `midastouch`, without the name itself, that make what `demo` still lacks in the present folder.
-
-    Raises InputError for an object that is not bundled.
-    """
-    # here: launch files and `--show-args` do without the libraries behind it
-    from ..codebooks import is_current
-    from ..commands.demo import SEED, SLIDE_LENGTH
-
-    slide, codebook, mesh = demo_slide(object_name), codebook_path(object_name), bundled_mesh(object_name)
-    missing = []
-    if not slide.is_dir():
-        options = ["--length", f"{SLIDE_LENGTH:g}", "--seed", str(SEED)]
-        missing.append(["simulate", object_name, "--out", str(slide), *options])
-    if not is_current(codebook, mesh):
-        missing.append(["build-codebook", object_name, "--out", str(codebook)])
-    return missing

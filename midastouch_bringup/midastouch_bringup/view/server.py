@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from midastouch_perception.errors import InputError
 
-from ..processes.node_processes import bound_to_us
+from ..processes.process import bound_to_us
 from . import require_rerun
 
 _START_S = 30.0

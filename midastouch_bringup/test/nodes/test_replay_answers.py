@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter
-from midastouch_bringup.nodes import replay as replay_module
+from midastouch_bringup.replay import player
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.ros import qos
@@ -31,7 +31,7 @@ def test_one_frame_in_flight_loses_none_with_a_best_effort_listener(graph, simul
     graph.listen(TFMessage, "/tf")
     play(graph, node)
     assert consumer.received == sequence.stamps_ns.tolist()
-    assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (12, 0, 0)
+    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (12, 0, 0)
 
 
 def test_the_filter_itself_must_listen_to_transforms(graph, simulated_sequence):
@@ -66,7 +66,7 @@ def test_the_next_image_waits_for_the_answer_and_is_sent_once(graph, simulated_s
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == [first, second, third]
     graph.spin_until(lambda: len(moving) == 3, "the transforms")
-    assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (3, 0, 0)
+    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (3, 0, 0)
 
 
 def test_what_the_filter_says_nothing_of_is_given_up_and_counted(graph, simulated_sequence):
@@ -80,7 +80,7 @@ def test_what_the_filter_says_nothing_of_is_given_up_and_counted(graph, simulate
     consumer.answer(consumer.received[0])  # late
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns.tolist()
-    assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (4, 0, 2)
+    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (4, 0, 2)
 
 
 def test_after_a_loss_it_waits_until_all_listeners_are_back(graph, simulated_sequence):
@@ -93,18 +93,18 @@ def test_after_a_loss_it_waits_until_all_listeners_are_back(graph, simulated_seq
     node.start()
     graph.spin_until(lambda: len(consumer.received) == 2, "the second image")
     graph.companion.destroy_subscription(consumer.images)
-    graph.spin_until(lambda: node.frames_lost == 1, "the loss")
+    graph.spin_until(lambda: node.player.frames_lost == 1, "the loss")
     graph.spin_for(0.3)
     assert not node.finished.is_set()
     consumer.listen()
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns.tolist()
-    assert (node.frames_sent, node.frames_lost) == (4, 1)
+    assert (node.player.frames_sent, node.player.frames_lost) == (4, 1)
 
 
 def test_transforms_do_not_overrun_a_busy_filter(graph, tmp_path, simulated_sequence, monkeypatch):
     """Nobody is told how many messages a subscriber has lost: no more go out than it keeps."""
-    monkeypatch.setattr(replay_module, "_MOST_AFTER_AN_IMAGE", 5)
+    monkeypatch.setattr(player, "_MOST_AFTER_AN_IMAGE", 5)
     static, *messages = sequence_messages(simulated_sequence(n=20))
     images = [m for m in messages if m.topic == "/image_raw"]
     with BagWriter(tmp_path / "x.mcap") as bag:
@@ -171,7 +171,7 @@ def test_a_gap_in_the_transforms_and_images_before_and_after_them(graph, tmp_pat
     node = replay(graph, written(tmp_path / "x.mcap", messages), **PACED, clock=True)
     play(graph, node)
     assert chain.sent == sequence.stamps_ns.tolist()
-    assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (68, 0, 0)
+    assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (68, 0, 0)
     graph.spin_until(lambda: all(states and states[-1] != "waiting" for states in chain.states().values()))
     # what lies within the gap is interpolated over it; only before and after there is nothing
     assert answers(chain) == ["stale"] * 25 + ["ambiguous"] * 40 + ["stale"] * 3
@@ -192,7 +192,7 @@ def test_transforms_recorded_after_their_images(graph, tmp_path, simulated_seque
     assert chain.sent == sequence.stamps_ns.tolist()
     graph.spin_until(lambda: len(chain.filters[0].measurements) == 40, "an answer to each")
     assert answers(chain) == ["ambiguous"] * 40
-    assert (node.frames_repeated, node.frames_lost) == (0, 0)
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
 
 
 def test_transforms_that_are_slower_than_the_images(graph, tmp_path, simulated_sequence):
@@ -203,7 +203,7 @@ def test_transforms_that_are_slower_than_the_images(graph, tmp_path, simulated_s
     assert chain.sent == sequence.stamps_ns.tolist()
     graph.spin_until(lambda: len(chain.filters[0].measurements) == 41, "an answer to each")
     assert answers(chain) == ["ambiguous"] * 41
-    assert (node.frames_repeated, node.frames_lost) == (0, 0)
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
 
 
 def restamped(message, by_ns):
@@ -225,7 +225,7 @@ def test_an_arm_of_another_clock_makes_stale_answers_and_holds_nobody_up(graph, 
     assert len(chain.sent) == 30
     graph.spin_until(lambda: all("stale" in states for states in chain.states().values()), "an answer to each")
     assert answers(chain) == ["stale"] * 30
-    assert (node.frames_repeated, node.frames_lost) == (0, 0)
+    assert (node.player.frames_repeated, node.player.frames_lost) == (0, 0)
 
 
 def test_what_still_waits_after_the_end_is_no_loss(graph, simulated_sequence):
@@ -239,8 +239,8 @@ def test_what_still_waits_after_the_end_is_no_loss(graph, simulated_sequence):
         graph.spin_until(lambda n=n: len(consumer.received) == n, "an image")
         consumer.answer(consumer.received[-1], FilterStatus.STATE_WAITING)
     graph.spin_until(node.finished.is_set, "the end")
-    assert (node.frames_sent, node.frames_lost) == (2, 0)
-    assert node._summary().endswith("; 2 still wait for a transform that the recording does not hold")
+    assert (node.player.frames_sent, node.player.frames_lost) == (2, 0)
+    assert node.player.summary().endswith("; 2 still wait for a transform that the recording does not hold")
 
 
 def test_a_step_includes_the_transforms_that_its_frame_waits_for(graph, tmp_path, simulated_sequence):

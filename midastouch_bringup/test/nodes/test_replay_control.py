@@ -67,7 +67,7 @@ def test_a_seek_while_an_answer_is_awaited_loses_no_frame(graph, simulated_seque
     assert set_parameter(graph, "seek_to", float(offset)).successful
     graph.spin_until(node.finished.is_set, "the end")
     assert consumer.received == sequence.stamps_ns[[0, 4, 5]].tolist()
-    assert node.frames_lost == 0
+    assert node.player.frames_lost == 0
 
 
 @pytest.mark.parametrize("form", ["sequence", "bag"])
@@ -112,11 +112,11 @@ def test_what_the_keys_do(graph, simulated_sequence):
     node.start()
     keys["right"]()
     graph.spin_until(lambda: len(images) == 1, "one frame")
-    assert node.position == pytest.approx(7.0)
+    assert node.player.position == pytest.approx(7.0)
     keys["left"]()
     keys["right"]()
     graph.spin_until(lambda: len(images) == 2, "a frame 5 s earlier")
-    assert node.position == pytest.approx(2.0)
+    assert node.player.position == pytest.approx(2.0)
     for _ in range(3):
         keys["up"]()
     keys["down"]()

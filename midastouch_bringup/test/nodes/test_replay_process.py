@@ -10,7 +10,8 @@ import pytest
 from rcl_interfaces.msg import Log
 from sensor_msgs.msg import Image
 
-from midastouch_bringup.nodes.replay import Replay, main
+from midastouch_bringup.nodes.replay import main
+from midastouch_bringup.replay.player import Player
 
 pytestmark = pytest.mark.dds
 
@@ -51,7 +52,7 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
     def surprise(*_):
         raise ZeroDivisionError("surprise")
 
-    monkeypatch.setattr(Replay, "_play_once", surprise)
+    monkeypatch.setattr(Player, "play", surprise)
     source = simulated_sequence(n=1).path
     with Path(os.devnull).open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)

@@ -52,11 +52,11 @@ def test_every_frame_of_a_recording_is_answered_whatever_is_active_first(graph, 
     node.start()
     for name in order:
         for transition in ("configure", "activate"):
-            assert not node.frames_sent
+            assert not node.player.frames_sent
             assert graph.change_state(name, transition)
             assert graph.state_of(name) == {"configure": "inactive", "activate": "active"}[transition]
     graph.spin_until(node.finished.is_set, "the end of the replay")
-    assert (node.frames_sent, node.frames_lost) == (4, 0)
+    assert (node.player.frames_sent, node.player.frames_lost) == (4, 0)
     graph.spin_until(lambda: set(sequence.stamps_ns.tolist()) <= set(stamps(statuses)), "the answers")
 
 

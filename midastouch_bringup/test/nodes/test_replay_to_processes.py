@@ -109,7 +109,7 @@ def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulat
         changed = "stale: the object was changed while this code waited for its transform"
         assert {tuple(said) for said in answers().values()} <= {("ambiguous: as told",), (changed,)}
         assert list(answers().values()).count([changed]) <= 1
-        assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (20, 0, 0)
+        assert (node.player.frames_sent, node.player.frames_repeated, node.player.frames_lost) == (20, 0, 0)
         assert stamps(images) == wanted
         of_transforms = [stamp_ns(m.transforms[0].header.stamp) for m in moving]
         assert of_transforms == wanted

@@ -1,260 +1,103 @@
-"""Real processes under a supervisor in a process of its own; the programs are lines of shell."""
+"""Processes are started, looked after and ended; the stand-ins are lines of shell."""
 
-import errno
-import itertools
-import json
 import os
-import signal
-import subprocess
-import sys
-import threading
 import time
-from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.processes.supervisor import BackOff, Program, Supervisor, _woken_by_signals
+from midastouch_bringup.processes import process
+from midastouch_bringup.processes.back_off import BackOff
+from midastouch_bringup.processes.local_domain import LogFolder
+from midastouch_bringup.processes.program import Program
+from midastouch_bringup.processes.supervisor import NodeFailed, Supervisor
 
-SUPERVISE = """
-import json, os, sys
-from midastouch_bringup.processes import node_processes, supervisor
-from midastouch_bringup.processes.supervisor import BackOff, Program, Supervisor
-
-task = json.loads(sys.argv[1])
-node_processes._GRACE_S = task["grace"]
-supervisor._LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
-programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
-respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
-sys.exit(Supervisor(programs, os.environ, respawn).run())
-"""
-PATIENCE = 120.0  # s; bounds a failing test only
 FOR_EVER = "while :; do sleep 0.05; done"
+PATIENCE = 120.0  # s; bounds a failing test only
 
 
-class Supervised:
-    """A supervisor at work, and the lines it has printed."""
+def shell(name: str, *lines: str, ends: bool = False) -> Program:
+    return Program(name, ("sh", "-c", "\n".join(lines)), ends)
 
-    def __init__(self, programs, back_off=None, ends=(), grace=(PATIENCE,) * 3, before="", reads=None):
-        task = json.dumps({"programs": programs, "back_off": back_off, "ends": list(ends), "grace": grace})
-        command = ["sh", "-c", f'{before} exec "$@"', "sh", sys.executable, "-c", SUPERVISE, task]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        self.lines = []
-        self._reader = threading.Thread(target=self._read, args=[reads], daemon=True)
-        self._reader.start()
 
-    def _read(self, most):
-        with self.process.stdout:
-            for line in itertools.islice(self.process.stdout, most):
-                self.lines.append(line.rstrip("\n"))
-
-    def until(self, condition):
-        deadline = time.monotonic() + PATIENCE
-        while not condition():
-            assert time.monotonic() < deadline, f"it did not happen in time; printed: {self.lines}"
-            time.sleep(0.01)
-
-    def said(self, line, times=1):
-        self.until(lambda: self.lines.count(line) >= times)
-
-    def status(self):
-        status = self.process.wait(PATIENCE)
-        self._reader.join()
-        return status
+def wait_for(condition) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        time.sleep(0.01)
 
 
 @pytest.fixture
-def signals_are_heard():
-    """As in a terminal, also when the tests themselves were started with nohup or in the background of a script."""
-    former = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGQUIT)}
-    yield
-    for number, handler in former.items():
-        signal.signal(number, handler)
+def heard(monkeypatch) -> list[str]:
+    """What was printed and said, as `NAME LINE`."""
+    monkeypatch.setattr(process, "_LAST_OUTPUT_S", PATIENCE)
+    return []
 
 
 @pytest.fixture
-def supervise(signals_are_heard):
-    made = []
-
-    def make(*args, **options):
-        made.append(Supervised(*args, **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.process.kill()
-        one.process.wait()
+def supervisor(heard):
+    with Supervisor(os.environ, lambda name, line: heard.append(f"{name} {line}")) as one:
+        yield one
 
 
-def running(pid: int) -> bool:
-    """Whether a process is there and no zombie."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
+def looked_after(supervisor: Supervisor) -> bool:
+    supervisor.look_after()
+    return not supervisor.busy
 
 
-def test_output_is_told_apart_and_all_that_end_well_end_the_run(supervise):
-    programs = {"a": "echo one; echo two >&2", "b": "printf 'no newline'"}
-    run = supervise(programs, ends=["a", "b"])
-    assert run.status() == 0
-    said = [line for line in run.lines if line.startswith("[a]")]
-    assert said == ["[a] one", "[a] two"]
-    assert "[b] no newline" in run.lines
-    assert run.lines.index("[a] two") < run.lines.index("[midastouch] a has finished; Ctrl-C ends the others")
+def test_who_fails_is_reported_with_its_last_words(supervisor):
+    supervisor.start(shell("h_fail", "seq 100", "echo no such mesh >&2", "exit 3"))
+    with pytest.raises(NodeFailed, match="h_fail died: exit code 3; its last words:\n") as caught:
+        wait_for(lambda: looked_after(supervisor))
+    assert caught.value.cause == "h_fail died: exit code 3"
+    assert "\n  100\n  no such mesh" in str(caught.value)
+    assert "\n  5\n" not in str(caught.value)
+
+
+def test_who_ends_too_early_has_failed_and_who_ends_by_itself_has_not(supervisor, heard):
+    supervisor.start(shell("h_done", "echo done", ends=True))
+    wait_for(lambda: looked_after(supervisor))
+    assert heard == ["h_done done", "midastouch h_done has finished; Ctrl-C ends the others"]
+    supervisor.start(shell("h_early", "exit 0"))
+    with pytest.raises(NodeFailed, match="h_early died: exit code 0"):
+        wait_for(lambda: looked_after(supervisor))
 
 
 @pytest.mark.parametrize(
-    ("end", "words"), [("exit 3", "exit code 3"), ("exit 0", "exit code 0"), ("kill -9 $$", "killed by SIGKILL")]
+    ("trap", "seconds"), [("trap 'echo bye; exit 0' INT", 600.0), ("trap 'echo bye; exit 0' TERM; trap '' INT", 0.05)]
 )
-def test_a_death_is_reported_and_ends_the_others(supervise, tmp_path, end, words):
-    """They would be of no use, and wait for it for ever."""
-    os.mkfifo(tmp_path / "ready")
-    mortal = f"read -r _ < {tmp_path}/ready; {end}"
-    other = f"trap 'echo bye; exit 0' INT; echo ready > {tmp_path}/ready; {FOR_EVER}"
-    run = supervise({"mortal": mortal, "other": other})
-    assert run.status() == 1
-    assert f"[midastouch] mortal died: {words}; ending all" in run.lines
-    assert "[other] bye" in run.lines
+def test_all_are_asked_before_they_are_killed(supervisor, heard, monkeypatch, trap, seconds):
+    monkeypatch.setattr(process, "_GRACE_S", (seconds, 600.0, 600.0))
+    supervisor.start(shell("h_polite", trap, "echo ready", FOR_EVER))
+    wait_for(lambda: heard)
+    supervisor.end()
+    assert heard == ["h_polite ready", "h_polite bye"]
 
 
-def test_what_dies_is_started_again_later_each_time(supervise):
-    run = supervise({"mortal": "echo alive; exit 3", "other": f"echo alive; {FOR_EVER}"}, back_off=(0.02, 600.0))
-    run.said("[mortal] alive", times=5)
-    run.process.send_signal(signal.SIGINT)
-    assert run.status() == 0
-    pauses = [line.split(" in ")[1] for line in run.lines if "starting it again" in line]
-    assert pauses[:4] == ["0.02 s", "0.04 s", "0.08 s", "0.16 s"]
-    assert run.lines.count("[other] alive") == 1
+def test_who_does_not_listen_is_killed(supervisor, heard, monkeypatch):
+    monkeypatch.setattr(process, "_GRACE_S", (0.05, 0.05, 600.0))
+    supervisor.start(shell("h_deaf", "trap '' INT TERM", "echo ready", FOR_EVER))
+    wait_for(lambda: heard)
+    supervisor.end()
+    assert heard == ["h_deaf ready", "midastouch h_deaf: killed by SIGKILL"]
 
 
-def test_what_cannot_be_started_again_now_is_tried_later(monkeypatch, capsys):
-    start, calls = subprocess.Popen, []
+def test_who_has_died_is_started_again_and_its_log_goes_on(tmp_path, heard):
+    logs = LogFolder(tmp_path / "log")
+    (tmp_path / "log" / "h_dead.log").write_text("of an earlier run\n")
+    lives = tmp_path / "lives"
+    dies_once = shell("h_dead", "echo one life", f"if mkdir {lives}; then exit 3; fi", FOR_EVER)
+    with Supervisor(os.environ, logs, lambda: BackOff(0.0, 0.0)) as supervisor:
+        for program in (dies_once, shell("h_alive", FOR_EVER)):
+            supervisor.start(program)
+        before = supervisor.pids
 
-    def short_of_memory(*args, **options):
-        calls.append(args)
-        if len(calls) == 2:
-            raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
-        if len(calls) == 3:
-            signal.raise_signal(signal.SIGINT)
-        return start(*args, **options)
+        def lives_again() -> bool:
+            supervisor.look_after()
+            return supervisor.pids.get("h_dead", before["h_dead"]) != before["h_dead"]
 
-    monkeypatch.setattr(subprocess, "Popen", short_of_memory)
-    program = Program("mortal", ("sh", "-c", "exit 3"))
-    Supervisor([program], os.environ, lambda: BackOff(0.01, 600.0)).run()
-    assert len(calls) == 3
-    assert "mortal could not be started: Cannot allocate memory; trying again in 0.02 s" in capsys.readouterr().out
-
-
-def test_what_ends_by_itself_is_not_started_again(supervise):
-    run = supervise({"replay": "echo played", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
-    run.said("[midastouch] replay has finished; Ctrl-C ends the others")
-    run.process.send_signal(signal.SIGINT)
-    assert run.status() == 0
-    assert run.lines.count("[replay] played") == 1
-
-
-def test_what_should_end_by_itself_and_fails_ends_the_others(supervise):
-    run = supervise({"replay": "exit 2", "other": FOR_EVER}, back_off=(0.0, 0.0), ends=["replay"])
-    assert run.status() == 1
-    assert run.lines.count("[midastouch] replay died: exit code 2; ending all") == 1
-
-
-@pytest.mark.parametrize(
-    ("number", "before"),
-    [
-        (signal.SIGINT, ""),
-        (signal.SIGTERM, ""),
-        (signal.SIGHUP, ""),
-        (signal.SIGQUIT, ""),
-        (signal.SIGINT, "trap '' INT;"),  # as in the background of a shell without job control
-    ],
-)
-def test_a_signal_ends_all_of_them_softly_at_first(supervise, number, before):
-    programs = {
-        "polite": f"trap 'echo bye; exit 0' INT; echo $$; {FOR_EVER}",
-        "reluctant": f"trap '' INT; trap 'echo bye; exit 0' TERM; echo $$; {FOR_EVER}",
-        "deaf": f"trap '' INT TERM; echo $$; {FOR_EVER}",
-    }
-    run = supervise(programs, before=before)
-    run.until(lambda: len(run.lines) == 3)
-    pids = [int(line.split()[1]) for line in run.lines]
-    for bye in ("[polite] bye", "[reluctant] bye"):
-        run.process.send_signal(number)
-        run.said(bye)
-    run.process.send_signal(number)
-    assert run.status() == 0
-    assert run.lines[3:] == [
-        "[midastouch] ending all", "[polite] bye", "[reluctant] bye", "[midastouch] deaf: killed by SIGKILL"
-    ]  # fmt: skip
-    assert not any(running(pid) for pid in pids)
-
-
-def test_who_does_not_go_in_time_is_killed(supervise):
-    run = supervise({"deaf": f"trap '' INT TERM; echo ready; {FOR_EVER}"}, grace=(0.05, 0.05, PATIENCE))
-    run.said("[deaf] ready")
-    run.process.send_signal(signal.SIGINT)
-    assert run.status() == 0
-    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
-
-
-def test_who_presses_again_waits_no_longer(supervise):
-    run = supervise({"deaf": f"trap '' INT; trap 'echo no' TERM; echo ready; {FOR_EVER}"}, grace=(PATIENCE,) * 3)
-    run.said("[deaf] ready")
-    for answer in ("[midastouch] ending all", "[deaf] no"):
-        run.process.send_signal(signal.SIGINT)
-        run.said(answer)
-    run.process.send_signal(signal.SIGINT)
-    assert run.status() == 0
-    assert run.lines[-1] == "[midastouch] deaf: killed by SIGKILL"
-
-
-def test_who_is_killed_takes_its_programs_along(supervise):
-    run = supervise(dict.fromkeys(("one", "other"), f"trap 'exit 0' TERM; echo $$; {FOR_EVER}"))
-    run.until(lambda: len(run.lines) == 2)
-    pids = [int(line.split()[1]) for line in run.lines]
-    run.process.kill()
-    run.process.wait()
-    run.until(lambda: not any(running(pid) for pid in pids))
-
-
-def test_programs_outlive_who_reads_their_output(supervise, tmp_path):
-    sign = tmp_path / "sign"
-    lines = f"echo ready; while [ ! -e {sign} ]; do sleep 0.05; done; echo late; echo later; touch {sign}.seen"
-    run = supervise({"a": lines}, reads=1)
-    run.until(lambda: run.process.stdout.closed)
-    sign.touch()
-    run.until(lambda: Path(f"{sign}.seen").exists())
-    assert run.status() == 1  # it died where it should have gone on
-
-
-def test_what_our_output_cannot_hold_ends_nothing(supervise):
-    # two lines: after the first nobody would read the second
-    lines = "printf '\\342\\234\\223 ready\\n'; echo more; exit 3"
-    run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
-    assert run.status() == 1
-    assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
-
-
-def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
-    """As soon as SIGINT does nothing by itself, `wait` knows of it."""
-    set_handler = signal.signal
-
-    def interrupted(number, handler):
-        former = set_handler(number, handler)
-        if number == signal.SIGINT and handler is not former and not raised:
-            raised.append(number)
-            signal.raise_signal(number)
-        return former
-
-    raised = []
-    monkeypatch.setattr(signal, "signal", interrupted)
-    with _woken_by_signals() as wait:
-        assert raised
-        assert wait(0.0)
-
-
-def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
-    back_off = BackOff(first=2.0, longest=10.0)
-    assert [back_off.after(1.0) for _ in range(5)] == [2.0, 4.0, 8.0, 10.0, 10.0]
-    assert back_off.after(10.0) == 2.0
-    assert back_off.after(0.0) == 4.0
+        wait_for(lives_again)
+        log = tmp_path / "log" / "h_dead.log"
+        wait_for(lambda: [line for line in log.read_text().splitlines() if "life" in line] == ["one life"] * 2)
+        assert supervisor.pids["h_alive"] == before["h_alive"]
+    said = (tmp_path / "log" / "midastouch.log").read_text()
+    assert said == "h_dead died: exit code 3; starting it again in 0 s\n"

@@ -2,11 +2,13 @@
 
 import json
 import os
+import shutil
 
 import pytest
 from PIL import Image
 
 from midastouch_bringup import cli
+from midastouch_bringup.demo import page
 from midastouch_bringup.ros import demo
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
@@ -19,7 +21,7 @@ def small(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "CODEBOOK_SIZES", (400, 400))
     monkeypatch.setattr(demo, "SLIDE_LENGTH", 0.015)
-    monkeypatch.setattr(demo, "_GIF_FRAMES", 3)
+    monkeypatch.setattr(page, "_GIF_FRAMES", 3)
 
 
 def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
@@ -42,14 +44,12 @@ def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):
 
 
 def test_a_node_that_dies_fails_the_demo_with_the_end_of_its_log(tmp_path, monkeypatch, capsys):
-    config = tmp_path / "config"
-    config.mkdir()
-    for name in ("midastouch.yaml", "replay.yaml"):
-        text = (demo._config_folder() / name).read_text()
-        (config / name).write_text(text.replace("tdn: fast", "tdn: no_such_network"))
-    monkeypatch.setattr(demo, "_config_folder", lambda: config)
+    shutil.copytree(demo.SHARE / "config", tmp_path / "config")
+    parameters = tmp_path / "config" / "midastouch.yaml"
+    parameters.write_text(parameters.read_text().replace("tdn: fast", "tdn: no_such_network"))
+    monkeypatch.setattr(demo, "SHARE", tmp_path)
     assert cli.main(["demo", "--object", "eyebolt", "--headless", *DOMAIN]) == 1
     error = capsys.readouterr().err
-    assert "tdn ended with status 2" in error
+    assert "tdn died: exit code 2" in error
     assert "no_such_network" in error
     assert not (tmp_path / "out" / "demo" / "index.html").exists()

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from tf2_msgs.msg import TFMessage
 
+from midastouch_bringup.demo import preparation
 from midastouch_bringup.ros import run
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
@@ -57,24 +58,21 @@ def supervised(monkeypatch):
     """What would be supervised: programs, environment, back-off, and the parameters they get."""
     seen = {}
 
-    class Supervisor:
-        def __init__(self, programs, environment, respawn):
-            seen.update(programs={p.name: p for p in programs}, environment=environment, respawn=respawn)
-            for program in programs:
-                file = program.command[program.command.index("--params-file") + 1]
-                seen["parameters"] = yaml.safe_load(Path(file).read_text())
+    def run_in_foreground(programs, environment, respawn):
+        seen.update(programs={p.name: p for p in programs}, environment=environment, respawn=respawn)
+        for program in programs:
+            file = program.command[program.command.index("--params-file") + 1]
+            seen["parameters"] = yaml.safe_load(Path(file).read_text())
+        return 5
 
-        def run(self):
-            return 5
-
-    monkeypatch.setattr(run, "Supervisor", Supervisor)
-    monkeypatch.setattr(run, "find_executable", lambda name: f"/bin/{name}")
+    monkeypatch.setattr(run, "run_in_foreground", run_in_foreground)
+    monkeypatch.setattr("midastouch_bringup.processes.program.find_executable", lambda name: f"/bin/{name}")
     return seen
 
 
 def test_nodes_get_parameters_namespace_and_log_level(supervised):
     words = ["namespace:=/left/", "mesh:=a.ply", "log_level:=warn"]
-    assert run_setup("filter", words, None) == 5
+    assert run_setup("filter", words) == 5
     command = supervised["programs"]["particle_filter"].command
     assert command[:2] == ("/bin/particle_filter", "--ros-args")
     assert command[-4:] == ("--log-level", "warn", "-r", "__ns:=/left")
@@ -83,7 +81,7 @@ def test_nodes_get_parameters_namespace_and_log_level(supervised):
 
 
 def test_only_a_replay_ends_by_itself(supervised):
-    run_setup("replay", ["bag:=slide", "use_respawn:=true"], None)
+    run_setup("replay", ["bag:=slide", "use_respawn:=true"])
     assert {name for name, program in supervised["programs"].items() if program.ends} == {"replay"}
     assert supervised["respawn"] is not None
 
@@ -91,29 +89,32 @@ def test_only_a_replay_ends_by_itself(supervised):
 def test_the_demo_is_prepared_and_stays_on_this_machine(supervised, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
-    called = []
-    assert run_setup("demo", [], lambda words: called.append(words) or 0) == 5
-    assert [words[:2] for words in called] == [["simulate", "handle_tool"], ["build-codebook", "handle_tool"]]
+    prepared = []
+    monkeypatch.setattr(preparation, "prepare", lambda name, mesh: prepared.append((name, Path(mesh).name)))
+    assert run_setup("demo", []) == 5
+    assert prepared == [("handle_tool", "handle_tool.ply")]
     assert supervised["parameters"]["/replay"]["ros__parameters"]["source"] == "out/slides/handle_tool"
     assert supervised["environment"]["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert "ROS_AUTOMATIC_DISCOVERY_RANGE" not in os.environ
 
 
-def test_the_demo_can_be_prepared_alone(supervised, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    called = []
-    assert prepare("demo", values("demo", ["object:=ball"]), lambda words: called.append(words) or 0) == 0
-    assert [words[:2] for words in called] == [["simulate", "ball"], ["build-codebook", "ball"]]
-    (tmp_path / called[0][called[0].index("--out") + 1]).mkdir(parents=True)
-    monkeypatch.setattr("midastouch_bringup.codebooks.is_current", lambda path, mesh: mesh.endswith("ball.ply"))
-    assert prepare("demo", values("demo", ["object:=ball"]), None) == 0
-    assert prepare("replay", values("replay", []), None) == 0
-    assert supervised == {}
+def test_the_demo_can_be_prepared_alone(supervised, monkeypatch):
+    prepared = []
+    monkeypatch.setattr(preparation, "prepare", lambda name, mesh: prepared.append(name))
+    prepare("demo", values("demo", ["object:=ball"]))
+    prepare("replay", values("replay", []))
+    assert (prepared, supervised) == (["ball"], {})
 
 
-def test_a_failed_preparation_ends_the_demo(supervised, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run_setup("demo", [], lambda words: 2) == 2
+def test_a_failed_preparation_ends_the_demo(supervised, monkeypatch):
+    def fails(name, mesh):
+        raise InputError("no space left")
+
+    monkeypatch.setattr(preparation, "prepare", fails)
+    with pytest.raises(InputError, match="no space left"):
+        run_setup("demo", [])
+    with pytest.raises(InputError, match="sofa: not bundled"):
+        run_setup("demo", ["object:=sofa"])
     assert supervised == {}
 
 

@@ -125,15 +125,15 @@ def test_a_bag_that_loops(graph, minutes, figures, simulated_sequence):
     source = {"source": str(simulated_sequence(n=n).path), "rate": 0.0, "loop": True, "clock": True}
     replay = graph.add(Replay, {**source, "ack_topic": "filter_status", "wait_for_subscribers": 1})
     replay.start()
-    graph.spin_until(lambda: replay.frames_sent >= loops * n, f"{loops} loops")
-    sent, restarts = replay.frames_sent, len(filters[0].starts)
+    graph.spin_until(lambda: replay.player.frames_sent >= loops * n, f"{loops} loops")
+    sent, restarts = replay.player.frames_sent, len(filters[0].starts)
     figures["looped_bag"] = {
         "loops": sent / n,
         "frames": sent,
-        "lost": replay.frames_lost,
+        "lost": replay.player.frames_lost,
         "restarts": restarts,
         "refused_transforms": running.diagnostics.counts.get("bad_transforms", 0),
     }
-    assert replay.frames_lost == 0
+    assert replay.player.frames_lost == 0
     assert restarts - sent // n in (0, 1), "the next loop may have begun"
     assert "bad_transforms" not in running.diagnostics.counts

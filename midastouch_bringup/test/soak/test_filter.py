@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from slide import Slide
 
-from midastouch_bringup.processes.node_processes import resident_mb
+from midastouch_bringup.processes.process import resident_mb
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
 from midastouch_filter.refinement import reduced_relief

@@ -13,8 +13,12 @@ from sensor_msgs.msg import Image
 from slide import Sender, Slide
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.processes.node_processes import NodeProcesses, resident_mb
+from midastouch_bringup.processes.back_off import BackOff
+from midastouch_bringup.processes.local_domain import LogFolder, local_environment, own_domain
 from midastouch_bringup.processes.parameter_files import written
+from midastouch_bringup.processes.process import resident_mb
+from midastouch_bringup.processes.program import node_program
+from midastouch_bringup.processes.supervisor import Supervisor
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_ns
@@ -29,14 +33,15 @@ PATIENCE = 100.0  # s; bounds a failing test only, on a machine that may have li
 class Rig:
     """The three nodes as processes with the parameters of a live sensor, and this test at both of their ends."""
 
-    def __init__(self, graph: Graph, processes: NodeProcesses, slide: Slide):
-        self._graph, self.processes, self._slide = graph, processes, slide
+    def __init__(self, graph: Graph, supervisor: Supervisor, slide: Slide):
+        self._graph, self.supervisor, self._slide = graph, supervisor, slide
         self.answers: dict[int, float] = {}
         """Seconds from stamp to the arrival of its pose, by stamp [ns]."""
         self.states: list[tuple[float, FilterStatus]] = []
         """Statuses with the monotonic time of their arrival."""
         self.revived: list[str] = []
         """Nodes that were started again."""
+        self._pids = supervisor.pids
         node = graph.companion
         node.create_subscription(PoseModes, "pose_modes", self._on_modes, qos.stream_subscriber(100, reliable=True))
         node.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(100))
@@ -58,10 +63,14 @@ class Rig:
         while not done():
             assert time.monotonic() < deadline, f"{what} did not come within {PATIENCE:.0f} s; {self._heard()}"
             self._graph.spin_for(0.02)
-            if revive:
-                self.revived += self.processes.revive()
-            else:
-                self.processes.check(*NODES)
+            self._look_after()
+            assert revive or not self.revived
+
+    def _look_after(self) -> None:
+        self.supervisor.look_after()
+        pids = self.supervisor.pids
+        self.revived += [name for name, pid in pids.items() if pid != self._pids[name]]
+        self._pids |= pids
 
     def _heard(self) -> str:
         """The filter's last words."""
@@ -81,7 +90,8 @@ class Rig:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             self._graph.spin_for(0.02)
-            self.processes.check(*NODES)
+            self._look_after()
+            assert not self.revived
 
     def warm_up(self, sender: Sender) -> None:
         """Until frames that were sent now are answered."""
@@ -94,7 +104,7 @@ class Rig:
 
     def memory(self) -> dict[str, float]:
         """Resident MiB by node."""
-        return {name: resident_mb(pid) for name, pid in self.processes.pids.items()}
+        return {name: resident_mb(pid) for name, pid in self.supervisor.pids.items()}
 
 
 @pytest.fixture(scope="module")
@@ -113,10 +123,11 @@ def rig(slide, minutes, tmp_path_factory) -> Iterator[Rig]:
         },
     }
     parameters.write_text(written(own, ""))
-    with open_graph() as graph, NodeProcesses(folder / "log", int(os.environ["ROS_DOMAIN_ID"])) as processes:
+    environment = local_environment(own_domain())
+    with open_graph() as graph, Supervisor(environment, LogFolder(folder), lambda: BackOff(0.0, 0.0)) as supervisor:
         for name in NODES:
-            processes.start(name, parameters)
-        yield Rig(graph, processes, slide)
+            supervisor.start(node_program(name, parameters))
+        yield Rig(graph, supervisor, slide)
 
 
 def latencies_ms(rig: Rig, sent: list[int]) -> dict[str, float]:
@@ -184,11 +195,11 @@ def test_a_node_that_is_killed_comes_back(rig, minutes, figures, name):
     """Started again by the runner; the filter says stale while it hears nothing, then answers again."""
     if minutes is None and name != "tcn":
         pytest.skip("make soak kills the others, too")
+    rig.revived.clear()
     with rig.sender(20.0) as sender:
         rig.warm_up(sender)
-        rig.revived.clear()
         since, start = len(rig.states), time.monotonic()
-        os.kill(rig.processes.pids[name], signal.SIGKILL)
+        os.kill(rig.supervisor.pids[name], signal.SIGKILL)
         rig.until(lambda: rig.revived, "the runner to notice", revive=True)
         begun = len(sender.sent)
         rig.until(lambda: rig.answered(sender.sent[begun:]), "an answer", revive=True)

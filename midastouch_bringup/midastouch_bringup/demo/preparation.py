@@ -1,0 +1,25 @@
+"""What `midastouch run demo` and the demo's launch file play: made once in the present folder, and kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn import load_tcn
+
+from ..codebooks import ensure_codebook
+from ..datasets.slide_simulation import simulate_sequence
+from ..output_paths import codebook_path, demo_slide
+from . import SEED, SLIDE_LENGTH
+
+_CODEBOOK_SIZE = 50_000  # as of `midastouch build-codebook`
+
+
+def prepare(object_name: str, mesh_path: str | Path) -> None:
+    """Simulate the slide and build the codebook of an object, each unless it is there."""
+    mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load("digit_tacto")
+    slide = demo_slide(object_name)
+    if not slide.is_dir():
+        simulate_sequence(mesh, sensor, SLIDE_LENGTH, SEED, slide, progress=True)
+    ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, _CODEBOOK_SIZE)

@@ -1,0 +1,97 @@
+"""Who listens to a replay: the filter whose answers it awaits, and all that must be there before it begins."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
+
+from ..bags.messages import TF_TOPIC
+from ..replay.flow_control import FlowControl
+from ..replay.source import is_image
+from .replay_output import ReplayOutput
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # the middleware's name for a node of which only the topics were heard of
+_LOOK_S = 0.02
+
+
+class FilterAnswers:
+    """Hears what the filter says on `topic`, and of its health, for the flow control."""
+
+    def __init__(self, node: Node, topic: str, flow: FlowControl):
+        self._node, self._flow, self.topic = node, flow, topic
+        self._statuses = node.create_subscription(FilterStatus, topic, self._on_status, qos.latched(depth=50))
+        node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+
+    def publishers(self) -> set[str]:
+        """Full names of the nodes that answer."""
+        return _names(self._node.get_publishers_info_by_topic(self._statuses.topic_name))
+
+    @property
+    def connected(self) -> bool:
+        """Whether what they say arrives."""
+        return self._statuses.get_publisher_count() > 0
+
+    def _on_status(self, status: FilterStatus) -> None:
+        self._flow.on_status(stamp_ns(status.header.stamp), status.state == FilterStatus.STATE_WAITING)
+
+    def _on_diagnostics(self, msg: DiagnosticArray) -> None:
+        for status in msg.status:
+            # without its state it loads, or does not work at all
+            at_work = any(item.key == "state" for item in status.values)
+            if at_work and status.name.rpartition(": ")[2] in self.publishers():
+                self._flow.on_report()
+
+
+class Listeners:
+    """Looks for all who are to hear a recording: what is sent earlier would be lost to them.
+
+    answers: of the filter, None if none is awaited; nodes: lifecycle nodes that are to be active; subscribers: how many
+    of the images.
+    """
+
+    def __init__(
+        self, node: Node, output: ReplayOutput, answers: FilterAnswers | None, nodes: list[str], subscribers: int
+    ):
+        self._node, self._output, self._answers, self._subscribers = node, output, answers, subscribers
+        self._nodes = LifecycleWatch(node, nodes)
+
+    def wait(self, stopped: Callable[[], bool]) -> None:
+        """Return when all are there, or once stopped; meanwhile the log tells who is missing."""
+        while not stopped() and (missing := self._missing()):
+            self._node.get_logger().info(f"waiting for {', '.join(missing)}", throttle_duration_sec=5.0)
+            time.sleep(_LOOK_S)  # of Python: rclpy's raises when the process is told to stop meanwhile
+
+    def _missing(self) -> list[str]:
+        """What is still to come, in words: nodes to be active, listeners, and the filter's for TF."""
+        missing = [self._nodes.waiting_for] if self._nodes.waiting_for else []
+        images = [topic for topic in self._output.topics if is_image(topic)]
+        wanted = self._subscribers - sum(map(self._output.listeners, images))
+        if wanted > 0:
+            missing.append(f"{wanted} more subscribers of {' and '.join(images)}")
+        if self._answers is not None:
+            missing += self._missing_of_the_filter(self._answers)
+        return missing
+
+    def _missing_of_the_filter(self, answers: FilterAnswers) -> list[str]:
+        filters = answers.publishers()
+        if not filters or not answers.connected:
+            return [f"a publisher of {answers.topic}"]
+        if TF_TOPIC in self._output.topics:
+            listeners = self._node.get_subscriptions_info_by_topic(TF_TOPIC)
+            if not filters & _names(listeners) or self._output.listeners(TF_TOPIC) < len(listeners):
+                return [f"{' or '.join(sorted(filters))} to subscribe {TF_TOPIC}"]
+        return []
+
+
+def _names(infos: Iterable[TopicEndpointInfo]) -> set[str]:
+    """Full names of the nodes that endpoints belong to, as far as they are known yet."""
+    return {f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos if info.node_name != _UNKNOWN}

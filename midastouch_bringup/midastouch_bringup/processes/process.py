@@ -1,0 +1,119 @@
+"""One program as a process: started so that it does not outlive us, its output heard line by line, ended softly."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+
+from .program import Program
+
+_GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
+_LAST_OUTPUT_S = 1.0
+_LAST_LINES = 15
+
+Output = Callable[[str, str], None]
+"""Takes the name of a program and a line that it has printed; called by a thread per process."""
+
+
+class Process:
+    """Starts a program. Attributes: last_lines, the newest that it has printed."""
+
+    def __init__(self, program: Program, environment: Mapping[str, str], output: Output):
+        self._born = time.monotonic()
+        self.last_lines: deque[str] = deque(maxlen=_LAST_LINES)
+        # a session of its own: Ctrl-C reaches us alone, who then end all in order
+        self._popen = subprocess.Popen(
+            bound_to_us(program.command),
+            env=dict(environment),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        self._reader = threading.Thread(target=self._read, args=[program.name, output], daemon=True)
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._popen.pid
+
+    @property
+    def age(self) -> float:
+        """Seconds since its start."""
+        return time.monotonic() - self._born
+
+    @property
+    def runs(self) -> bool:
+        """Whether it has not ended."""
+        return self._popen.poll() is None
+
+    def status(self) -> int | None:
+        """How it has ended, -N by signal N; None while it runs."""
+        status = self._popen.poll()
+        if status is not None:
+            # its last words come before what is said about it; a process that it left behind may hold the pipe open
+            self._reader.join(_LAST_OUTPUT_S)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        """Send a signal, unless it has ended."""
+        self._popen.send_signal(number)
+
+    def wait(self, seconds: float) -> None:
+        """Return once it has ended, or after so long."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._popen.wait(max(0.0, seconds))
+
+    def _read(self, name: str, output: Output) -> None:
+        with self._popen.stdout:
+            for raw in self._popen.stdout:
+                line = raw.decode(errors="replace").rstrip("\r\n")
+                self.last_lines.append(line)
+                # nobody may be reading any more, or the disk be full; the program goes on
+                with contextlib.suppress(OSError):
+                    output(name, line)
+
+
+def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float], None] | None = None) -> None:
+    """End processes: SIGINT first, then SIGTERM, then SIGKILL for those that do not go.
+
+    await_ends(processes, seconds) returns once all of them have ended, or after so long.
+    """
+    processes = list(processes)
+    for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), _GRACE_S, strict=True):
+        left = [process for process in processes if process.runs]
+        for process in left:
+            process.send_signal(number)
+        if left:
+            (await_ends or _await_ends)(left, grace)
+
+
+def _await_ends(processes: list[Process], seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    for process in processes:
+        process.wait(deadline - time.monotonic())
+
+
+def bound_to_us(command: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+    """The command of a child that gets SIGTERM when the thread that has started it, and so this process, is gone.
+
+    Also after SIGKILL, which leaves a parent no time to end its children: they would go on, invisibly, with the sensor
+    and the topics in their hands. Without `setpriv` (util-linux, part of every Debian and Ubuntu) the command as it is.
+    """
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "TERM", "--", *command] if setpriv else [*command]
+
+
+def resident_mb(pid: int) -> float:
+    """Resident memory of a process, MiB."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20

@@ -1,0 +1,120 @@
+"""Plays a recording: each message once and in order, an image when the filter has the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from midastouch_perception.errors import InputError
+
+from ..bags.messages import Message, header_stamp_ns
+from .flow_control import FlowControl
+from .playback import Playback
+from .source import ReplaySource, is_image
+
+_MOST_AFTER_AN_IMAGE = 50  # messages while the filter is busy with it: a subscriber of TF keeps 100
+_PASS_NS = 100_000_000  # how far time goes on at once after the end, where some frames may wait for their time-out
+
+
+class Player:
+    """Sends the messages of a source when they are due.
+
+    awaits_answers: whether a filter answers the images; send(message); tell(ns), told the recorded time as it goes on.
+    Attributes: frames_sent; frames_repeated, of a stamp that was there before in a round: the recording holds them
+    twice.
+    """
+
+    def __init__(
+        self,
+        source: ReplaySource,
+        playback: Playback,
+        flow: FlowControl,
+        awaits_answers: bool,
+        send: Callable[[Message], None],
+        tell: Callable[[int], None],
+    ):
+        self._source, self._playback, self._flow = source, playback, flow
+        self._awaits_answers, self._send, self._tell = awaits_answers, send, tell
+        self.frames_sent = self.frames_repeated = 0
+        self._told = 0  # newest time, ns
+        self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
+
+    @property
+    def frames_lost(self) -> int:
+        """Frames that the filter never answered, nor said that they wait."""
+        return self._flow.lost
+
+    @property
+    def position(self) -> float:
+        """Seconds after the beginning of the recording that were told last."""
+        offset, stamp = self._begin
+        return offset + max(0, self._told - stamp) / 1e9
+
+    def play(self, start: float, loops: Callable[[], bool]) -> None:
+        """Play from `start` [s] to the end, again as long as `loops()`, until the playback is stopped.
+
+        Raises InputError if there is nothing from there on, or the source cannot be read.
+        """
+        offset = start
+        while not self._playback.stopped:
+            self._playback.rewind()
+            self._flow.forget()
+            self._told, self._begin = 0, (offset, 0)
+            if self._play_round(offset) and self._told == 0 and offset == start:
+                raise InputError(f"{self._source.path}: nothing to play from {offset:g} s on; it is shorter")
+            self._playback.wait_while_paused()  # at its end it can still be sent back
+            self._flow.finish(lambda: self._tick(self._told + _PASS_NS))
+            offset = self._playback.take_seek()
+            if offset is None and not loops():
+                return
+            offset = start if offset is None else offset
+
+    def summary(self) -> str:
+        """How many frames were sent, in words."""
+        text = f"sent {self.frames_sent} frames, {self.frames_repeated} repeated, {self.frames_lost} lost"
+        if self._flow.waiting:
+            text += f"; {self._flow.waiting} still wait for a transform that the recording does not hold"
+        return text
+
+    def _play_round(self, offset: float) -> bool:
+        """Send everything from `offset` [s] on; False if interrupted."""
+        stamps: set[int] = set()
+        after_image, stepping = 0, False
+        try:
+            for message in self._source.messages(round(offset * 1e9)):
+                # What is latched may be of a time that is left out: neither pace nor clock begin there.
+                if message.latched:
+                    self._send(message)
+                    continue
+                image = is_image(message.topic)
+                must_wait = image or after_image >= _MOST_AFTER_AN_IMAGE or self._playback.paused
+                if must_wait and not self._flow.wait():
+                    return False
+                # A step ends when its frame is answered, which may take transforms that were recorded after the image.
+                if stepping and (image or not self._flow.waiting):
+                    self._playback.frame_sent()
+                    stepping = False
+                if not self._playback.wait_until_due(message.stamp_ns, self._tick):
+                    return False
+                if self._told == 0:
+                    self._begin = (offset, message.stamp_ns)
+                after_image += 1
+                if image:
+                    stamp = header_stamp_ns(message.data)
+                    if self._awaits_answers:
+                        self._flow.sent(stamp)
+                    self.frames_repeated += stamp in stamps
+                    stamps.add(stamp)
+                    after_image, stepping = 0, True
+                    self.frames_sent += 1
+                self._tick(message.stamp_ns)
+                self._send(message)
+        finally:
+            if stepping:
+                self._playback.frame_sent()
+        return True
+
+    def _tick(self, recorded_ns: int) -> None:
+        """Tell the recorded time; messages out of order do not turn it back."""
+        if recorded_ns > self._told:
+            self._told = recorded_ns
+            self._tell(recorded_ns)

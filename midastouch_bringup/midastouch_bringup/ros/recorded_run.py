@@ -1,0 +1,131 @@
+"""A sequence through the real nodes, as processes of their own, into a bag."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
+
+from ..bags.messages import IMAGE_TYPE, Topic
+from ..bags.run_record import PENETRATION
+from ..datasets import Sequence
+from ..demo import NODES
+from ..nodes.recorder import TOPICS, Recorder
+from ..processes.local_domain import LogFolder, local_environment
+from ..processes.program import node_program
+from ..processes.supervisor import NodeFailed, Supervisor
+from ..progress import progress_bar
+from .local_context import local_context
+
+_SILENCE_S = 120.0  # without a status while the replay goes on
+_LAST_STATUS_S = 5.0
+
+
+def record_run(sequence: Sequence, parameters: Path, bag: Path, logs: Path, domain: int) -> float:
+    """Play a sequence through the nodes into a bag; returns the seconds from the first status of a frame to the last.
+
+    domain: ROS_DOMAIN_ID, on this machine alone. Raises NodeFailed when a node dies or falls silent, InputError for one
+    that is not installed.
+    """
+    environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
+    nodes: list[Node] = []
+    with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
+        executor = SingleThreadedExecutor(context=context)
+        try:
+            for name in NODES:
+                supervisor.start(node_program(name, parameters))
+            nodes += [_recorder(bag, sequence, context), listener := _Listener(sequence, context)]
+            for node in nodes:
+                executor.add_node(node)
+            _await_answers(executor, supervisor, *nodes)
+            supervisor.start(node_program("replay", parameters, ends=True))
+            _follow(executor, supervisor, listener)
+            return listener.seconds
+        finally:
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
+
+
+def _recorder(bag: Path, sequence: Sequence, context: rclpy.Context) -> Recorder:
+    topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE))
+    overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=True)]
+    metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
+    return Recorder(topics, metadata, parameter_overrides=overrides, context=context)
+
+
+class _Listener(Node):
+    """Follows the filter's status with a progress bar, and which nodes are active."""
+
+    def __init__(self, sequence: Sequence, context: rclpy.Context):
+        super().__init__("demo", context=context)
+        self._last_stamp = int(sequence.stamps_ns[-1])
+        self._bar = progress_bar(total=sequence.n_frames, unit="frame")
+        self._seen: set[int] = set()
+        self.heard_at = self._first_at = time.monotonic()
+        self.done = False
+        self.consumers = LifecycleWatch(self, NODES)
+        self.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(depth=100))
+
+    @property
+    def seconds(self) -> float:
+        """From the first status of a frame to the newest."""
+        return self.heard_at - self._first_at
+
+    def _on_status(self, status: FilterStatus) -> None:
+        stamp = stamp_ns(status.header.stamp)
+        if status.state == FilterStatus.STATE_WAITING or status.n_particles == 0 or stamp in self._seen:
+            return
+        self.heard_at = time.monotonic()
+        if not self._seen:
+            self._first_at = self.heard_at
+        self._seen.add(stamp)
+        self._bar.update()
+        self._bar.set_postfix_str(f"{status.state}, {status.n_particles} particles, {status.n_modes} modes")
+        self.done = stamp >= self._last_stamp
+
+    def destroy_node(self) -> None:
+        self._bar.close()
+        super().destroy_node()
+
+
+def _await_answers(
+    executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, listener: _Listener
+) -> None:
+    """Spin until the nodes are active and the recorder hears what it is to keep: a frame sent earlier would be lost."""
+    started = time.monotonic()
+    awaited = ("tactile/code", "tactile/points", "pose_modes", "particles", "filter_status")
+    while listener.consumers.waiting_for or not all(recorder.count_publishers(topic) for topic in awaited):
+        executor.spin_once(timeout_sec=0.1)
+        supervisor.look_after()
+        if time.monotonic() - started > _SILENCE_S:
+            waiting = listener.consumers.waiting_for or "the recorder, for their topics"
+            raise NodeFailed(f"still waiting for {waiting} after {_SILENCE_S:g} s; see the logs in the output folder")
+
+
+def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: _Listener) -> None:
+    """Spin until the replay has ended and its last frame is answered."""
+    while "replay" in supervisor.pids:
+        executor.spin_once(timeout_sec=0.1)
+        supervisor.look_after()
+        if time.monotonic() - listener.heard_at > _SILENCE_S:
+            raise NodeFailed(f"no filter_status for {_SILENCE_S:g} s; see the logs in the output folder")
+    ended = time.monotonic()
+    while not listener.done:
+        executor.spin_once(timeout_sec=0.1)
+        supervisor.look_after()
+        if time.monotonic() - ended > _LAST_STATUS_S:
+            raise NodeFailed("the replay has ended, but its last frame was never answered")
+    # what the nodes had sent before their last status may still be on its way to the recorder
+    quiet_until = time.monotonic() + 0.5
+    while time.monotonic() < quiet_until:
+        executor.spin_once(timeout_sec=0.05)
