@@ -42,7 +42,12 @@ setup(
     maintainer_email="maintainers@example.org",
     description="Launch, configuration, datasets, evaluation and the midastouch command.",
     license="MIT",
-    extras_require={"test": ["pytest"], "ur": ["ur-rtde"], "view": ["rerun-sdk>=0.39,<0.42"]},
+    extras_require={
+        "open3d": ["libusb-package", "open3d-cpu>=0.19"],
+        "test": ["pytest"],
+        "ur": ["ur-rtde"],
+        "view": ["rerun-sdk>=0.39,<0.42"],
+    },
     entry_points={
         "console_scripts": [
             "all_in_one = midastouch_bringup.executables:all_in_one",

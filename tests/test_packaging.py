@@ -35,7 +35,19 @@ ROSDEP_KEYS = {
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
 PIP_ONLY = {"igl", "mcap", "pykdtree", "rosbags"}
 # Extras, imported where they are used and said to be missing there.
-OPTIONAL = {"dask", "onnx", "onnxscript", "openvino", "rerun", "rerun_cli", "rtde_receive", "safetensors", "torch"}
+OPTIONAL = {
+    "dask",
+    "libusb_package",
+    "onnx",
+    "onnxscript",
+    "open3d",
+    "openvino",
+    "rerun",
+    "rerun_cli",
+    "rtde_receive",
+    "safetensors",
+    "torch",
+}
 SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}
 
 

@@ -14,7 +14,7 @@ from midastouch_perception.errors import InputError
 from ..report.snapshot import Hypothesis, Snapshot
 from .frames import read_bag
 from .messages import header_stamp_ns, typestore
-from .reader import bag_messages
+from .reader import bag_messages, bag_topics
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"
@@ -31,23 +31,24 @@ class RunRecord:
 
 
 def read_run(path: str | Path) -> RunRecord:
-    """Read a bag with the inputs, the ground truth and all results of a run.
+    """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.
 
-    Raises InputError if the bag cannot be read, lacks the ground truth, or holds no frame with a result.
+    Raises InputError if the bag cannot be read or holds no frame with a result.
     """
-    results = {topic: dict(_by_stamp(path, topic)) for topic in (MODES, PARTICLES, POSE, CODE, PENETRATION)}
+    recorded = {topic.name for topic in bag_topics(path)}
+    results = {topic: dict(_by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
+    for topic in (POSE, CODE, PENETRATION):
+        results[topic] = dict(_by_stamp(path, topic)) if topic in recorded else {}
     results[STATUS] = _answers(path)
     snapshots, n_particles, filter_ms = [], [], []
     start, seen = None, set()
     for frame in read_bag(path):
         start = frame.stamp_ns if start is None else start
-        if frame.object_from_gel_true is None:
-            raise InputError(f"{path}: no ground truth at {frame.stamp_ns / 1e9:.3f} s; record /tf of a replay")
         stamp = frame.stamp_ns
         if stamp in seen:  # recorded twice
             continue
         seen.add(stamp)
-        if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES, PENETRATION)):
+        if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES)):
             continue
         status, pose = results[STATUS][stamp], results[POSE].get(stamp)
         snapshots.append(
@@ -59,7 +60,7 @@ def read_run(path: str | Path) -> RunRecord:
                 modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
                 estimate=None if pose is None else _poses([pose.pose.pose])[0],
                 image=frame.image,
-                penetration=_map(results[PENETRATION][stamp]),
+                penetration=_map(results[PENETRATION].get(stamp)),
                 code=_code(results[CODE].get(stamp)),
                 state=status.state,
             )
@@ -67,8 +68,8 @@ def read_run(path: str | Path) -> RunRecord:
         n_particles.append(int(status.n_particles))
         filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
-        raise InputError(f"{path}: no frame with a status, modes, particles and penetration of the same stamp")
-    return RunRecord(snapshots, n_particles, filter_ms, _node_times(path))
+        raise InputError(f"{path}: no frame with a status, modes and particles of the same stamp")
+    return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
 
 
 def _by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
@@ -106,7 +107,9 @@ def _hypothesis(mode: object) -> Hypothesis:
     return Hypothesis(float(mode.weight), _poses([mode.pose.pose])[0], covariance)
 
 
-def _map(image: object) -> np.ndarray:
+def _map(image: object | None) -> np.ndarray | None:
+    if image is None:
+        return None
     rows = np.asarray(image.data).view(np.float32).reshape(image.height, image.step // 4)
     return rows[:, : image.width]
 

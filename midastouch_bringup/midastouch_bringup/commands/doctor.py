@@ -9,6 +9,7 @@ from . import arguments
 
 _SET_UP = "make setup"
 _TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
+_OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; of the system libgl1, libegl1 and libx11-6"
 _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 
 # module, distribution, what it is for, required, the command that mends it
@@ -38,6 +39,7 @@ _MODULES = (
     ),
     ("torch", "torch", "training, CUDA", False, _TRAIN),
     ("rerun", "rerun-sdk", "midastouch view", False, _VIEW),
+    ("midastouch_bringup.inspection.library", "open3d-cpu", "midastouch inspect", False, _OPEN3D),
 )
 _PROGRAMS = (
     ("digit_driver", _SET_UP),

@@ -23,19 +23,20 @@ class Hypothesis:
 class Snapshot:
     """The filter and its input at one frame.
 
-    frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`; particles (N, 4, 4),
-    drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before the first;
-    image (H, W, 3) uint8; penetration (h, w) m; code (D,) or None without contact; state, of the filter.
+    frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`, None where it is not known;
+    particles (N, 4, 4), drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before
+    the first; image (H, W, 3) uint8; penetration (h, w) m, None if it was not recorded; code (D,) or None without
+    contact; state, of the filter. Pictures of the report need the truth and the penetration, as every demo has them.
     """
 
     frame: int
     time: float
-    truth: np.ndarray
+    truth: np.ndarray | None
     particles: np.ndarray
     modes: list[Hypothesis]
     estimate: np.ndarray | None
     image: np.ndarray
-    penetration: np.ndarray
+    penetration: np.ndarray | None
     code: np.ndarray | None
     state: str
 

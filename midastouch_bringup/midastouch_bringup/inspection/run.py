@@ -1,0 +1,100 @@
+"""A finished run, moment by moment: read from a bag, or from a result of `midastouch evaluate`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
+
+from ..bags.reader import bag_metadata, is_bag
+from ..bags.run_record import read_run
+from ..evaluation.result_file import read_json
+from ..report.snapshot import Hypothesis, Snapshot
+
+_NO_POSES = np.empty((0, 4, 4))
+
+
+@dataclasses.dataclass(frozen=True)
+class Moment:
+    """What is known at one time of a run; poses are `T_obj_gel` (4, 4).
+
+    label: time and state in words; particles (N, 4, 4); modes, heaviest first; estimates, the published pose of each
+    trial, None where it had none; truth, None where the run has none; contact (K, 3) m, felt points in the object's
+    frame, at the estimate.
+    """
+
+    label: str
+    particles: np.ndarray
+    modes: list[Hypothesis]
+    estimates: list[np.ndarray | None]
+    truth: np.ndarray | None
+    contact: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """name; mesh, file or name of the object, empty where the run does not say it; moments, in order of time."""
+
+    name: str
+    mesh: str
+    moments: list[Moment]
+
+
+def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tacto") -> Run:
+    """Read a bag with the results of a run, or the trials of a `sequence` in a result of `midastouch evaluate`.
+
+    sequence: needed where the file has several; sensor: the model whose rays make points of a penetration map.
+    Raises InputError: neither of the two, or one without results.
+    """
+    path = Path(path)
+    if is_bag(path):
+        model, moments = SensorModel.load(sensor), []
+        for snapshot in read_run(path).snapshots:
+            if snapshot.penetration is not None and len(snapshot.penetration) != model.height:
+                model = model.scaled(len(snapshot.penetration) / model.height)
+            moments.append(_of_snapshot(snapshot, model))
+        return Run(path.name, bag_metadata(path).get("object", ""), moments)
+    if path.suffix != ".json":
+        raise InputError(f"{path}: neither a bag (.mcap file or folder) nor a result of midastouch evaluate (.json)")
+    content = read_json(path)
+    try:
+        return _of_trials(path, content["sequences"], content["trials"], sequence)
+    except (KeyError, TypeError, IndexError) as error:
+        raise InputError(f"{path}: not a result of midastouch evaluate ({error!r})") from error
+
+
+def _of_snapshot(snapshot: Snapshot, sensor: SensorModel) -> Moment:
+    contact, pose = np.empty((0, 3)), snapshot.estimate
+    if pose is not None and snapshot.penetration is not None:
+        if snapshot.penetration.shape != (sensor.height, sensor.width):
+            raise InputError(
+                f"penetration maps of {snapshot.penetration.shape} are not of {sensor.name}; give --sensor"
+            )
+        felt = cloud_from_penetration(snapshot.penetration, snapshot.penetration > 0, sensor)
+        contact = felt @ pose[:3, :3].T + pose[:3, 3]
+    label = f"{snapshot.time:.1f} s, {snapshot.state}"
+    return Moment(label, snapshot.particles, snapshot.modes, [pose], snapshot.truth, contact)
+
+
+def _of_trials(path: Path, sequences: list[dict], trials: list[dict], name: str | None) -> Run:
+    names = [one["sequence"] for one in sequences]
+    if name is None and len(names) == 1:
+        name = names[0]
+    if name not in names:
+        raise InputError(f"{path}: give the --sequence to look at: {', '.join(names)}")
+    chosen = sequences[names.index(name)]
+    truth = se3.from_xyzquat(np.array(chosen["truth"], float).reshape(-1, 7))
+    own = [trial["per_frame"] for trial in trials if trial["sequence"] == name]
+    moments = []
+    for i, true_pose in enumerate(truth):
+        estimates = [None if one["estimate"][i] is None else se3.from_xyzquat(one["estimate"][i]) for one in own]
+        converged = sum(one["state"][i] == "converged" for one in own)
+        label = f"frame {own[0]['frame'][i]}, converged in {converged} of {len(own)} trials"
+        moments.append(Moment(label, _NO_POSES, [], estimates, true_pose, np.empty((0, 3))))
+    return Run(name, chosen["mesh"], moments)

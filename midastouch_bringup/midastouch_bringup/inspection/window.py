@@ -1,0 +1,122 @@
+"""A run in a window: the object to turn around, a slider for the time, what is shown to choose from."""
+
+from __future__ import annotations
+
+import os
+import time
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+
+from . import require_open3d
+from .geometry import geometry_of, mesh_geometry
+from .run import Run
+from .shapes import LAYERS, shapes
+from .viewpoint import Viewpoint
+
+_FIELD_OF_VIEW = 20.0  # deg
+_PLAYED_S = 0.05  # from one moment to the next
+_EM = 0.5  # spacing, of the font's size
+
+
+def show(run: Run, mesh: ObjectMesh, index: int) -> None:
+    """Open the window at a moment; returns when it is closed. Raises InputError where there is no display."""
+    o3d = require_open3d()
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("no display to open a window on; draw to files with --save")
+    app = o3d.visualization.gui.Application.instance
+    app.initialize()
+    try:
+        Window(run, mesh, index)
+    except RuntimeError as error:
+        raise InputError(f"Open3D cannot open a window ({error}); draw to files with --save") from error
+    app.run()
+
+
+class Window:
+    """The window of a run; lives as long as Open3D's application runs."""
+
+    def __init__(self, run: Run, mesh: ObjectMesh, index: int):
+        o3d = require_open3d()
+        self._gui, self._rendering = o3d.visualization.gui, o3d.visualization.rendering
+        self._run, self._index = run, index
+        self._layers = dict.fromkeys(LAYERS, True)
+        self._played_at = 0.0
+        self._window = self._gui.Application.instance.create_window(f"midastouch: {run.name}", 1280, 900)
+        self._scene = self._gui.SceneWidget()
+        self._scene.scene = self._rendering.Open3DScene(self._window.renderer)
+        self._scene.scene.set_background([1.0, 1.0, 1.0, 1.0])
+        # Light and shadows of a photograph would cost seconds per picture without a graphics card.
+        self._scene.scene.view.set_post_processing(False)
+        self._scene.scene.add_geometry("mesh", mesh_geometry(mesh), self._material("defaultLitTransparency", 0.6))
+        self._look(Viewpoint.of(run, mesh), mesh)
+        self._panel = self._make_panel()
+        self._window.add_child(self._scene)
+        self._window.add_child(self._panel)
+        self._window.set_on_layout(self._layout)
+        self._window.set_on_tick_event(self._tick)
+        self.show(index)
+
+    def show(self, index: int) -> None:
+        """Draw a moment."""
+        self._index = self._slider.int_value = index
+        self._label.text = self._run.moments[index].label
+        drawn = shapes(self._run.moments, index)
+        scene = self._scene.scene
+        for name in LAYERS:
+            if scene.has_geometry(name):
+                scene.remove_geometry(name)
+            if name in drawn and self._layers[name]:
+                shader = "defaultUnlit" if drawn[name].lines is None else "unlitLine"
+                scene.add_geometry(name, geometry_of(drawn[name]), self._material(shader))
+        self._scene.force_redraw()
+
+    def _material(self, shader: str, opacity: float = 1.0):
+        material = self._rendering.MaterialRecord()
+        material.shader, material.base_color = shader, [1.0, 1.0, 1.0, opacity]
+        material.point_size, material.line_width = 4 * self._window.scaling, 2 * self._window.scaling
+        return material
+
+    def _look(self, viewpoint: Viewpoint, mesh: ObjectMesh) -> None:
+        box = self._scene.scene.bounding_box
+        self._scene.setup_camera(_FIELD_OF_VIEW, box, viewpoint.centre)
+        eye = viewpoint.centre + 3.5 * mesh.diagonal * viewpoint.towards_viewer
+        self._scene.look_at(viewpoint.centre, eye, viewpoint.up)
+
+    def _make_panel(self):
+        gui, space = self._gui, _EM * self._window.theme.font_size
+        panel = gui.Vert(space, gui.Margins(space, space, space, space))
+        self._label = gui.Label("")
+        self._slider = gui.Slider(gui.Slider.INT)
+        self._slider.set_limits(0, max(1, len(self._run.moments) - 1))
+        self._slider.set_on_value_changed(lambda value: self.show(min(int(value), len(self._run.moments) - 1)))
+        row = gui.Horiz(space)
+        self._play = gui.ToggleSwitch("play")
+        row.add_child(self._play)
+        for name in LAYERS:
+            box = gui.Checkbox(name)
+            box.checked = True
+            box.set_on_checked(lambda checked, name=name: self._toggle(name, checked))
+            row.add_child(box)
+        for part in (self._label, self._slider, row):
+            panel.add_child(part)
+        return panel
+
+    def _toggle(self, name: str, shown: bool) -> None:
+        self._layers[name] = shown
+        self.show(self._index)
+
+    def _tick(self) -> bool:
+        """Called before each picture; whether to draw one."""
+        now = time.monotonic()
+        if not self._play.is_on or now - self._played_at < _PLAYED_S:
+            return False
+        self._played_at = now
+        self.show((self._index + 1) % len(self._run.moments))
+        return True
+
+    def _layout(self, context) -> None:
+        area = self._window.content_rect
+        height = self._panel.calc_preferred_size(context, self._gui.Widget.Constraints()).height
+        self._scene.frame = self._gui.Rect(area.x, area.y, area.width, area.height - height)
+        self._panel.frame = self._gui.Rect(area.x, area.get_bottom() - height, area.width, height)
