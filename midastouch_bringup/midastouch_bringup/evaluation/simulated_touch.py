@@ -93,8 +93,8 @@ class TouchSimulator:
             seen = self._see(difference, images)
             # each touch is a sensor's first: nothing of an earlier one may help to feel it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
-            masks = np.stack([contact.mask for contact in contacts])
-            yield Percepts(difference, np.where(masks, seen, 0), np.array([c.in_contact for c in contacts]))
+            felt = np.array([contact.in_contact for contact in contacts])
+            yield Percepts(difference, np.stack([contact.penetration for contact in contacts]), felt)
 
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator

@@ -14,15 +14,13 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
 
-from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception.errors import InputError
-from midastouch_perception.nodes.stages import Code
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.pipeline import DepthStage, Touch
 from midastouch_perception.ros import spin
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.tcn import TactileCodeNet
@@ -43,15 +41,11 @@ def make_nodes(
     options = options or {}
     running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
 
-    def on_code(header: Header, code: Code) -> None:
-        measurement = Measurement(False, network_id=code.network_id)
-        if code.in_contact:
-            relief = reduced_relief(code.penetration)
-            measurement = Measurement(True, code.values, code.area_m2, code.network_id, relief)
-        running.on_code(stamp_ns(header.stamp), measurement)
+    def on_touch(header: Header, touch: Touch) -> None:
+        running.on_code(stamp_ns(header.stamp), measurement_of(touch))
 
-    encoder = TcnNode(tcn=tcn, sink=on_code, subscribe=False, **options.get("tcn", {}))
-    return [TdnNode(depth=depth, sink=encoder.on_depth, **options.get("tdn", {})), encoder, running]
+    encoder = TcnNode(tcn=tcn, sink=on_touch, subscribe=False, **options.get("tcn", {}))
+    return [TdnNode(depth=depth, sink=encoder.on_contact, **options.get("tdn", {})), encoder, running]
 
 
 def make_driver() -> Node:

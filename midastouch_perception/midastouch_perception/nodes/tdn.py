@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from midastouch_msgs.msg import TactileContact
 
+from ..contact import Contact
 from ..errors import InputError
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
@@ -29,7 +30,6 @@ from ..tdn.fit_check import FitCheck
 from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
 from .background_store import store_of
-from .stages import Depth, ImageStage
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
@@ -74,14 +74,14 @@ class TdnNode(ManagedNode):
     """While active, every valid image yields one cloud (empty without contact) and one TactileContact of its stamp.
 
     `depth` replaces the network that the parameters name. When the next stage runs in the same process,
-    `sink`, called with the header and the depth of each frame, takes the place of the cloud on the way to it;
+    `sink`, called with the header and the contact of each frame, takes the place of the cloud on the way to it;
     the cloud is then published for other subscribers only.
     """
 
     def __init__(
         self,
         depth: DepthStage | None = None,
-        sink: Callable[[Header, Depth], None] | None = None,
+        sink: Callable[[Header, Contact], None] | None = None,
         **node_options,
     ):
         super().__init__("tdn", PARAMETERS, **node_options)
@@ -109,14 +109,13 @@ class TdnNode(ManagedNode):
         self._map_sensor = self._sensor.scaled(SCALE)
         self._fit, self._layout = FitCheck(), shipped_layout()
         self.say(f"loading the depth network '{self.parameters['tdn']}'")
-        self._depth = self._given or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), fit=self._fit)
-        self._stage = ImageStage(self._depth)
+        self._stage = self._given or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), self._fit)
         self.say("loading the background")
         self._load_background()
 
     def unload(self) -> None:
         """Forget the network and the background."""
-        self._depth = self._stage = self._background = self._running = None
+        self._stage = self._background = self._running = None
 
     def connect(self) -> None:
         """Subscribe the images."""
@@ -156,8 +155,8 @@ class TdnNode(ManagedNode):
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
         self._observe_background(image)
-        depth = self._stage.process(image, self._background)
-        self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
+        contact = self._stage.process(image, self._background)
+        self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
         self._rate.add(time.perf_counter() - started)
 
     def _observe_background(self, image) -> None:
@@ -174,22 +173,21 @@ class TdnNode(ManagedNode):
 
     def _contact_in(self, image: np.ndarray) -> str:
         """Why a captured image is not taken; empty if it is."""
-        if not self._depth.shows_contact(image, self._background):
+        if not self._stage.shows_contact(image, self._background):
             return ""
         return "the sensor is touching something; lift the finger off and try again"
 
-    def _publish(self, header: Header, depth: Depth) -> None:
-        area = float(depth.area_m2)
-        self._contact.publish(TactileContact(header=header, in_contact=depth.in_contact, area=area))
+    def _publish(self, header: Header, contact: Contact) -> None:
+        self._contact.publish(TactileContact(header=header, in_contact=contact.in_contact, area=contact.area_m2))
         if self._sink is None or self._points.get_subscription_count() > 0:
-            points = cloud_from_penetration(depth.penetration, depth.penetration > 0, self._map_sensor)
+            points = cloud_from_penetration(contact.penetration, contact.penetration > 0, self._map_sensor)
             self._points.publish(points_to_msg(points, header))
         else:
             self._unseen_clouds += 1
         if self._penetration.get_subscription_count() > 0:
-            self._penetration.publish(image_to_msg(depth.penetration, "32FC1", header))
+            self._penetration.publish(image_to_msg(contact.penetration, "32FC1", header))
         if self._sink is not None:
-            self._sink(header, depth)
+            self._sink(header, contact)
 
     async def _on_capture(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.active:
