@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
 
-from midastouch_filter.nodes.localiser import LoadedObject, load_object
+from midastouch_filter.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.perceived import measurement_of
 from midastouch_perception.errors import InputError

@@ -21,12 +21,13 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.parameters import Parameters
 
+from ..localiser import LoadedObject
 from ..touch import FingerTouch, Measurement
 from ..transforms import TransformError
+from ..transforms.queue import Wait
 from .code_message import measurement_from_msg
-from .localiser import LoadedObject
 from .relief_source import ReliefSource
-from .transform_source import TransformSource, Wait
+from .transform_source import TransformSource
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.

@@ -14,19 +14,19 @@ from midastouch_perception.ros import qos, spin
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.managed_node import ManagedNode
 
+from ..localiser import LoadedObject, Localiser, load_object
 from ..state import STALE, UNINITIALISED, Status
 from ..touch import Measurement
+from ..transforms.queue import TransformQueue
 from .code_message import measurement_from_msg
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
 from .filter_services import FilterServices
 from .finger_topics import FingerTopics, fingers_of
-from .localiser import LoadedObject, Localiser, load_object
 from .object_source import NewObject, ObjectSource
 from .relief_source import ReliefSource
 from .start_topics import StartTopics
 from .status_report import StatusReport
-from .transform_queue import TransformQueue
 from .transform_source import TransformSource
 
 # Stamps that run back by more than this are a new run (a looped bag); by less, a message out of order.

@@ -15,9 +15,9 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg
 from midastouch_perception.ros.parameters import Parameters
 
+from ..localiser import Localiser, Start
+from ..pose_prior import spread_of
 from ..transforms import TransformError
-from .localiser import Localiser, Start
-from .pose_prior import spread_of
 from .transform_source import TransformSource
 
 

@@ -9,8 +9,8 @@ from rclpy.time import Time
 
 from midastouch_perception.ros.conversions import stamp_from_ns, transform_from_msg
 
-from ..scalar_pose import Pose
 from ..transforms import HISTORY_S, SECOND, FrameTree, Link, PastExtrapolationError, TransformBuffer, TransformError
+from ..transforms.scalar_pose import Pose
 
 try:
     import tf2_py

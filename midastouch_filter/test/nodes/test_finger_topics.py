@@ -12,7 +12,7 @@ from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, load
 from sensor_msgs.msg import PointCloud2
 
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.refinement import reduced_relief
 from midastouch_msgs.msg import FilterStatus, TactileCode

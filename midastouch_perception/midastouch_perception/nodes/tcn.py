@@ -20,7 +20,6 @@ from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
-from ..tdn.inputs import SCALE
 
 PARAMETERS = (
     Parameter("tcn", "fast", "Code network: a shipped one by name, or the path of its ONNX file"),
@@ -57,7 +56,7 @@ class TcnNode(ManagedNode):
     def configure(self) -> None:
         """Load the code network."""
         sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._map_sensor = sensor.scaled(SCALE)
+        self._map_sensor = sensor.for_maps
         self.say(f"loading the code network '{self.parameters['tcn']}'")
         self._stage = CodeStage(self._given or load_tcn(self.parameters["tcn"], sensor))
 

@@ -25,11 +25,11 @@ from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
+from ..tdn.background_capture import BackgroundCapture, RunningBackground
+from ..tdn.background_file import read_background
+from ..tdn.background_store import store_of
 from ..tdn.colour_layout import exposure_problem, image_problem, shipped_layout
 from ..tdn.fit_check import FitCheck
-from ..tdn.inputs import SCALE
-from .background import BackgroundCapture, RunningBackground, read_background
-from .background_store import store_of
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
 
@@ -106,7 +106,7 @@ class TdnNode(ManagedNode):
     def configure(self) -> None:
         """Load the depth network and the background."""
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._map_sensor = self._sensor.scaled(SCALE)
+        self._map_sensor = self._sensor.for_maps
         self._fit, self._layout = FitCheck(), shipped_layout()
         self.say(f"loading the depth network '{self.parameters['tdn']}'")
         self._stage = self._given or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), self._fit)
