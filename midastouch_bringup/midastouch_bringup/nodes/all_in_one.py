@@ -18,11 +18,11 @@ from midastouch_filter.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.perceived import measurement_of
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.pipeline import DepthStage, Touch
 from midastouch_perception.ros import spin
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.tcn import TactileCodeNet
 
 _LOOK_S = 0.5

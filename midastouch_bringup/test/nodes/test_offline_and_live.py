@@ -29,8 +29,9 @@ from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.conversions import pose_to_msg, stamp_ns
+from midastouch_perception.ros.conversions import pose_to_msg
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MESH = bundled_objects()["handle_tool"]

@@ -17,8 +17,8 @@ from rclpy.node import Node
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.parameters import Parameters
 
 from ..localiser import LoadedObject

@@ -10,8 +10,8 @@ from rclpy.clock import Clock, ClockType
 
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos, spin
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.managed_node import ManagedNode
 
 from ..localiser import LoadedObject, Localiser, load_object

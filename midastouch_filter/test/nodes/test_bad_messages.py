@@ -21,8 +21,8 @@ from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 DIM = 16

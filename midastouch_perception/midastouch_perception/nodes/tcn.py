@@ -12,10 +12,11 @@ from midastouch_msgs.msg import TactileCode
 
 from ..contact import Contact
 from ..errors import InputError
+from ..message_arrays import points_from_msg
 from ..pipeline import CodeStage, Touch
 from ..pointcloud import penetration_from_cloud
 from ..ros import diagnostics, qos, spin
-from ..ros.conversions import float32_to_msg, points_from_msg
+from ..ros.conversions import float32_to_msg
 from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel

@@ -17,10 +17,11 @@ from midastouch_msgs.msg import TactileContact
 
 from ..contact import Contact
 from ..errors import InputError
+from ..message_arrays import rgb_from_msg
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
-from ..ros.conversions import image_to_msg, points_to_msg, rgb_from_msg
+from ..ros.conversions import image_to_msg, points_to_msg
 from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
