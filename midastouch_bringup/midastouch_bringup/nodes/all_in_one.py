@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
@@ -24,8 +23,6 @@ from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.pipeline import DepthStage, Touch
 from midastouch_perception.ros import spin
 from midastouch_perception.tcn import TactileCodeNet
-
-_LOOK_S = 0.5
 
 
 def make_nodes(
@@ -54,13 +51,9 @@ def make_driver() -> Node:
     from digit_driver.nodes.digit_driver import DigitDriver
 
     try:
-        driver = DigitDriver()
+        return DigitDriver()
     except DriverInputError as error:
         raise InputError(str(error)) from error
-    # in a process of its own a driver that gives up ends it; the others must not go on blind
-    steady = Clock(clock_type=ClockType.STEADY_TIME)
-    driver.create_timer(_LOOK_S, lambda: spin.stop() if driver.failure else None, clock=steady)
-    return driver
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -72,14 +65,7 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--driver", action="store_true", help="run digit_driver in this process, too")
     chosen = parser.parse_args(remove_ros_args(args)[1:])
-    drivers: list[Node] = []
-
-    def make() -> list[Node]:
-        if chosen.driver:
-            drivers.append(make_driver())
-        return [*drivers, *make_nodes()]
-
-    return spin.run(make, args) or int(any(driver.failure for driver in drivers))
+    return spin.run(lambda: [*([make_driver()] if chosen.driver else []), *make_nodes()], args)
 
 
 if __name__ == "__main__":
