@@ -109,6 +109,11 @@ class Localiser:
             return "no object: set the parameters mesh and codebook or call set_object"
         return "" if self._started else "waiting for initialpose or object_pose_prior (init_mode is wait)"
 
+    @property
+    def untouched(self) -> bool:
+        """Whether no frame has reached the filter since its start."""
+        return self._T_base_gel is None
+
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on another object, from scratch: poses on the old one say nothing about it."""
         if self._object is not None:
