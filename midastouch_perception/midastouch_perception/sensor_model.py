@@ -18,6 +18,9 @@ import yaml
 from .errors import InputError
 from .files import require_file
 
+MAP_SCALE = 0.5
+"""Resolution of penetration maps as a share of the image's: that of the depth network."""
+
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -78,6 +81,11 @@ class SensorModel:
             height=round(self.height * factor),
             focal=self.focal * factor,
         )
+
+    @cached_property
+    def for_maps(self) -> SensorModel:
+        """The same sensor at the resolution of penetration maps."""
+        return self.scaled(MAP_SCALE)
 
     def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import rgb_from_msg
 
 from .messages import COMPRESSED_TYPE, IMAGE_TYPE, Message, typestore
 from .reader import readable
@@ -21,21 +22,18 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
     with readable(path):
         content = typestore().deserialize_cdr(message.data, message.type_name)
     what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
-    if message.type_name == COMPRESSED_TYPE:
-        pixels = cv2.imdecode(np.asarray(content.data), cv2.IMREAD_COLOR_RGB)
-        if pixels is None:
-            raise InputError(f"{what} cannot be decompressed; record it again")
-    elif message.type_name == IMAGE_TYPE and content.encoding in ("rgb8", "bgr8"):
-        if content.step < 3 * content.width or content.data.size != content.step * content.height:
-            raise InputError(f"{what} has {content.data.size} bytes for its size; record it again")
-        rows = content.data.reshape(content.height, content.step)[:, : 3 * content.width]
-        pixels = rows.reshape(content.height, content.width, 3)
-        pixels = pixels[..., ::-1] if content.encoding == "bgr8" else pixels
-    else:
-        kind = content.encoding if message.type_name == IMAGE_TYPE else message.type_name
-        raise InputError(f"{what} is {kind}; record rgb8, bgr8 or compressed images")
-    if pixels.shape != (320, 240, 3):
-        raise InputError(
-            f"{what} is {pixels.shape[1]} x {pixels.shape[0]}, expected a portrait DIGIT image of 240 x 320"
-        )
-    return np.ascontiguousarray(pixels)
+    if message.type_name not in (IMAGE_TYPE, COMPRESSED_TYPE):
+        raise InputError(f"{what} is {message.type_name}; record images")
+    try:
+        return _rgb(content, 320, 240) if message.type_name == COMPRESSED_TYPE else rgb_from_msg(content, 320, 240)
+    except InputError as error:
+        raise InputError(f"{what}: {error}; record it again") from error
+
+
+def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
+    pixels = cv2.imdecode(np.asarray(compressed.data), cv2.IMREAD_COLOR_RGB)
+    if pixels is None:
+        raise InputError("it cannot be decompressed")
+    if pixels.shape != (height, width, 3):
+        raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")
+    return pixels

@@ -7,10 +7,9 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import numpy as np
-
-from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError
+from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError, ancestors
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns, xyzquat_from_msg
 
 from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
 from .reader import bag_messages, readable
@@ -63,14 +62,12 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
             content = store.deserialize_cdr(message.data, message.type_name)
         static = message.topic == TF_STATIC_TOPIC
         for item in content.transforms:
-            stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
+            stamp = stamp_ns(item.header.stamp)
             parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
             track = tracks.setdefault(child, _Track())
-            t, q = item.transform.translation, item.transform.rotation
-            values = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
             target = unused if not static and track.too_late(stamp) else buffer
             try:
-                outcome = target.insert(parent, child, stamp, values, static)
+                outcome = target.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
             except TransformError as error:
                 refused = str(error)
                 continue
@@ -78,7 +75,7 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
             if not static:
                 track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
-        for child in sorted(tracks.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+        for child in sorted(tracks.keys() & _between(target, source, parents)):
             _report(path, child, tracks[child])
     return buffer, refused
 
@@ -97,9 +94,6 @@ def _report(path: Path, frame: str, track: _Track) -> None:
         )
 
 
-def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:
-    """A frame and all above it."""
-    chain = {frame}
-    while (frame := parents.get(frame, frame)) not in chain:
-        chain.add(frame)
-    return chain
+def _between(target: str, source: str, parents: Mapping[str, str]) -> set[str]:
+    """The frames whose transforms lie on the way from one frame to the other."""
+    return set(ancestors(target, parents.get)) ^ set(ancestors(source, parents.get))

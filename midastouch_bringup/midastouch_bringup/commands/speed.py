@@ -38,11 +38,11 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..datasets.slide_simulation import cached_slide
     from ..evaluation.machine import machine_info
+    from ..evaluation.node_start import node_start
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
     from ..evaluation.speed import Benchmark, peak_rss_mb
     from ..progress import progress_bar
-    from ..ros.node_start import node_start
     from ..ros.pose_age import pose_age
 
     if args.frames < 10:

@@ -76,8 +76,8 @@ def measure_presses(
     rows, cores, maps = [], [], []
     for name, image in presses.items():
         difference = tdn.difference(image, background)
-        penetration, contact = DepthStage(tdn).process(image, background)
-        row, core = _describe(difference, penetration, contact.in_contact, tdn.sensor)
+        penetration = DepthStage(tdn).process(image, background).penetration
+        row, core = _describe(difference, penetration, tdn.sensor)
         rows.append({"image": name, **row})
         cores.append(core)
         maps.append(penetration)
@@ -103,15 +103,13 @@ def render_ball(renderer: PenetrationRenderer, centre: np.ndarray) -> np.ndarray
     return renderer.render(se3.make(np.eye(3), -np.asarray(centre, float))[None])[0]
 
 
-def _describe(
-    difference: np.ndarray, penetration: np.ndarray, found: bool, sensor: SensorModel
-) -> tuple[dict, np.ndarray | None]:
+def _describe(difference: np.ndarray, penetration: np.ndarray, sensor: SensorModel) -> tuple[dict, np.ndarray | None]:
     """Figures of one press, and the points (N, 3) m of the contact's core if it is worth a fit."""
     visible = visible_contact(difference, sensor)
     total = float(penetration.sum())
     contact = _largest_region((penetration >= CONTACT_THRESHOLD) & visible)
     row = {
-        "found": bool(found and contact.any()),
+        "found": bool(contact.any()),
         "deepest_mm": 1e3 * float(penetration.max()),
         "area_mm2": 1e6 * float(contact.sum()) * sensor.pixel_area,
         "roundness": _roundness(contact),

@@ -24,8 +24,9 @@ from tf2_msgs.msg import TFMessage
 from midastouch_filter.nodes.transform_source import TransformSource, Wait
 from midastouch_filter.transforms import PastExtrapolationError
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import stamp_from_ns
 
 from ..processes.local_domain import local_environment, own_domain
 from .local_context import local_context

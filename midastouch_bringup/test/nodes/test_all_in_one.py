@@ -34,11 +34,12 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import spin
-from midastouch_perception.ros.conversions import pose_from_msg, stamp_from_ns, stamp_ns, transform_to_msg
+from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer

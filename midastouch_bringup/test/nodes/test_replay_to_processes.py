@@ -23,8 +23,9 @@ from midastouch_bringup.bags.messages import sequence_messages
 from midastouch_bringup.bags.writer import BagWriter
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000

@@ -20,8 +20,8 @@ from midastouch_bringup.processes.process import resident_mb
 from midastouch_bringup.processes.program import node_program
 from midastouch_bringup.processes.supervisor import Supervisor
 from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.testing import Graph, open_graph
 
 pytestmark = pytest.mark.dds

@@ -51,9 +51,9 @@ def test_warm_up_is_no_contact(tdn):
         return np.clip(background * gain + rng.normal(0, 1.5, background.shape), 0, 255).astype(np.uint8)
 
     stage = DepthStage(tdn)
-    felt = [stage.process(frame(1 + 1e-3 * i), background)[1].in_contact for i in range(100)]
+    felt = [stage.process(frame(1 + 1e-3 * i), background).in_contact for i in range(100)]
     assert np.mean(felt) < 0.05
-    assert not stage.process(frame(1.1), background)[1].in_contact
-    learned = stage.process(frame(1.1), background)[0]
-    anew = stage.process(frame(1.1), background.copy())[0]
+    assert not stage.process(frame(1.1), background).in_contact
+    learned = stage.process(frame(1.1), background).penetration
+    anew = stage.process(frame(1.1), background.copy()).penetration
     assert anew.sum() > learned.sum() + 1e-3, "another background: what was learned is forgotten"

@@ -1,0 +1,18 @@
+"""What perception makes of an image, as the filter takes it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from .refinement import reduced_relief
+from .touch import Measurement
+
+if TYPE_CHECKING:
+    from midastouch_perception.pipeline import Touch
+
+
+def measurement_of(touch: Touch) -> Measurement:
+    """The measurement of one touch, with its relief."""
+    contact = touch.contact
+    relief = reduced_relief(contact.penetration) if contact.in_contact else None
+    return Measurement(contact.in_contact, touch.code, contact.area_m2, touch.network_id, relief)
