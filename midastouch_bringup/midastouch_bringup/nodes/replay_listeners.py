@@ -10,8 +10,8 @@ from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 
 from ..bags.messages import TF_TOPIC

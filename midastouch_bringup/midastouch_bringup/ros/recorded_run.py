@@ -11,8 +11,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 
 from ..bags.messages import IMAGE_TYPE, Topic
