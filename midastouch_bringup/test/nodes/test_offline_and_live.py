@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from process_rig import SHIPPED, processes
 from replay_rig import play, replay
 
 from midastouch_bringup.bags import read_bag, write_bag
@@ -37,11 +32,6 @@ pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MESH = bundled_objects()["handle_tool"]
 SEED = 3
 SETTINGS = {"max_particles": 5000, "threads": 1}
-NODES = (
-    "midastouch_perception.nodes.tdn",
-    "midastouch_perception.nodes.tcn",
-    "midastouch_filter.nodes.particle_filter",
-)
 
 
 @pytest.fixture(scope="module")
@@ -74,11 +64,10 @@ def evaluated(recording: Path, networks: Networks) -> tuple[list[TrialFrame], li
     return frames, estimates
 
 
-@contextlib.contextmanager
-def processes(recording: Path, folder: Path) -> Iterator[None]:
-    """The three nodes with the shipped networks, each a process."""
+def parameters(recording: Path) -> dict[str, dict]:
+    """Of the nodes, by name."""
     queue = {"queue_depth": 100, "reliable": True, "use_sim_time": True}
-    parameters = {
+    return {
         "tdn": {**queue, "background": str(recording / "slide" / "background.png")},
         "tcn": queue,
         "particle_filter": {
@@ -90,24 +79,12 @@ def processes(recording: Path, folder: Path) -> Iterator[None]:
             "input_timeout": 1000.0,
         },
     }
-    config = folder / "nodes.yaml"
-    config.write_text(yaml.safe_dump({name: {"ros__parameters": values} for name, values in parameters.items()}))
-    running = [
-        subprocess.Popen([sys.executable, "-m", node, "--ros-args", "--params-file", str(config)]) for node in NODES
-    ]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.send_signal(signal.SIGINT)
-        codes = [process.wait(timeout=60) for process in running]
-    assert codes == [0, 0, 0]
 
 
 def test_evaluation_and_nodes_give_the_same_codes_and_estimates(graph, recording, networks, tmp_path):
     frames, estimates = evaluated(recording, networks)
     assert sum(frame.felt.in_contact for frame in frames) > 10
-    with processes(recording, tmp_path):
+    with processes(SHIPPED, parameters(recording), tmp_path):
         codes = graph.listen(TactileCode, "tactile/code")
         poses = graph.listen(PoseWithCovarianceStamped, "pose", latched=True)
         statuses = graph.listen(
