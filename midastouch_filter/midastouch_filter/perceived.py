@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from .refinement import reduced_relief
 from .touch import Measurement
@@ -16,3 +18,9 @@ def measurement_of(touch: Touch) -> Measurement:
     contact = touch.contact
     relief = reduced_relief(contact.penetration) if contact.in_contact else None
     return Measurement(contact.in_contact, touch.code, contact.area_m2, touch.network_id, relief)
+
+
+def measurement_from_msg(msg: Any) -> Measurement:
+    """The measurement of a TactileCode message, without its relief; its code is a read-only view of the message."""
+    code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
+    return Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)

@@ -13,10 +13,10 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.managed_node import ManagedNode
 
 from ..localiser import Localiser
+from ..perceived import measurement_from_msg
 from ..state import STALE, UNINITIALISED
 from ..touch import Measurement
 from ..transforms.queue import TransformQueue, Wait
-from .code_message import measurement_from_msg
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics, fingers_of
 from .node_clock import NodeClock

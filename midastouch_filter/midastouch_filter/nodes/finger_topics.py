@@ -17,10 +17,10 @@ from midastouch_perception.ros.parameters import Parameters
 
 from ..finger_memory import FingerMemory
 from ..localiser import LoadedObject
+from ..perceived import measurement_from_msg
 from ..touch import FingerTouch
 from ..transforms import TransformError
 from ..transforms.queue import Wait
-from .code_message import measurement_from_msg
 from .relief_source import ReliefSource
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
