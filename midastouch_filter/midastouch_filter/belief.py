@@ -23,7 +23,5 @@ def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weig
     second moment of position and rotation vector about the mode's pose; the mode's own part is its covariance.
     """
     place = kernels.decompose(mode.pose)[1]
-    mass, moment = kernels.second_moment(
-        particles.positions, particles.quaternions, weights, members, place, _SAMPLE
-    )
+    mass, moment = kernels.second_moment(particles.positions, particles.quaternions, weights, members, place, _SAMPLE)
     return (1.0 - mass) * mode.covariance + mass * moment

@@ -27,7 +27,7 @@ from .estimate import Estimate, Mode, modes_from_moments
 from .fingers import Evidence as FingerEvidence
 from .fingers import Fingers
 from .hindsight import CODE_MARGIN, Comparison, Felt, Hindsight, Place, Prior, pose_distance
-from .joint_alignment import FeltRelief
+from .joint_alignment import FeltPenetration
 from .measurement_model import MeasurementModel
 from .mode_masses import gained_together, with_odds
 from .modes import ModeFinder
@@ -150,9 +150,9 @@ class ParticleFilter:
         self._trend = LikelihoodTrend(self.config, self._measurement.outlier)
         self._exploration = Exploration(self.config)
         self._modes: list[Mode] = []  # of the particles
-        self._fitted: dict[int, Aligned] = {}  # those that the last reliefs fitted, and how
-        self._fitted_to: set[str] = set()  # the fingers these reliefs are of
-        self._answers: list[Mode] = []  # the same, sharpened by the relief of the frame where it could be
+        self._fitted: dict[int, Aligned] = {}  # those that the last penetrations fitted, and how
+        self._fitted_to: set[str] = set()  # the fingers these penetrations are of
+        self._answers: list[Mode] = []  # the same, sharpened by the penetration of the frame where it could be
         self._path_since_lookup = 0.0
         self._path_since_touch = np.inf
         self._in_contact = False
@@ -211,13 +211,13 @@ class ParticleFilter:
                 self._resample(code, felt) if alive else self._restart(code, felt)
         with self._watch.stage("modes"):
             self._find_modes(moved or touched)
-        reliefs = self._reliefs(measurement.relief if code is not None else None, felt)
-        if reliefs:
+        penetrations = self._penetrations(measurement.penetration if code is not None else None, felt)
+        if penetrations:
             with self._watch.stage("refinement"):
-                self._refine(reliefs, share)
+                self._refine(penetrations, share)
             if self._hindsight:
                 with self._watch.stage("hindsight"):
-                    self._look_back(code, felt, reliefs)
+                    self._look_back(code, felt, penetrations)
         return self._report()
 
     def _predict(self, odometry: np.ndarray | None, in_contact: bool) -> bool:
@@ -279,7 +279,7 @@ class ParticleFilter:
         return share
 
     def _weigh(
-        self, code: np.ndarray | None, book_distance: np.ndarray, share: float, felt: Sequence[FingerEvidence]
+        self, code: np.ndarray | None, codebook_distance: np.ndarray, share: float, felt: Sequence[FingerEvidence]
     ) -> bool:
         """Equation 2, as a log-likelihood ratio, and the surface constraint, of each finger and to the power its share.
 
@@ -295,7 +295,7 @@ class ParticleFilter:
         shares = [finger.share for finger in felt]
         touching = [finger.share for finger in felt if finger.code is not None]
         if code is not None:
-            log_ratios.insert(0, self._log_ratio(code, book_distance))
+            log_ratios.insert(0, self._log_ratio(code, codebook_distance))
             shares.insert(0, share)
             touching.append(share)
         evidence = sum(log_ratios)
@@ -309,23 +309,23 @@ class ParticleFilter:
         particles.log_weights, self._weights = log_weights, weights
         return True
 
-    def _log_ratio(self, code: np.ndarray, book_distance: np.ndarray) -> np.ndarray:
+    def _log_ratio(self, code: np.ndarray, codebook_distance: np.ndarray) -> np.ndarray:
         """(N,) of each particle, for the reference's code."""
         particles = self._particles
         if self._gates["whole_book"].skips(len(particles), len(self._lookup)):
             self._measurement.score_occupied(code, particles)
         else:
-            self._measurement.score_book(code)
-        log_ratio = self._surface.log_weight(particles, book_distance)
+            self._measurement.score_codebook(code)
+        log_ratio = self._surface.log_weight(particles, codebook_distance)
         log_ratio += self._measurement.log_likelihood(particles)
         if "" in self._fitted_to:
             self._share_out(log_ratio)
         return log_ratio
 
     def _share_out(self, log_ratio: np.ndarray) -> None:
-        """Let the code speak for all modes that the last relief fitted as for one.
+        """Let the code speak for all modes that the last penetration fitted as for one.
 
-        Between them the reliefs decide, which tell more: a code's small errors are the same all along an edge, and
+        Between them the penetrations decide, which tell more: a code's small errors are the same all along an edge, and
         would in time kill one of two places that feel alike.
         """
         if len(self._fitted) > 1:
@@ -374,7 +374,7 @@ class ParticleFilter:
     def _best_matches(self, code: np.ndarray | None, felt: Sequence[FingerEvidence], n: int) -> Particles:
         """By the reference's code, or, if it felt nothing new, by the first other finger's that did."""
         if code is not None:
-            self._measurement.score_book(code)
+            self._measurement.score_codebook(code)
             return self._around(self._measurement.draw_matches(n, self._rng))
         finger = next(each for each in felt if each.code is not None)
         gels = self._around(finger.draw_matches(n, self._rng))
@@ -389,36 +389,36 @@ class ParticleFilter:
         self._modes = self._answers = modes_from_moments(self._mode_finder.find(self._particles, self._weights))
         self._fitted, self._fitted_to = {}, set()
 
-    def _usable(self, felt: FeltRelief) -> bool:
-        """Whether the relief is there and can be compared with rendered ones."""
-        if felt.relief is None or self._refinement is None:
+    def _usable(self, felt: FeltPenetration) -> bool:
+        """Whether the penetration is there and can be compared with rendered ones."""
+        if felt.penetration is None or self._refinement is None:
             return False
-        if felt.relief.shape == self._refinement.shape and np.isfinite(felt.relief).all():
+        if felt.penetration.shape == self._refinement.shape and np.isfinite(felt.penetration).all():
             return True
         whose = f"finger {felt.name}: " if felt.name else ""
-        self._refuse("bad_relief", f"{whose}relief is not finite or not of shape {self._refinement.shape}")
+        self._refuse("bad_relief", f"{whose}penetration map is not finite or not of shape {self._refinement.shape}")
         return False
 
-    def _reliefs(self, relief: np.ndarray | None, felt: Sequence[FingerEvidence]) -> list[FeltRelief]:
-        """The usable ones of this frame; `relief` is the reference's."""
-        found = [FeltRelief(relief), *(finger.felt_relief for finger in felt)]
+    def _penetrations(self, penetration: np.ndarray | None, felt: Sequence[FingerEvidence]) -> list[FeltPenetration]:
+        """The usable ones of this frame; `penetration` is the reference's."""
+        found = [FeltPenetration(penetration), *(finger.felt_penetration for finger in felt)]
         return [each for each in found if self._usable(each)]
 
-    def _refine(self, reliefs: Sequence[FeltRelief], share: float) -> None:
-        """Let the reliefs place the particles of narrow modes."""
+    def _refine(self, penetrations: Sequence[FeltPenetration], share: float) -> None:
+        """Let the penetrations place the particles of narrow modes."""
         finder = self._mode_finder
-        reliefs = self._refinement.reached(self._modes, reliefs)
+        penetrations = self._refinement.reached(self._modes, penetrations)
         aligned = {}
-        if reliefs:
+        if penetrations:
             members = finder.members(self._particles)
-            aligned = self._refinement.apply(self._particles, members, self._modes, reliefs, share)
+            aligned = self._refinement.apply(self._particles, members, self._modes, penetrations, share)
         if self._gates["wide_modes"].skips(not aligned):
             return
         aligned = {finder.peaks[k]: a for k, a in aligned.items() if a.fit > self.config.relief_fit}
         self._weights = self._particles.weights
         self._modes = modes_from_moments(finder.moments(self._particles, self._weights))
         self._fitted = {k: aligned[peak] for k, peak in enumerate(finder.peaks) if peak in aligned}
-        self._fitted_to = {each.name for each in reliefs}
+        self._fitted_to = {each.name for each in penetrations}
         if 0 in self._fitted:
             self._trend.explained()
         self._answers = [
@@ -426,19 +426,19 @@ class ParticleFilter:
         ]
 
     def _look_back(
-        self, code: np.ndarray | None, felt: Sequence[FingerEvidence], reliefs: Sequence[FeltRelief]
+        self, code: np.ndarray | None, felt: Sequence[FingerEvidence], penetrations: Sequence[FeltPenetration]
     ) -> None:
         """Keep the touch, and go on asking whether other places explain the last ones as well."""
         if self._hindsight.due:
-            relief_of = {each.name: each.relief for each in reliefs}
+            map_of = {each.name: each.penetration for each in penetrations}
             kept = [
-                Felt(finger.log_ratio_of_book(), relief_of.get(finger.name), finger.T_gel_finger)
+                Felt(finger.log_ratio_of_codebook(), map_of.get(finger.name), finger.T_gel_finger)
                 for finger in felt
                 if finger.code is not None
             ]
             if code is not None:
-                self._measurement.score_book(code)
-                kept.insert(0, Felt(self._measurement.log_ratio, relief_of.get("")))
+                self._measurement.score_codebook(code)
+                kept.insert(0, Felt(self._measurement.log_ratio, map_of.get("")))
             self._hindsight.keep(*kept)
         narrow = [mode for mode in self._modes if self._refinement.is_narrow(mode)]
         if not narrow or narrow[0] is not self._modes[0]:

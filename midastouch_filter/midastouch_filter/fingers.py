@@ -19,7 +19,7 @@ from midastouch_perception import se3
 from . import motion_model
 from .config import FilterConfig
 from .gates import OccupiedGate, RestGate, UnchangedCodeGate
-from .joint_alignment import FeltRelief
+from .joint_alignment import FeltPenetration
 from .lookup import PoseLookup
 from .measurement_model import MeasurementModel
 from .motion_model import Odometry
@@ -36,7 +36,8 @@ _UNKNOWN, _NONE = -2, -1  # instead of an entry: not searched for yet; none abou
 class Evidence:
     """What one further finger adds in this step.
 
-    name; T_gel_finger (4, 4); code (D,) at unit length, None if the finger touches nothing; relief (80, 60) m or None;
+    name; T_gel_finger (4, 4); code (D,) at unit length, None if the finger touches nothing;
+    penetration map (80, 60) m or None;
     share in [0, 1]: how much of it is independent of what the finger felt before.
     """
 
@@ -44,7 +45,7 @@ class Evidence:
     finger: Finger
     T_gel_finger: np.ndarray
     code: np.ndarray | None
-    relief: np.ndarray | None
+    penetration: np.ndarray | None
     share: float
 
     def log_ratio(self, particles: Particles) -> np.ndarray:
@@ -52,17 +53,17 @@ class Evidence:
         return self.finger.log_ratio(particles, self.T_gel_finger, self.code)
 
     @property
-    def felt_relief(self) -> FeltRelief:
-        return FeltRelief(self.relief, self.T_gel_finger, self.name)
+    def felt_penetration(self) -> FeltPenetration:
+        return FeltPenetration(self.penetration, self.T_gel_finger, self.name)
 
-    def log_ratio_of_book(self) -> np.ndarray:
+    def log_ratio_of_codebook(self) -> np.ndarray:
         """(M,) float32: that of every codebook entry as the finger's own pose."""
-        self.finger.model.score_book(self.code)
+        self.finger.model.score_codebook(self.code)
         return self.finger.model.log_ratio
 
     def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """n entries (n,) int32 drawn by their likelihood of being the finger's pose."""
-        self.finger.model.score_book(self.code)
+        self.finger.model.score_codebook(self.code)
         return self.finger.model.draw_matches(n, rng)
 
 
@@ -126,8 +127,8 @@ class Fingers:
                     refuse("bad_code", f"finger {name}: {error}")
                     continue
             if finger.tells(path > 0, code):
-                relief = measurement.relief if measurement.in_contact else None
-                out.append(Evidence(name, finger, T_gel_finger, code, relief, finger.share))
+                penetration = measurement.penetration if measurement.in_contact else None
+                out.append(Evidence(name, finger, T_gel_finger, code, penetration, finger.share))
         return out
 
     @staticmethod
@@ -221,9 +222,9 @@ class Finger:
         distance = self._surface.distance(gels)
         lever = float(np.linalg.norm(T_gel_finger[:3, 3]))
         sigma = float(np.hypot(c.surface_sigma, c.noise_rotation * lever))
-        book_distance = np.full(len(gels), self._surface.reach, np.float32)
+        codebook_distance = np.full(len(gels), self._surface.reach, np.float32)
         if code is None:
-            return self._surface.bounded_log_weight(distance, book_distance, False, sigma)
+            return self._surface.bounded_log_weight(distance, codebook_distance, False, sigma)
         # where there is no surface, the code was felt by chance
         log_ratio = np.full(len(gels), np.log(self.model.outlier))
         near = np.flatnonzero(np.abs(distance) < c.dead_distance)
@@ -231,15 +232,15 @@ class Finger:
         near, start = near[start >= 0], start[start >= 0]
         if len(near):
             close = Particles(gels.positions[near], gels.quaternions[near], gels.log_weights[near], start)
-            book_distance[near] = self._lookup.follow(close)
-            self._remember(gels.entries[near], close.entries, book_distance[near] < self._surface.reach)
+            codebook_distance[near] = self._lookup.follow(close)
+            self._remember(gels.entries[near], close.entries, codebook_distance[near] < self._surface.reach)
             if self._few.skips(len(near), len(self._lookup)):
                 self.model.score_occupied(code, close)
             else:
-                self.model.score_book(code)
+                self.model.score_codebook(code)
             log_ratio[near] = self.model.log_likelihood(close)
-            log_ratio[book_distance >= self._surface.reach] = np.log(self.model.outlier)
-        return log_ratio + self._surface.bounded_log_weight(distance, book_distance, True, sigma)
+            log_ratio[codebook_distance >= self._surface.reach] = np.log(self.model.outlier)
+        return log_ratio + self._surface.bounded_log_weight(distance, codebook_distance, True, sigma)
 
     def _remember(self, entries: np.ndarray, found: np.ndarray, right: np.ndarray) -> None:
         self._found[entries[right]] = found[right]

@@ -3,7 +3,7 @@
 A particle filter forgets: a place that lost its particles to a few noisy touches is never asked again, and one narrow
 mode is left that looks certain. So the last touches are kept with the path between them. Every now and then the
 places that explain them best by their codes are looked for over the whole codebook, and each of these rivals as well
-as the filter's own modes is aligned to the kept reliefs, one after the other along the path. The evidence of this
+as the filter's own modes is aligned to the kept penetrations, one after the other along the path. The evidence of this
 replay, and the start's prior as long as the start lies in reach, give the odds between them.
 
 A replay takes a hundred alignments, so it is done in slices, a few in every step of the filter.
@@ -19,9 +19,9 @@ import numpy as np
 
 from midastouch_perception import se3
 
-from .alignment import ReliefAlignment, without_jitter
+from .alignment import PenetrationAlignment, without_jitter
 from .config import FilterConfig
-from .joint_alignment import FeltRelief, align_in_turn, carried
+from .joint_alignment import FeltPenetration, align_in_turn, carried
 from .lookup import ROTATION_SCALE, PoseLookup
 
 _FEWEST = 6  # touches that a replay needs to say anything
@@ -86,11 +86,12 @@ class Prior:
 
 @dataclass(frozen=True)
 class Felt:
-    """What one finger felt: log_ratio (M,) of every codebook entry; relief (80, 60) m or None; T_gel_finger (4, 4),
+    """What one finger felt: log_ratio (M,) of every codebook entry; penetration map (80, 60) m or None;
+    T_gel_finger (4, 4),
     None for the reference itself."""
 
     log_ratio: np.ndarray
-    relief: np.ndarray | None
+    penetration: np.ndarray | None
     T_gel_finger: np.ndarray | None = None
 
 
@@ -99,9 +100,9 @@ class _Kept:
     motion: np.ndarray  # (4, 4) from the start to this touch
     felt: list[Felt]  # log_ratio as float16
 
-    def reliefs(self, settled: bool) -> list[FeltRelief]:
+    def penetrations(self, settled: bool) -> list[FeltPenetration]:
         """Those to align to: as long as the place is not settled, the first one's only."""
-        found = [FeltRelief(f.relief, f.T_gel_finger) for f in self.felt if f.relief is not None]
+        found = [FeltPenetration(f.penetration, f.T_gel_finger) for f in self.felt if f.penetration is not None]
         return found if settled else found[:1]
 
 
@@ -111,7 +112,7 @@ class Hindsight:
     Args: lookup; poses (M, 4, 4) of its entries; alignment; config.
     """
 
-    def __init__(self, lookup: PoseLookup, poses: np.ndarray, alignment: ReliefAlignment, config: FilterConfig):
+    def __init__(self, lookup: PoseLookup, poses: np.ndarray, alignment: PenetrationAlignment, config: FilterConfig):
         self._lookup, self._poses, self._alignment, self._config = lookup, poses, alignment, config
         self._jitter = config.jitter
         self._share = min(1.0, config.hindsight_spacing / config.correlation_length)
@@ -158,7 +159,7 @@ class Hindsight:
         return self._path >= self._config.hindsight_spacing
 
     def keep(self, *felt: Felt) -> None:
-        """Keep what the fingers feel at present, the reference first; at least one has a relief."""
+        """Keep what the fingers feel at present, the reference first; at least one has a penetration."""
         kept = [replace(each, log_ratio=each.log_ratio.astype(np.float16)) for each in felt]
         self._touches.append(_Kept(self._motion, kept))
         self._path = 0.0
@@ -228,9 +229,9 @@ class Hindsight:
         pose, covariance = start, np.diag(_START)
         evidence = np.full(len(touches), -np.inf)
         for k in range(len(touches) - 1, -1, -1):
-            reliefs = touches[k].reliefs(settled=len(touches) - k > _SETTLED)
+            penetrations = touches[k].penetrations(settled=len(touches) - k > _SETTLED)
             aligned = align_in_turn(
-                self._alignment, pose, covariance + self._jitter, reliefs, self._config.finger_error
+                self._alignment, pose, covariance + self._jitter, penetrations, self._config.finger_error
             )
             evidence[k] = aligned.log_evidence
             pose, covariance = without_jitter(pose, covariance, self._jitter, aligned)

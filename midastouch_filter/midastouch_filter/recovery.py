@@ -32,7 +32,7 @@ class LikelihoodTrend:
         self.long += self._config.recovery_alpha_slow * share * (value - self.long)
 
     def explained(self) -> None:
-        """The relief itself fits the belief: whatever the codes say, the particles are not lost."""
+        """The penetration itself fits the belief: whatever the codes say, the particles are not lost."""
         self.short = max(self.short, 0.0)
 
     @property

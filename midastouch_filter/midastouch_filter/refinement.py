@@ -1,7 +1,7 @@
-"""Coarse to fine: once particles form narrow modes, let the felt relief itself place them.
+"""Coarse to fine: once particles form narrow modes, let the felt penetration itself place them.
 
 The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
-Gaussian the relief has a closed-form update: `alignment.py` gives the posterior mean and covariance, and the mode's
+Gaussian the penetration map has a closed-form update: `alignment.py` gives its posterior, and the mode's
 particles are moved as a whole so that they have them (a deterministic ensemble Kalman update, Bishop et al. 2001).
 It costs a dozen rendered views per mode instead of one per particle.
 """
@@ -20,42 +20,36 @@ from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
-from .alignment import Aligned, ReliefAlignment, without_jitter
+from .alignment import Aligned, PenetrationAlignment, without_jitter
 from .config import FilterConfig
 from .estimate import Mode
-from .joint_alignment import FeltRelief, align_in_turn, carried
+from .joint_alignment import FeltPenetration, align_in_turn, carried
 from .particles import Particles
 from .resampling import log_sum_exp
 from .workers import Workers
 
-RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
+PENETRATION_SCALE = 0.25  # of the camera image: 80 x 60
 _FLOOR = np.repeat([2e-4, np.radians(0.3)], 3) ** 2  # m^2, rad^2: no mode is surer than this before it is aligned
 _ONE_OPTIMUM = 4e-3, np.radians(12.0)  # m, rad: a mode that spreads no wider is aligned from its mean alone
 _TRIES = 4  # particles that a wider one is aligned from besides
 _DECISIVE = 3.0  # nats
 _ELSEWHERE = 22.5  # squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom)
-_LARGEST_EVIDENCE = 5.0  # nats one relief may speak for one mode and against another
-
-
-def reduced_relief(penetration: np.ndarray) -> np.ndarray:
-    """Relief (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
-    rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
-    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)
+_LARGEST_EVIDENCE = 5.0  # nats one penetration may speak for one mode and against another
 
 
 class Refinement:
-    """Moves the particles of narrow modes to where the relief puts them."""
+    """Moves the particles of narrow modes to where the penetration puts them."""
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig, workers: Workers):
         self._config, self._workers = config, workers
-        self.alignment = ReliefAlignment(
-            mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
+        self.alignment = PenetrationAlignment(
+            mesh, sensor.scaled(PENETRATION_SCALE), config.relief_noise, config.relief_correlation
         )
         self._jitter = config.jitter
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of the reliefs."""
+        """Rows and columns of the penetrations."""
         return self.alignment.sensor.gel_depth.shape
 
     def apply(
@@ -63,14 +57,15 @@ class Refinement:
         particles: Particles,
         members: np.ndarray,
         modes: list[Mode],
-        reliefs: Sequence[FeltRelief],
+        penetrations: Sequence[FeltPenetration],
         share: float,
     ) -> dict[int, Aligned]:
-        """Update the particles of narrow modes in place; returns what the reliefs say of each of them, by mode.
+        """Update the particles of narrow modes in place; returns what the penetrations say of each of them, by mode.
 
-        members (N,): mode of each particle, -1 for none; reliefs: one or more, those `reached` of all fingers in this
+        members (N,): mode of each particle, -1 for none; penetrations: one or more,
+        those `reached` of all fingers in this
         frame; share in [0, 1]: how much of this frame is evidence independent of the last. Between several narrow
-        modes, mass moves to those the reliefs fit.
+        modes, mass moves to those the penetrations fit.
         """
         c = self._config
         priors = self._priors(modes)
@@ -78,7 +73,12 @@ class Refinement:
         tries = [(k, start) for k in narrow for start in _starts(modes[k], particles, np.flatnonzero(members == k))]
         found = self._workers.map(
             lambda each: align_in_turn(
-                self.alignment, modes[each[0]].pose, priors[each[0]] + self._jitter, reliefs, c.finger_error, each[1]
+                self.alignment,
+                modes[each[0]].pose,
+                priors[each[0]] + self._jitter,
+                penetrations,
+                c.finger_error,
+                each[1],
             ),
             tries,
         )
@@ -117,20 +117,20 @@ class Refinement:
         c = self._config
         return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
 
-    def reached(self, modes: list[Mode], reliefs: Sequence[FeltRelief]) -> list[FeltRelief]:
+    def reached(self, modes: list[Mode], penetrations: Sequence[FeltPenetration]) -> list[FeltPenetration]:
         """Those of fingers that all narrow modes say well enough where they are; the reference always is.
 
-        All modes are aligned to the same reliefs, so that their evidence can be compared.
+        All modes are aligned to the same penetrations, so that their evidence can be compared.
         """
-        priors = self._priors(modes).values() if len(reliefs) > 1 or reliefs[0].name else ()
+        priors = self._priors(modes).values() if len(penetrations) > 1 or penetrations[0].name else ()
 
-        def is_reached(felt: FeltRelief) -> bool:
+        def is_reached(felt: FeltPenetration) -> bool:
             if felt.T_gel_finger is None:
                 return True
             spreads = [np.sqrt(np.trace(carried(prior, felt.T_gel_finger)[:3, :3])) for prior in priors]
             return max(spreads, default=0.0) < self._config.refine_translation
 
-        return [felt for felt in reliefs if is_reached(felt)]
+        return [felt for felt in penetrations if is_reached(felt)]
 
     def _priors(self, modes: list[Mode]) -> dict[int, np.ndarray]:
         """Covariances (6, 6) of the narrow ones of the modes to align, in their own frames."""
@@ -174,7 +174,7 @@ def _starts(mode: Mode, particles: Particles, members: np.ndarray) -> list[np.nd
 
 
 def _agreed(found: list[Aligned], least_fit: float) -> Aligned | None:
-    """The best of several optima that fit; None if another one, elsewhere, explains the relief nearly as well.
+    """The best of several optima that fit; None if another one, elsewhere, explains the penetration nearly as well.
 
     Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
     praises it.)
@@ -192,7 +192,7 @@ def _agreed(found: list[Aligned], least_fit: float) -> Aligned | None:
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:
-    """The mode with the pose of this very frame: where the relief puts the sensor, the arm's jitter included."""
+    """The mode with the pose of this very frame: where the penetration puts the sensor, the arm's jitter included."""
     turn = se3.turn(aligned.pose[:3, :3])
     return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
 

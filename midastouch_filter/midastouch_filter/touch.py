@@ -9,14 +9,14 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Measurement:
-    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; relief
-    (80, 60) m, the felt penetration reduced by `refinement.reduced_relief`, or None."""
+    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration
+    (80, 60) m, the felt map reduced by `reduced_penetration`, or None."""
 
     in_contact: bool
     code: np.ndarray | None = None
     contact_area: float = 0.0
     network_id: str = ""
-    relief: np.ndarray | None = None
+    penetration: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -29,3 +29,9 @@ class FingerTouch:
 
     T_gel_finger: np.ndarray
     measurement: Measurement
+
+
+def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
+    """Penetration map (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
+    rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
+    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)

@@ -16,7 +16,7 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
-# without reliefs a mode is as wide as the entries of its book are apart, here some 5 mm
+# without penetrations a mode is as wide as the entries of its book are apart, here some 5 mm
 CONFIG = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
 
 

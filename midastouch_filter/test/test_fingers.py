@@ -15,9 +15,8 @@ from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.measurement_model import MeasurementModel
 from midastouch_filter.motion_model import carried
 from midastouch_filter.particles import Particles
-from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.surface import SurfaceConstraint, SurfaceGrid
-from midastouch_filter.touch import FingerTouch, Measurement
+from midastouch_filter.touch import FingerTouch, Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -73,7 +72,7 @@ def test_where_the_reference_is_a_finger_weighs_like_it(fingers, refused, parts,
     code = world.encode(world.poses[:1])[0]
     (evidence,) = felt(fingers, refused, twin=touch(np.eye(4), code))
     distance = lookup.follow(cloud)
-    model.score_book(code)
+    model.score_codebook(code)
     expected = surface.log_weight(cloud, distance) + model.log_likelihood(cloud)
     alive = np.isfinite(expected) & (distance < 0.9 * surface.reach)
     assert alive.mean() > 0.9
@@ -279,7 +278,7 @@ def test_whatever_fingers_feel_the_belief_stays_finite(filter_, pair, frames):
     filter_.initialise_uniform()
     for k, (place, code, reference) in enumerate(frames):
         others = {
-            "a": FingerTouch(PLACES[place], Measurement(code != 4, codes[code], relief=np.ones(3))),
+            "a": FingerTouch(PLACES[place], Measurement(code != 4, codes[code], penetration=np.ones(3))),
             "b": pair[3][k],
         }
         estimate = filter_.step(pair[1][k], pair[2][k] if reference else Measurement(False), others)
@@ -351,7 +350,7 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
     filter_.initialise_uniform()
     for k, motion in enumerate(gripper.odometry):
         above, below = (
-            Measurement(True, codes[k], relief=reduced_relief(maps[k]))
+            Measurement(True, codes[k], penetration=reduced_penetration(maps[k]))
             for codes, maps in zip(gripper.codes, gripper.penetrations, strict=True)
         )
         others = {"below": FingerTouch(gripper.between[k], below)} if two else {}
@@ -374,14 +373,16 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
 def test_a_finger_explores_while_the_first_one_rests(gripper):
     """As a thumb that holds the object; the first finger's one touch fits two places."""
     filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]
-    resting = Measurement(True, gripper.codes[0][0], relief=reduced_relief(gripper.penetrations[0][0]))
+    resting = Measurement(True, gripper.codes[0][0], penetration=reduced_penetration(gripper.penetrations[0][0]))
     below = gripper.above @ gripper.between
     errors = []
     for seed in range(3):
         filter_.reset(seed)
         filter_.initialise_uniform()
         for k, gel in enumerate(below):
-            exploring = Measurement(True, gripper.codes[1][k], relief=reduced_relief(gripper.penetrations[1][k]))
+            exploring = Measurement(
+                True, gripper.codes[1][k], penetration=reduced_penetration(gripper.penetrations[1][k])
+            )
             others = {"below": FingerTouch(se3.inverse(truth) @ gel, exploring)}
             estimate = filter_.step(np.eye(4) if k else None, resting, others)
         assert estimate.status.state == state.CONVERGED, estimate.status.reason
@@ -390,12 +391,12 @@ def test_a_finger_explores_while_the_first_one_rests(gripper):
     assert max(errors) < 5e-3
 
 
-def test_a_relief_that_is_none_costs_only_itself(gripper):
+def test_a_penetration_map_that_is_none_costs_only_itself(gripper):
     filter_ = gripper.make_filter(CONFIG)
     filter_.reset(0)
     filter_.initialise_uniform()
-    broken = Measurement(True, gripper.codes[1][0], relief=np.full((80, 60), np.nan, np.float32))
+    broken = Measurement(True, gripper.codes[1][0], penetration=np.full((80, 60), np.nan, np.float32))
     estimate = filter_.step(None, Measurement(False), {"below": FingerTouch(gripper.between[0], broken)})
     assert estimate.status.skipped["bad_relief"] == 1
-    assert "finger below: relief" in estimate.status.reason
+    assert "finger below: penetration" in estimate.status.reason
     assert estimate.status.state == state.AMBIGUOUS

@@ -3,11 +3,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from midastouch_filter.alignment import ReliefAlignment
+from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.hindsight import Felt, Hindsight, Prior, pose_distance
 from midastouch_filter.lookup import PoseLookup
-from midastouch_filter.refinement import RELIEF_SCALE
+from midastouch_filter.refinement import PENETRATION_SCALE
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
@@ -27,19 +27,19 @@ class Slide:
 
     def __init__(self, world, twofold: bool, steps: int = 14):
         mesh = world.bumpy_mesh(twofold)
-        coarse = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
+        coarse = SensorModel.load("digit_tacto").scaled(PENETRATION_SCALE)
         self.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
         self.lookup = PoseLookup(self.book, Workers(1))
-        self.alignment = ReliefAlignment(mesh, coarse, CONFIG.relief_noise, CONFIG.relief_correlation)
+        self.alignment = PenetrationAlignment(mesh, coarse, CONFIG.relief_noise, CONFIG.relief_correlation)
         self.truth = world.make_slide(mesh, 6 * steps, np.random.default_rng(8))[::6]
-        self.reliefs = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
+        self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
 
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
         self.hindsight = hindsight = Hindsight(self.lookup, self.book, self.alignment, CONFIG)
         hindsight.restart(prior)
         self.answered = 0
-        for k, relief in enumerate(self.reliefs):
+        for k, penetration in enumerate(self.penetrations):
             if k:
                 step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
                 hindsight.moved(step, CONFIG.hindsight_spacing)
@@ -51,7 +51,7 @@ class Slide:
                 angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
                 nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
             log_ratio = np.log(np.exp(-0.5 * (nearest / 0.008) ** 2) + 0.03) + 1.0
-            hindsight.keep(Felt(log_ratio, relief), *self.others[k : k + 1])
+            hindsight.keep(Felt(log_ratio, penetration), *self.others[k : k + 1])
             assert not hindsight.due
         for _ in range(1000):
             self.answered += 1
@@ -105,7 +105,7 @@ def test_what_was_known_of_the_start_decides_between_twins(symmetric):
 def test_few_touches_say_nothing(symmetric):
     short = Slide.__new__(Slide)
     short.__dict__.update(symmetric.__dict__)
-    short.truth, short.reliefs = symmetric.truth[:3], symmetric.reliefs[:3]
+    short.truth, short.penetrations = symmetric.truth[:3], symmetric.penetrations[:3]
     assert short.run([np.eye(4)], [symmetric.truth[2]]) is None
 
 
@@ -148,7 +148,7 @@ def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
     log_ratio = np.zeros(len(uneven.book))
     rested = []
     for _ in range(6):
-        uneven.hindsight.keep(Felt(log_ratio, uneven.reliefs[-1]))
+        uneven.hindsight.keep(Felt(log_ratio, uneven.penetrations[-1]))
         rested.append(uneven.hindsight.rests)
     assert rested == [False, False, True, True, True, False]
     uneven.hindsight.compare([truth])
@@ -163,13 +163,13 @@ def test_when_contradicted_it_forgets_what_was_before_a_lift(uneven, lifted):
     hindsight.moved(np.eye(4), 8e-3, in_contact=False)
     hindsight.moved(np.eye(4), 8e-3, in_contact=not lifted)  # 8 mm without contact are but a gap in the slide
     for _ in range(3):
-        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
+        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.penetrations[-1]))
     hindsight.contradicted()
     answers = [hindsight.compare(modes) for _ in range(300)]
     assert all(answer is None for answer in answers) == lifted  # three touches say nothing
     hindsight.contradicted()
     for _ in range(3):
-        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
+        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.penetrations[-1]))
     assert any(hindsight.compare(modes) is not None for _ in range(300))  # six do
 
 
@@ -177,7 +177,7 @@ def test_a_rival_ends_the_wait(uneven):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])
     for _ in range(3):
-        uneven.hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
+        uneven.hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.penetrations[-1]))
     assert uneven.hindsight.rests
     uneven.hindsight.compare([truth, HALF_TURN @ truth])
     assert not uneven.hindsight.rests
@@ -189,19 +189,19 @@ def test_what_another_finger_felt_tells_twins_apart(world):
     slide = Slide.__new__(Slide)
     slide.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
     slide.lookup = PoseLookup(slide.book, Workers(1))
-    sensor = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
-    slide.alignment = ReliefAlignment(mesh, sensor, CONFIG.relief_noise, CONFIG.relief_correlation)
+    sensor = SensorModel.load("digit_tacto").scaled(PENETRATION_SCALE)
+    slide.alignment = PenetrationAlignment(mesh, sensor, CONFIG.relief_noise, CONFIG.relief_correlation)
     turns = np.linspace(0, 1.5 * np.pi, 14)
     circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
     slide.truth, below = (world.poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04))
     renderer = PenetrationRenderer(mesh, sensor)
-    slide.reliefs = np.maximum(renderer.render(slide.truth), 0)
+    slide.penetrations = np.maximum(renderer.render(slide.truth), 0)
     felt_below, between = np.maximum(renderer.render(below), 0), se3.inverse(slide.truth) @ below
     truth, wrong = slide.truth[-1], HALF_TURN @ slide.truth[-1]
     alone = slide.run([np.eye(4), HALF_TURN], [wrong])
     assert odds_at(alone, wrong)[0] > odds_at(alone, truth)[0] - 1
     silent = np.zeros(len(slide.book))
-    slide.others = [Felt(silent, relief, place) for relief, place in zip(felt_below, between, strict=True)]
+    slide.others = [Felt(silent, penetration, place) for penetration, place in zip(felt_below, between, strict=True)]
     together = slide.run([np.eye(4), HALF_TURN], [wrong])
     assert odds_at(together, truth) == [0.0]
     assert odds_at(together, wrong)[0] < -8
@@ -211,14 +211,14 @@ def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
     """Codes of the second finger alone bring up the right place, where the first finger feels nothing."""
     hindsight = Hindsight(uneven.lookup, uneven.book, uneven.alignment, CONFIG)
     between = se3.exp(np.array([0.02, 0, 0.05, 0.3, 0.2, 0.1]))
-    for k, relief in enumerate(uneven.reliefs):
+    for k, penetration in enumerate(uneven.penetrations):
         if k:
             step = between @ se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k] @ se3.inverse(between)
             hindsight.moved(step, CONFIG.hindsight_spacing)
         gap = np.linalg.norm(uneven.book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(uneven.book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
         log_ratio = np.log(np.exp(-0.5 * (np.hypot(gap, 0.01 * angle) / 0.008) ** 2) + 0.03) + 1.0
-        hindsight.keep(Felt(log_ratio, relief, between))
+        hindsight.keep(Felt(log_ratio, penetration, between))
     truth = uneven.truth[-1] @ se3.inverse(between)
     wrong = HALF_TURN @ truth
     answer = next(filter(None, (hindsight.compare([wrong]) for _ in range(1000))))

@@ -4,9 +4,10 @@ import pytest
 from midastouch_filter.alignment import Aligned
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Mode
-from midastouch_filter.joint_alignment import FeltRelief
+from midastouch_filter.joint_alignment import FeltPenetration
 from midastouch_filter.particles import Particles
-from midastouch_filter.refinement import Refinement, reduced_relief, sharpened
+from midastouch_filter.refinement import Refinement, sharpened
+from midastouch_filter.touch import reduced_penetration
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
@@ -33,7 +34,7 @@ def touch(tool, sensor):
     """A pose on the tool's edge and what is felt there, and another pose far away."""
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_share=1.0, free_share=0.0)
     poses = sample_contact_poses(tool, 2, np.random.default_rng(4), sensor, sampling)
-    return poses[0], reduced_relief(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
+    return poses[0], reduced_penetration(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
 
 
 @pytest.fixture
@@ -51,18 +52,20 @@ def mode_of(pose, n, weight=1.0, sigma=SIGMA):
     return Mode(weight, pose, turn @ np.diag(sigma**2) @ turn.T, n)
 
 
-def test_reduced_relief_is_the_block_mean():
+def test_reduced_penetration_is_the_block_mean():
     penetration = np.arange(160 * 120, dtype=np.float32).reshape(160, 120)
-    relief = reduced_relief(penetration)
-    assert relief.shape == (80, 60)
-    assert relief[3, 5] == penetration[6:8, 10:12].mean()
+    reduced = reduced_penetration(penetration)
+    assert reduced.shape == (80, 60)
+    assert reduced[3, 5] == penetration[6:8, 10:12].mean()
 
 
 def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
-    truth, relief, _ = touch
+    truth, penetration, _ = touch
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
-    aligned = refinement.apply(particles, np.zeros(400, np.int32), [mode_of(start, 400)], [FeltRelief(relief)], 1.0)
+    aligned = refinement.apply(
+        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [FeltPenetration(penetration)], 1.0
+    )
     assert aligned[0].fit > 0.9
     before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
     after = np.linalg.norm(particles.positions.mean(axis=0) - truth[:3, 3])
@@ -93,16 +96,16 @@ def test_particles_of_one_frame_are_where_it_has_the_mode(refinement, touch):
 
 
 def test_wide_modes_are_left_alone(refinement, touch):
-    truth, relief, _ = touch
+    truth, penetration, _ = touch
     particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
-    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], [FeltRelief(relief)], 1.0) == {}
+    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], [FeltPenetration(penetration)], 1.0) == {}
     np.testing.assert_array_equal(particles.positions, before)
 
 
 def test_mass_moves_to_the_mode_that_fits(refinement, touch):
-    truth, relief, elsewhere = touch
+    truth, penetration, elsewhere = touch
     rng = np.random.default_rng(1)
     right, wrong = cloud(truth, 200, rng), cloud(elsewhere, 200, rng)
     particles = Particles(
@@ -113,7 +116,7 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     )
     members = np.repeat(np.array([1, 0], np.int32), 200)
     modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
-    refinement.apply(particles, members, modes, [FeltRelief(relief)], 0.5)
+    refinement.apply(particles, members, modes, [FeltPenetration(penetration)], 0.5)
     weights = particles.weights
     assert weights.sum() == pytest.approx(1)
     # at most five nats a whole touch, here half of one
@@ -127,7 +130,7 @@ class TwoOptima:
         self._worse, self._fit = left_is_worse_by, fit
         self.starts = 0
 
-    def align(self, pose, covariance, relief, start):
+    def align(self, pose, covariance, penetration, start):
         self.starts += 1
         left = (se3.inverse(pose) @ start)[0, 3] < 0
         end = pose @ se3.make(np.eye(3), np.array([-5e-3 if left else 5e-3, 0, 0]))
@@ -145,7 +148,7 @@ def wide_mode(refinement, touch, optima, spread=6e-3):
 def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement, touch, nats, agreed):
     particles, mode = wide_mode(refinement, touch, TwoOptima(nats))
     before = particles.positions.copy()
-    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
+    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)
     assert refinement.alignment.starts > 2
     assert bool(aligned) == agreed
     if agreed:
@@ -156,12 +159,12 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement,
 
 def test_a_narrow_mode_is_aligned_from_its_mean_alone(refinement, touch):
     particles, mode = wide_mode(refinement, touch, TwoOptima(1.0), spread=1e-3)
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)
     assert refinement.alignment.starts == 1
 
 
 def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
     particles, mode = wide_mode(refinement, touch, TwoOptima(1.0, fit=0.1))
     before = particles.positions.copy()
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)[0].fit == 0.1
+    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)[0].fit == 0.1
     np.testing.assert_array_equal(particles.positions, before)

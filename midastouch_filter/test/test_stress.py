@@ -67,7 +67,7 @@ def some_book(world, mesh, n=300, **changes):
 
 @pytest.fixture(scope="module")
 def filter_(world):
-    """With refinement, so that reliefs are looked at, too."""
+    """With refinement, so that penetrations are looked at, too."""
     book = some_book(world, world.mesh, 1000, sensor="digit_tacto")
     return ParticleFilter(world.mesh, book, SMALL, 0)
 
@@ -176,7 +176,7 @@ def test_a_million_particles(world):
     assert many.weights.sum() == pytest.approx(1)
 
 
-# --------------------------------------------------------------------------- codes and reliefs
+# --------------------------------------------------------------------------- codes and penetrations
 
 
 @given(arrays(np.float64, DIM, elements=st.floats(width=64)), st.integers(0, 5))
@@ -194,32 +194,32 @@ def test_any_code_ends_in_a_defined_state(filter_, world, code, spoilt):
             assert "not finite" in estimate.status.reason
 
 
-RELIEF = (80, 60)
+MAP_SHAPE = (80, 60)
 
 
 @pytest.mark.parametrize(
-    "relief",
+    "penetration",
     [
-        np.full(RELIEF, np.nan, np.float32),
-        np.full(RELIEF, np.inf, np.float32),
-        np.full(RELIEF, 1e30, np.float32),
-        np.zeros(RELIEF, np.float32),
+        np.full(MAP_SHAPE, np.nan, np.float32),
+        np.full(MAP_SHAPE, np.inf, np.float32),
+        np.full(MAP_SHAPE, 1e30, np.float32),
+        np.zeros(MAP_SHAPE, np.float32),
         np.full((160, 120), 1e-3, np.float32),
         np.zeros((0, 0), np.float32),
     ],
     ids=["nan", "inf", "huge", "zero", "wrong size", "empty"],
 )
-def test_any_relief_ends_in_a_defined_state(filter_, world, relief):
+def test_any_penetration_map_ends_in_a_defined_state(filter_, world, penetration):
     frames = slide(world, 3)
     truth = world.make_slide(world.mesh, 3, np.random.default_rng(3))
     filter_.reset(0)
     filter_.initialise_gaussian(truth[0], 5e-4, 0.02)
     for motion, code in frames:
-        estimate = filter_.step(motion, Measurement(True, code, relief=relief))
+        estimate = filter_.step(motion, Measurement(True, code, penetration=penetration))
         assert_defined(filter_, estimate)
-    unusable = relief.shape != RELIEF or not np.isfinite(relief).all()
+    unusable = penetration.shape != MAP_SHAPE or not np.isfinite(penetration).all()
     assert (estimate.status.skipped.get("bad_relief", 0) == 3) == unusable
-    assert ("relief" in estimate.status.reason) == unusable
+    assert ("penetration" in estimate.status.reason) == unusable
 
 
 # --------------------------------------------------------------------------- float32
@@ -294,10 +294,10 @@ def test_degenerate_meshes_work(world, name):
     book = some_book(world, mesh, 200, sensor="digit_tacto")
     filter_ = ParticleFilter(mesh, book, SMALL, 0)
     filter_.initialise_uniform()
-    relief = np.full(RELIEF, 1e-4, np.float32)
+    penetration = np.full(MAP_SHAPE, 1e-4, np.float32)
     step = se3.exp([5e-4, 0, 0, 0, 0, 0.01])
     for k in range(4):
-        estimate = filter_.step(step, Measurement(True, book.codes[k], relief=relief))
+        estimate = filter_.step(step, Measurement(True, book.codes[k], penetration=penetration))
         assert_defined(filter_, estimate)
 
 
@@ -374,5 +374,5 @@ def test_a_book_without_calibration_is_refused(world, key):
             ParticleFilter(world.mesh, book, SMALL, 0)
 
 
-def test_reliefs_have_the_size_of_the_sensors_views():
-    assert SensorModel.load("digit_tacto").scaled(0.25).gel_depth.shape == RELIEF
+def test_penetration_maps_have_the_size_of_the_sensors_views():
+    assert SensorModel.load("digit_tacto").scaled(0.25).gel_depth.shape == MAP_SHAPE

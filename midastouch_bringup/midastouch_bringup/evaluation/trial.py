@@ -11,8 +11,8 @@ import numpy as np
 
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
 from midastouch_filter.paper_filter import PaperFilter
-from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.touch import reduced_penetration
 from midastouch_perception import se3
 from midastouch_perception.pipeline import Touch
 
@@ -50,7 +50,7 @@ Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
 def measure(touch: Touch) -> Measurement:
     """What the filter is told of a touch."""
-    relief = reduced_relief(touch.penetration) if touch.in_contact else None
+    relief = reduced_penetration(touch.penetration) if touch.in_contact else None
     return Measurement(touch.in_contact, touch.code, touch.area_m2, touch.network_id, relief)
 
 

@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.touch import reduced_penetration
 from midastouch_perception.errors import InputError
 from midastouch_perception.nodes.stages import Code
 from midastouch_perception.nodes.tcn import TcnNode
@@ -46,7 +46,7 @@ def make_nodes(
     def on_code(header: Header, code: Code) -> None:
         measurement = Measurement(False, network_id=code.network_id)
         if code.in_contact:
-            relief = reduced_relief(code.penetration)
+            relief = reduced_penetration(code.penetration)
             measurement = Measurement(True, code.values, code.area_m2, code.network_id, relief)
         running.on_code(stamp_ns(header.stamp), measurement)
 

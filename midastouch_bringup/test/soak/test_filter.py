@@ -12,8 +12,8 @@ from slide import Slide
 from midastouch_bringup.node_processes import resident_mb
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import STATES
+from midastouch_filter.touch import reduced_penetration
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
@@ -32,7 +32,9 @@ def touches(slide: Slide, mesh: ObjectMesh) -> list[Measurement]:
     sensor = SensorModel.load("digit_tacto")
     penetration = PenetrationRenderer(mesh, sensor.scaled(SCALE)).render(slide.poses)
     codes = load_tcn("fast", sensor).encode(penetration)
-    return [Measurement(True, code, 1e-5, "", reduced_relief(p)) for code, p in zip(codes, penetration, strict=True)]
+    return [
+        Measurement(True, code, 1e-5, "", reduced_penetration(p)) for code, p in zip(codes, penetration, strict=True)
+    ]
 
 
 def far_from_rotations(poses: np.ndarray) -> float:

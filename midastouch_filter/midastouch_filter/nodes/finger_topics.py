@@ -223,7 +223,7 @@ class _Finger:
         if not isinstance(T_base_finger, np.ndarray):
             return "missing_transform"
         if self._reliefs is not None and measurement.in_contact and on is not None and on.sensor is not None:
-            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(found, on.sensor))
+            measurement = dataclasses.replace(measurement, penetration=self._reliefs.take(found, on.sensor))
         return FingerTouch(se3.inverse(T_base_gel) @ T_base_finger, measurement)
 
     def _nearest(self, stamp: int) -> int | None:

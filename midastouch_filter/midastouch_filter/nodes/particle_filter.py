@@ -189,8 +189,8 @@ class ParticleFilterNode(ManagedNode):
         self._untouched = False
         sensor = self._localiser.object.sensor if self._localiser.object is not None else None
         if self._reliefs is not None and sensor is not None and measurement.in_contact:
-            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(stamp, sensor))
-            self._report.counts["no_relief"] += measurement.relief is None
+            measurement = dataclasses.replace(measurement, penetration=self._reliefs.take(stamp, sensor))
+            self._report.counts["no_relief"] += measurement.penetration is None
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
             estimate = self._localiser.process(T_base_gel, measurement, others)

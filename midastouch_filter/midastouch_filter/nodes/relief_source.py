@@ -16,7 +16,7 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import points_from_msg, stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
-from ..refinement import reduced_relief
+from ..touch import reduced_penetration
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 _PATIENCE = 0.25
@@ -69,7 +69,7 @@ class ReliefSource:
         if cloud is None:
             return None
         try:
-            return reduced_relief(in_steps(penetration_from_cloud(points_from_msg(cloud), sensor)))
+            return reduced_penetration(in_steps(penetration_from_cloud(points_from_msg(cloud), sensor)))
         except InputError as error:
             self._on_bad(f"{self._topic}: {error}")
             return None
