@@ -18,9 +18,9 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
+from .noise_model import NoiseModel
+
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
-# Between places a map counts as if its error were half as large again: what it mistakes looks like another place
-_BETWEEN_PLACES = 1 / 1.5**2
 
 
 @dataclass(frozen=True)
@@ -41,30 +41,31 @@ class Aligned:
 class PenetrationAlignment:
     """Aligns poses on one mesh.
 
-    Args: mesh; sensor, at the resolution of the penetrations; noise [m], standard deviation of a penetration's error;
-    correlation [m], over which that error is one and the same.
+    Args: mesh; sensor, at the resolution of the penetration maps; noise.
+    Attributes: map_shape, rows and columns of the maps.
     """
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: float, correlation: float):
-        self.sensor = sensor
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
+        self.map_shape = sensor.gel_depth.shape
+        self._between_places = noise.between_places
         self._kernel = kernels.MapAlignment(
             PenetrationRenderer(mesh, sensor, _MARGIN).scene,
             *sensor.rays,
             sensor.gel_depth,
-            sensor.pixel_area / correlation**2 / noise**2,
+            sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2,
         )
 
     def align(
         self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray, start: np.ndarray | None = None
     ) -> Aligned:
-        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a penetration (H, W) m.
+        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a penetration map (H, W) m.
 
         The optimum is looked for from `start` (4, 4), by default the prior's pose.
         """
         pose = np.ascontiguousarray(pose, float)
         start = pose if start is None else np.ascontiguousarray(start, float)
         found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
-        return Aligned(found, posterior, _BETWEEN_PLACES * log_evidence, fit)
+        return Aligned(found, posterior, self._between_places * log_evidence, fit)
 
 
 def without_jitter(

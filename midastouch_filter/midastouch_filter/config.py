@@ -64,7 +64,6 @@ class FilterConfig:
     max_hover: float = _number(1e-3, 0.0, 0.02, "m", "... and this far above its surface")
     surface_sigma: float = _number(1e-3, 1e-5, 0.02, "m", "softness of both limits")
     dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
-    project_to_surface: bool = _switch(False, "move particles back between both limits instead of only weighing them")
     book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
 
     # --- coarse to fine: alignment of narrow modes to the felt map; jitter as of the paper's tracker (section 5)

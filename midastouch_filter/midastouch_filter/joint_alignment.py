@@ -7,30 +7,20 @@ between them, aligned to that finger's penetration, and carried back.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from midastouch_perception import se3
 
 from .alignment import Aligned, PenetrationAlignment, without_jitter
-
-
-class FeltPenetration(NamedTuple):
-    """penetration (80, 60) m; T_gel_finger (4, 4), the gel frame that felt it in the reference's; the finger's name.
-
-    None and "" stand for the reference itself."""
-
-    penetration: np.ndarray
-    T_gel_finger: np.ndarray | None = None
-    name: str = ""
+from .touch import Measurement
 
 
 def align_in_turn(
     alignment: PenetrationAlignment,
     pose: np.ndarray,
     covariance: np.ndarray,
-    penetrations: Sequence[FeltPenetration],
+    touches: Sequence[Measurement],
     finger_error: np.ndarray,
     start: np.ndarray | None = None,
 ) -> Aligned:
@@ -41,24 +31,25 @@ def align_in_turn(
     the pose must explain all of them.
     """
     log_evidence, fit = 0.0, 1.0
-    for penetration, T_gel_finger, _ in penetrations:
+    for touch in touches:
+        penetration, T_gel_finger = touch.penetration, touch.T_gel_finger
         if T_gel_finger is None:
             found = alignment.align(pose, covariance, penetration, start)
             pose, covariance = found.pose, found.covariance
         else:
-            there, prior = pose @ T_gel_finger, carried(covariance, T_gel_finger)
+            there, prior = pose @ T_gel_finger, transform_covariance(covariance, T_gel_finger)
             start = None if start is None else start @ T_gel_finger
             found = alignment.align(there, prior + finger_error, penetration, start)
             mean, posterior = without_jitter(there, prior, finger_error, found)
             back = se3.inverse(T_gel_finger)
-            pose, covariance = mean @ back, carried(posterior, back)
+            pose, covariance = mean @ back, transform_covariance(posterior, back)
         start = None
         log_evidence += found.log_evidence
         fit = min(fit, found.fit)
     return Aligned(pose, covariance, log_evidence, fit)
 
 
-def carried(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
+def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4): adjoint of its inverse."""
     back = se3.inverse(motion)
     r, (x, y, z) = back[:3, :3], back[:3, 3]

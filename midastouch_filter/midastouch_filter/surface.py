@@ -80,19 +80,6 @@ class SurfaceGrid:
         )
         return out
 
-    def project(self, particles: Particles, lowest: float, highest: float, workers: Workers) -> None:
-        """Move particles nearer than `limit` along the distance's gradient into [lowest, highest] m, in place."""
-        distance = self.distance(particles.positions, workers)
-        wanted = np.clip(distance, lowest, highest)
-        off = np.flatnonzero((distance != wanted) & (np.abs(distance) < self.limit))
-        if not len(off):
-            return
-        step = np.float32(0.5 * self.spacing) * np.eye(3, dtype=np.float32)
-        at = particles.positions[off]
-        gradient = np.stack([self.distance(at + s, workers) - self.distance(at - s, workers) for s in step], axis=1)
-        gradient /= np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
-        particles.positions[off] += (wanted - distance)[off, None] * gradient
-
 
 def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
     """Signed distances (N,) m of points (N, 3), negative inside.
@@ -166,7 +153,3 @@ class SurfaceConstraint:
     def reach(self) -> float:
         """Pose distance [m] to the nearest entry, beyond which `bounded_log_weight` tells no difference."""
         return self._codebook_reach + self._config.dead_distance
-
-    def project(self, particles: Particles) -> None:
-        """Move particles beyond either limit back to it."""
-        self._grid.project(particles, -self._config.max_penetration, self._config.max_hover, self._workers)

@@ -137,14 +137,6 @@ def test_same_seed_same_bits(world, slide, start):
     assert len(digests) == 1
 
 
-def test_particles_can_be_kept_between_both_limits_of_the_surface(world, slide, start):
-    filter_ = start(FilterConfig(max_particles=2000, min_particles=300, project_to_surface=True))
-    filter_.initialise_uniform()
-    estimate = play(filter_, slide, slice(0, 60))
-    assert world.mesh.closest_points(filter_.poses[:, :3, 3])[1].max() < 2.3e-3
-    assert error(estimate, slide[0][59])[0] < 5e-3
-
-
 def test_another_seed_other_bits(start, slide):
     poses = []
     for seed in (0, 1):

@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.alignment import Aligned
+from midastouch_filter.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.effort import Effort
 from midastouch_filter.estimate import Mode
-from midastouch_filter.joint_alignment import FeltPenetration
+from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.particles import Particles
 from midastouch_filter.refinement import Refinement, sharpened
-from midastouch_filter.touch import reduced_penetration
+from midastouch_filter.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
@@ -16,6 +17,8 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
+CONFIG = FilterConfig()
+NOISE = NoiseModel.of(CONFIG)
 SIGMA = np.array([2e-3, 2e-3, 5e-4, 0.03, 0.03, 0.06])
 
 
@@ -37,9 +40,13 @@ def touch(tool, sensor):
     return poses[0], reduced_penetration(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
 
 
+def make_refinement(alignment):
+    return Refinement(alignment, CONFIG, NOISE, Effort(), Workers(2))
+
+
 @pytest.fixture
 def refinement(tool, sensor):
-    return Refinement(tool, sensor, FilterConfig(), Workers(2))
+    return make_refinement(PenetrationAlignment(tool, sensor.scaled(MAP_SCALE), NOISE))
 
 
 def cloud(pose, n, rng, sigma=SIGMA):
@@ -64,7 +71,7 @@ def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
     aligned = refinement.apply(
-        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [FeltPenetration(penetration)], 1.0
+        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [Measurement(True, penetration=penetration)], 1.0
     )
     assert aligned[0].fit > 0.9
     before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
@@ -100,7 +107,10 @@ def test_wide_modes_are_left_alone(refinement, touch):
     particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
-    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], [FeltPenetration(penetration)], 1.0) == {}
+    assert (
+        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)], 1.0)
+        == {}
+    )
     np.testing.assert_array_equal(particles.positions, before)
 
 
@@ -116,7 +126,7 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     )
     members = np.repeat(np.array([1, 0], np.int32), 200)
     modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
-    refinement.apply(particles, members, modes, [FeltPenetration(penetration)], 0.5)
+    refinement.apply(particles, members, modes, [Measurement(True, penetration=penetration)], 0.5)
     weights = particles.weights
     assert weights.sum() == pytest.approx(1)
     # at most five nats a whole touch, here half of one
@@ -137,19 +147,20 @@ class TwoOptima:
         return Aligned(end, 1e-8 * np.eye(6), -self._worse if left else 0.0, self._fit)
 
 
-def wide_mode(refinement, touch, optima, spread=6e-3):
-    refinement.alignment = optima
+def wide_mode(touch, spread=6e-3):
     sigma = np.array([spread, 1e-3, 1e-4, 1e-2, 1e-2, 1e-2])
     particles = cloud(touch[0], 200, np.random.default_rng(3), sigma)
     return particles, mode_of(touch[0], 200, sigma=sigma)
 
 
 @pytest.mark.parametrize(("nats", "agreed"), [(1.0, False), (10.0, True)])
-def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement, touch, nats, agreed):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(nats))
+def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(touch, nats, agreed):
+    particles, mode, optima = *wide_mode(touch), TwoOptima(nats)
     before = particles.positions.copy()
-    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)
-    assert refinement.alignment.starts > 2
+    aligned = make_refinement(optima).apply(
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+    )
+    assert optima.starts > 2
     assert bool(aligned) == agreed
     if agreed:
         np.testing.assert_allclose(aligned[0].pose[:3, 3], (mode.pose @ [5e-3, 0, 0, 1])[:3], atol=1e-6)
@@ -157,14 +168,21 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement,
         np.testing.assert_array_equal(particles.positions, before)
 
 
-def test_a_narrow_mode_is_aligned_from_its_mean_alone(refinement, touch):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0), spread=1e-3)
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)
-    assert refinement.alignment.starts == 1
+def test_a_narrow_mode_is_aligned_from_its_mean_alone(touch):
+    particles, mode, optima = *wide_mode(touch, spread=1e-3), TwoOptima(1.0)
+    assert make_refinement(optima).apply(
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+    )
+    assert optima.starts == 1
 
 
-def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0, fit=0.1))
+def test_places_that_feel_nothing_of_it_move_nothing(touch):
+    particles, mode, optima = *wide_mode(touch), TwoOptima(1.0, fit=0.1)
     before = particles.positions.copy()
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltPenetration(touch[1])], 1.0)[0].fit == 0.1
+    assert (
+        make_refinement(optima)
+        .apply(particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0)[0]
+        .fit
+        == 0.1
+    )
     np.testing.assert_array_equal(particles.positions, before)

@@ -17,10 +17,11 @@ from hypothesis.extra.numpy import arrays
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.gates import RestGate
+from midastouch_filter.gates import Gates, RestGate
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.motion_model import MotionModel, Odometry
 from midastouch_filter.particles import Particles
+from midastouch_filter.surface import SurfaceConstraint
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -107,12 +108,13 @@ def test_modes_of_particles_a_half_turn_apart_are_rotations(filter_, world):
 @settings(max_examples=20)
 def test_rest_adds_up_rotations_that_are_not_quite_orthonormal(stretch, steps):
     """Each is within tolerance; their product would not be."""
-    gate = RestGate(FilterConfig())
+    gates = Gates()
+    gate = RestGate(FilterConfig(), gates)
     step = np.eye(4)
     step[:3, :3] *= 1 + stretch
     for _ in range(steps):
         assert gate.motion(Odometry.from_matrix(step)) is None
-    assert gate.skipped == steps
+    assert gates.counts["at_rest"] == steps
 
 
 @given(
@@ -148,13 +150,13 @@ def test_any_weights_end_in_a_defined_state(filter_, world, most, some, count):
     filter_.initialise_uniform()
     filter_.step(motion, Measurement(True, code))
 
-    def log_weight(particles, _):
+    def log_weight(_, particles, codebook_distance):
         out = np.full(len(particles), most)
         out[:count] = some
         return out
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(filter_._surface, "log_weight", log_weight)
+        patch.setattr(SurfaceConstraint, "log_weight", log_weight)
         estimate = filter_.step(second_motion, Measurement(True, second))
     assert_defined(filter_, estimate)
     usable = np.isfinite(most) if count == 0 else np.isfinite(some) or (count < 300 and np.isfinite(most))

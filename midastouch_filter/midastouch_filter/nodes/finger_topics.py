@@ -21,7 +21,7 @@ from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.parameters import Parameters
 
-from ..touch import FingerTouch, Measurement
+from ..touch import Measurement
 from ..transforms import TransformError
 from .code_message import measurement_from_msg
 from .localiser import LoadedObject
@@ -86,7 +86,7 @@ class FingerTopics:
         waiting = [finger.awaited(stamp, waited) for finger in self._fingers]  # all: each gives up by itself
         return any(waiting)
 
-    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, FingerTouch]:
+    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, Measurement]:
         """What the fingers feel at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
         found = {}
         for finger in self._fingers:
@@ -203,7 +203,7 @@ class _Finger:
         except (TransformError, InputError):
             return None
 
-    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> FingerTouch | str:
+    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
         """What it felt about `stamp` [ns], or in a word what is missing. Each of its codes is given out once."""
         if self._heard is None:
             self._heard = self._now()
@@ -224,7 +224,7 @@ class _Finger:
             return "missing_transform"
         if self._reliefs is not None and measurement.in_contact and on is not None and on.sensor is not None:
             measurement = dataclasses.replace(measurement, penetration=self._reliefs.take(found, on.sensor))
-        return FingerTouch(se3.inverse(T_base_gel) @ T_base_finger, measurement)
+        return dataclasses.replace(measurement, T_gel_finger=se3.inverse(T_base_gel) @ T_base_finger)
 
     def _nearest(self, stamp: int) -> int | None:
         """Stamp of the code nearest to `stamp`, if it lies within the tolerance."""

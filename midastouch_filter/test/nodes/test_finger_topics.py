@@ -64,7 +64,7 @@ def test_each_frame_has_what_the_other_finger_felt_and_where(graph):
         (name,) = others
         assert name == "/right"
         np.testing.assert_allclose(others[name].T_gel_finger, T_GEL_RIGHT, atol=1e-9)
-        np.testing.assert_allclose(others[name].measurement.code, [0.6, 0.8], atol=1e-6)
+        np.testing.assert_allclose(others[name].code, [0.6, 0.8], atol=1e-6)
 
 
 def test_images_of_other_stamps_are_placed_where_their_finger_was_then(graph):
@@ -97,7 +97,7 @@ def test_a_frame_waits_for_the_other_fingers_code_and_cloud(graph):
         hand.place(stamp + 5 * MS, np.eye(4))
         hand.answer(stamp)
         touch = hand.filter.others[-1]["/right"]
-        np.testing.assert_allclose(touch.measurement.penetration, reduced_penetration(0.5 * penetration), atol=1e-7)
+        np.testing.assert_allclose(touch.penetration, reduced_penetration(0.5 * penetration), atol=1e-7)
         np.testing.assert_allclose(
             hand.filter.measurements[-1].penetration, reduced_penetration(penetration), atol=1e-7
         )
