@@ -1,8 +1,8 @@
-"""Alignment of a sensor pose to the relief it feels: Gauss-Newton on the pose's own rendered view.
+"""Alignment of a sensor pose to the penetration map it feels: Gauss-Newton on the pose's own rendered view.
 
-The codebook tells poses apart by a few millimetres. The measured relief tells more: for a pose x the renderer gives
-the relief R(x) that should be felt, and the residual M - R(x) over the pixels, weighed robustly, gives a gradient and
-an information matrix in all six directions (point-to-plane registration with projective correspondences, Chen and
+The codebook tells poses apart by a few millimetres. The measured map M tells more: for a pose x the renderer gives the
+map R(x) that should be felt, and the residual M - R(x) over the pixels, weighed robustly, gives a gradient and an
+information matrix in all six directions (point-to-plane registration with projective correspondences, Chen and
 Medioni 1992). Directions that the contact does not constrain (sliding on a plane, turning on a ball) keep their prior.
 """
 
@@ -18,17 +18,17 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
+from .noise_model import NoiseModel
+
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
-# Between places a relief counts as if its error were half as large again: what it mistakes looks like another place
-_BETWEEN_PLACES = 1 / 1.5**2
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """A Gaussian over poses after the relief was taken into account.
+    """A Gaussian over poses after the penetration map was taken into account.
 
     pose (4, 4) `T_obj_gel`; covariance (6, 6) of [translation, rotation] in the pose's own frame, m and rad;
-    log_evidence, how well the relief fits the prior Gaussian, relative to other Gaussians for the same relief;
+    log_evidence, how well the map fits the prior Gaussian, relative to other Gaussians for the same map;
     fit, share in [0, 1] of the touched pixels that the pose explains (0 if nothing is touched).
     """
 
@@ -38,33 +38,34 @@ class Aligned:
     fit: float
 
 
-class ReliefAlignment:
+class PenetrationAlignment:
     """Aligns poses on one mesh.
 
-    Args: mesh; sensor, at the resolution of the reliefs; noise [m], standard deviation of a relief's error;
-    correlation [m], over which that error is one and the same.
+    Args: mesh; sensor, at the resolution of the penetration maps; noise.
+    Attributes: map_shape, rows and columns of the maps.
     """
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: float, correlation: float):
-        self.sensor = sensor
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
+        self.map_shape = sensor.gel_depth.shape
+        self._between_places = noise.between_places
         self._kernel = kernels.MapAlignment(
             PenetrationRenderer(mesh, sensor, _MARGIN).scene,
             *sensor.rays,
             sensor.gel_depth,
-            sensor.pixel_area / correlation**2 / noise**2,
+            sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2,
         )
 
     def align(
-        self, pose: np.ndarray, covariance: np.ndarray, relief: np.ndarray, start: np.ndarray | None = None
+        self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray, start: np.ndarray | None = None
     ) -> Aligned:
-        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a relief (H, W) m.
+        """Posterior of the prior N(pose (4, 4), covariance (6, 6), pose's own frame) given a penetration map (H, W) m.
 
         The optimum is looked for from `start` (4, 4), by default the prior's pose.
         """
         pose = np.ascontiguousarray(pose, float)
         start = pose if start is None else np.ascontiguousarray(start, float)
-        found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, relief, start)
-        return Aligned(found, posterior, _BETWEEN_PLACES * log_evidence, fit)
+        found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
+        return Aligned(found, posterior, self._between_places * log_evidence, fit)
 
 
 def without_jitter(
@@ -72,7 +73,7 @@ def without_jitter(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean (4, 4) and covariance (6, 6) of the mode, given the posterior of mode plus this frame's jitter.
 
-    An arm reports each pose with an error of its own that does not stay: the relief sees the sum of both, and only
+    An arm reports each pose with an error of its own that does not stay: the penetration sees the sum of both, and only
     the mode's share of the innovation may move the particles for good (conditioning of a joint Gaussian).
     """
     total = prior + jitter

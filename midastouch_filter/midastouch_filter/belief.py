@@ -1,8 +1,4 @@
-"""Second moment of the whole belief about one pose: the covariance to publish while several places compete.
-
-A mode's own covariance says how well its place is known if it is the right one. Who reads a single pose must also be
-told how far away the truth lies if it is another one.
-"""
+"""What the filter believes: particles with weights, their modes, and the covariance to publish."""
 
 from __future__ import annotations
 
@@ -10,20 +6,107 @@ import numpy as np
 
 import midastouch_kernels as kernels
 
-from .estimate import Mode
+from .alignment import Aligned
+from .estimate import Mode, modes_from_moments
+from .lookup import PoseLookup
+from .modes import ModeFinder
 from .particles import Particles
+from .refinement import sharpened
 
 _SAMPLE = 4096  # particles that the other places are judged by
+
+
+class Belief:
+    """Particles and what is derived from them.
+
+    Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
+    aligned, of the modes that the last penetration maps fitted, by their number, and aligned_to, names of the fingers
+    that felt these maps: for this very frame, until the particles change; answers, the modes, sharpened where they are
+    aligned.
+    """
+
+    def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):
+        self._lookup, self._finder = lookup, finder
+        self._path = 0.0  # since the last look-up
+        self.modes: list[Mode] = []
+        self.answers: list[Mode] = []
+        self._forget_alignment()
+        self.hold(particles)
+
+    def hold(self, particles: Particles, weights: np.ndarray | None = None) -> None:
+        """Believe in these particles from now on; weights (N,), if they are known beside the particles' logarithms."""
+        self.particles = particles
+        self.weights = particles.weights if weights is None else weights
+
+    def moved(self, path: float) -> None:
+        """The particles moved by `path` [m], turns included."""
+        self._path += path
+
+    def look_up(self) -> np.ndarray:
+        """Set each particle's codebook entry; returns the pose distances (N,) [m] to it."""
+        if self._path > self._lookup.reach:
+            self._lookup.relocate(self.particles)
+        self._path = 0.0
+        return self._lookup.follow(self.particles)
+
+    def reweigh(self, log_ratio: np.ndarray, tempered: np.ndarray) -> tuple[float, bool]:
+        """Multiply the weights by the tempered likelihood ratios (N,) and normalise.
+
+        Returns the log marginal likelihood ratio, of `log_ratio` (N,) itself, and whether a particle survives: if none
+        does, all stays as it was.
+        """
+        log_weights, weights = np.empty(len(log_ratio)), np.empty(len(log_ratio))
+        likelihood, total = kernels.reweigh(self.particles.log_weights, log_ratio, tempered, log_weights, weights)
+        alive = bool(np.isfinite(total))
+        if alive:
+            self.particles.log_weights, self.weights = log_weights, weights
+        return likelihood, alive
+
+    def cluster(self) -> None:
+        """Find the modes anew (paper section 4.3, hypothesis clustering)."""
+        self.modes = self.answers = modes_from_moments(self._finder.find(self.particles, self.weights))
+        self._forget_alignment()
+
+    def _forget_alignment(self) -> None:
+        self.aligned: dict[int, Aligned] = {}
+        self.aligned_to: frozenset[str] = frozenset()
+
+    def align(self, aligned: dict[int, Aligned], names: frozenset[str]) -> None:
+        """The particles were moved and weighed by what these fingers' maps say of the modes, by their number."""
+        finder = self._finder
+        of_peak = {finder.peaks[k]: each for k, each in aligned.items()}
+        self.weights = self.particles.weights
+        self.modes = modes_from_moments(finder.moments(self.particles, self.weights))
+        self.aligned = {k: of_peak[peak] for k, peak in enumerate(finder.peaks) if peak in of_peak}
+        self.aligned_to = names
+        self.answers = [
+            sharpened(mode, self.aligned[k]) if k in self.aligned else mode for k, mode in enumerate(self.modes)
+        ]
+
+    @property
+    def dominant_mass(self) -> float:
+        """Weight of the heaviest mode, 0 while none was looked for."""
+        return self.modes[0].weight if self.modes else 0.0
+
+    @property
+    def members(self) -> np.ndarray:
+        """Mode (N,) int32 of each particle, -1 for none."""
+        return self._finder.members(self.particles)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance (6, 6) of the whole belief about the published pose."""
+        return covariance_about(self.answers[0], self.members, self.particles, self.weights)
 
 
 def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weights: np.ndarray) -> np.ndarray:
     """Covariance (6, 6) of the belief about the dominant mode's pose, in the order and axes of `Mode.covariance`.
 
-    members (N,) int32: the mode of each particle, 0 for this one; weights (N,), sum 1. The part of the others is the
-    second moment of position and rotation vector about the mode's pose; the mode's own part is its covariance.
+    A mode's own covariance says how well its place is known if it is the right one. Who reads a single pose must also
+    be told how far away the truth lies if it is another one. So the part of the others is the second moment of position
+    and rotation vector about the mode's pose; the mode's own part is its covariance. members (N,) int32: the mode of
+    each particle, 0 for this one; weights (N,), sum 1.
     """
     place = kernels.decompose(mode.pose)[1]
-    mass, moment = kernels.second_moment(
-        particles.positions, particles.quaternions, weights, members, place, _SAMPLE
-    )
+    mass, moment = kernels.second_moment(particles.positions, particles.quaternions, weights, members, place, _SAMPLE)
     return (1.0 - mass) * mode.covariance + mass * moment

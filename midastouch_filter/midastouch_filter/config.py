@@ -64,11 +64,10 @@ class FilterConfig:
     max_hover: float = _number(1e-3, 0.0, 0.02, "m", "... and this far above its surface")
     surface_sigma: float = _number(1e-3, 1e-5, 0.02, "m", "softness of both limits")
     dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
-    project_to_surface: bool = _switch(False, "move particles back between both limits instead of only weighing them")
     book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
 
-    # --- coarse to fine: alignment of narrow modes to the felt relief; jitter as of the paper's tracker (section 5)
-    refinement: bool = _switch(True, "align narrow modes to the felt relief")
+    # --- coarse to fine: alignment of narrow modes to the felt map; jitter as of the paper's tracker (section 5)
+    refinement: bool = _switch(True, "align narrow modes to the felt penetration map")
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
     refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
     refine_rotation: float = _number(math.radians(25.0), 0.01, 1.5, "rad", "... and below this one in rotation")
@@ -77,7 +76,7 @@ class FilterConfig:
         math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
     )
     relief_fit: float = _number(0.6, 0.0, 1.0, "", "share of touched pixels a pose must explain to be believed")
-    relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt relief, sigma")
+    relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt penetration map, sigma")
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
 
     # --- hindsight: other places that explain the last touches as well

@@ -17,7 +17,7 @@ from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 
 from .localiser import LoadedObject
-from .touch import FingerTouch, Measurement
+from .touch import Measurement
 from .transforms.queue import Wait
 
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
@@ -28,8 +28,8 @@ _JUMP_NS = 500_000_000
 _KEPT = 100  # codes
 
 
-class Reliefs(Protocol):
-    """Where the reliefs of a finger's codes are: `nodes.relief_source.ReliefSource`."""
+class Maps(Protocol):
+    """Where the maps of a finger's codes are: `nodes.map_source.MapSource`."""
 
     def awaited(self, stamp: int, waited: float) -> bool: ...
 
@@ -40,7 +40,7 @@ class FingerMemory:
     """The last codes of one finger.
 
     place: T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: how far the
-    stamp of a code may be from the frame's. reliefs: None if they are not asked for. now: seconds by which the finger
+    stamp of a code may be from the frame's. maps: None if they are not asked for. now: seconds by which the finger
     falls silent. on_foreign: told of the network of a code that the codebook does not know.
     """
 
@@ -48,11 +48,11 @@ class FingerMemory:
         self,
         place: Callable[[int], np.ndarray | Wait | None],
         tolerance: int,
-        reliefs: Reliefs | None,
+        maps: Maps | None,
         now: Callable[[], float],
         on_foreign: Callable[[str], None],
     ):
-        self._place, self._tolerance, self._reliefs = place, tolerance, reliefs
+        self._place, self._tolerance, self._maps = place, tolerance, maps
         self._now, self._on_foreign = now, on_foreign
         self._heard: float | None = None  # when its last code came, or its first one was asked for
         self._codes: OrderedDict[int, Measurement] = OrderedDict()
@@ -108,8 +108,8 @@ class FingerMemory:
         return found is not None and self._lacks(found, waited)
 
     def _lacks(self, found: int, waited: float) -> bool:
-        """Whether the relief or the transform of its code at `found` [ns] is still to come."""
-        if self._codes[found].in_contact and self._reliefs is not None and self._reliefs.awaited(found, waited):
+        """Whether the map or the transform of its code at `found` [ns] is still to come."""
+        if self._codes[found].in_contact and self._maps is not None and self._maps.awaited(found, waited):
             return True
         if self._unplaced is not None and isinstance(self._place(self._unplaced), Wait):
             return False
@@ -117,7 +117,7 @@ class FingerMemory:
         self._unplaced = found if lacks and waited >= _PATIENCE else None
         return lacks and waited < _PATIENCE
 
-    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> FingerTouch | str:
+    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
         """What it felt about `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or in a word what is missing.
 
         Each of its codes is given out once.
@@ -136,9 +136,9 @@ class FingerMemory:
         T_base_finger = self._place(found)
         if not isinstance(T_base_finger, np.ndarray):
             return "missing_transform"
-        if self._reliefs is not None and measurement.in_contact and on is not None and on.sensor is not None:
-            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(found, on.sensor))
-        return FingerTouch(se3.inverse(T_base_gel) @ T_base_finger, measurement)
+        if self._maps is not None and measurement.in_contact and on is not None and on.sensor is not None:
+            measurement = dataclasses.replace(measurement, penetration=self._maps.take(found, on.sensor))
+        return dataclasses.replace(measurement, T_gel_finger=se3.inverse(T_base_gel) @ T_base_finger)
 
     def _nearest(self, stamp: int) -> int | None:
         """Stamp of the code nearest to `stamp`, if it lies within the tolerance."""

@@ -7,7 +7,12 @@ import numpy as np
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
-from .motion_model import Odometry
+from .fingers import Finger
+from .lookup import PoseLookup
+from .motion_model import MotionModel, Odometry, transformed
+from .particles import Particles
+from .places import Place
+from .workers import Workers
 
 _WIDEST = 1e3  # m, rad; what is farther off is a mistake, and float32 loses it
 
@@ -45,3 +50,65 @@ def gaussian_poses(centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, r
     noise = np.concatenate([sigma_t * rng.standard_normal((n, 3)), sigma_r * rng.standard_normal((n, 3))], axis=1)
     rotations = se3.exp(noise * [0, 0, 0, 1, 1, 1])[:, :3, :3]
     return se3.make(centre[:3, :3] @ rotations, centre[:3, 3] + noise[:, :3])
+
+
+class ParticleSource:
+    """Draws equally weighted particles on the surface of one object.
+
+    Args: lookup; poses (M, 4, 4) of its entries; motion_model, which spreads them over the gaps between entries;
+    jitter (6, 6), covariance of one measured sensor pose; rng; workers.
+    """
+
+    def __init__(
+        self,
+        lookup: PoseLookup,
+        poses: np.ndarray,
+        motion_model: MotionModel,
+        jitter: np.ndarray,
+        rng: np.random.Generator,
+        workers: Workers,
+    ):
+        self._lookup, self._poses, self._motion_model = lookup, poses, motion_model
+        self._jitter, self._rng, self._workers = jitter, rng, workers
+
+    def uniform(self, n: int) -> Particles:
+        """n particles over the whole surface, with uniform yaw."""
+        return self._around(uniform_entries(len(self._poses), n, self._rng))
+
+    def gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float, n: int) -> Particles:
+        """n particles around a prior (4, 4), each at the nearest codebook entry."""
+        drawn = gaussian_poses(prior, sigma_t, sigma_r, n, self._rng)
+        return self._around(np.sort(self._lookup.exact(drawn)))
+
+    def matches(self, finger: Finger, n: int) -> Particles:
+        """n particles drawn by the likelihood of what the finger feels at present."""
+        gels = self._around(finger.draw_matches(n, self._rng))
+        T_gel_finger = finger.touch.T_gel_finger
+        if T_gel_finger is None:
+            return gels
+        particles = transformed(gels, se3.inverse(T_gel_finger), self._workers)
+        self._lookup.relocate(particles)
+        return particles
+
+    def inject(self, particles: Particles, finger: Finger, share: float) -> int:
+        """Put matches in the place of so many of the particles, drawn at random; returns their number."""
+        where = self._rng.choice(len(particles), round(share * len(particles)), replace=False)
+        particles.replace(where, self.matches(finger, len(where)))
+        return len(where)
+
+    def matches_and_uniform(self, finger: Finger, n: int) -> Particles:
+        """n particles, half as `matches`, half over the whole surface."""
+        uniform = uniform_entries(len(self._poses), n - n // 2, self._rng)
+        return self._around(np.concatenate([uniform, self.matches(finger, n // 2).entries]))
+
+    def at(self, place: Place, n: int) -> Particles:
+        """n particles spread as the place's covariance and the arm's jitter say."""
+        noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self._jitter, n)
+        poses = place.pose @ se3.exp(noise)
+        return Particles.from_poses(poses, self._lookup.exact(poses))
+
+    def _around(self, entries: np.ndarray) -> Particles:
+        """At codebook entries (n,), spread over the gaps between them."""
+        particles = Particles.from_poses(self._poses[entries], entries)
+        self._motion_model.scatter(particles, self._lookup.spacing)
+        return particles

@@ -20,7 +20,7 @@ from .estimate import Estimate
 from .filter import ParticleFilter
 from .initialisation import checked_prior
 from .pose_prior import spread_at_lever
-from .touch import FingerTouch, Measurement
+from .touch import Measurement
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,7 +158,7 @@ class Localiser:
         return self._T_base_gel @ se3.inverse(self.estimate.pose)
 
     def process(
-        self, T_base_gel: np.ndarray, measurement: Measurement, others: Mapping[str, FingerTouch] | None = None
+        self, T_base_gel: np.ndarray, measurement: Measurement, others: Mapping[str, Measurement] | None = None
     ) -> Estimate | None:
         """One frame: the sensor's pose (4, 4), what it felt, and what further fingers did. None while no filter runs.
 

@@ -106,7 +106,7 @@ def neighbours_and_links(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(index[:, :_NEIGHBOURS]), links
 
 
-def along_curve(poses: np.ndarray) -> np.ndarray:
+def space_filling_order(poses: np.ndarray) -> np.ndarray:
     """Order (M,) of poses (M, 4, 4) along a space-filling curve, by position.
 
     Entries near in space are then near in memory, which makes walking the graph several times faster.

@@ -79,7 +79,7 @@ class MeasurementModel:
             raise ValueError("code is zero")
         return (code / norm).astype(np.float32)
 
-    def score_book(self, code: np.ndarray) -> None:
+    def score_codebook(self, code: np.ndarray) -> None:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
@@ -134,7 +134,7 @@ class MeasurementModel:
         return out
 
     def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """n entries (n,) int32 drawn by their likelihood; needs `score_book` for the same code before."""
+        """n entries (n,) int32 drawn by their likelihood; needs `score_codebook` for the same code before."""
         share = np.cumsum(np.exp(self.log_ratio, dtype=float))
         return np.searchsorted(share, rng.random(n) * share[-1], side="right").astype(np.int32)
 

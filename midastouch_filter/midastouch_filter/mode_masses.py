@@ -14,10 +14,10 @@ _WORTH_PARTICLES = 0.005  # share of the belief below which a place gets none
 _LEAST = 1e-9  # share that a refuted mode keeps, so that its weight stays finite
 
 
-def gained_together(log_weights: np.ndarray, log_ratio: np.ndarray, parts: Sequence[np.ndarray]) -> None:
-    """Change `log_ratio` (N,) so that the particles of all `parts` (index arrays) gain the same share together.
+def pool_marginal_likelihoods(log_weights: np.ndarray, log_ratio: np.ndarray, parts: Sequence[np.ndarray]) -> None:
+    """Change `log_ratio` (N,) so that all `parts` (index arrays) of the particles have the same marginal likelihood.
 
-    Within each part the ratios between its particles stay.
+    It is that of all of them together; within each part the ratios between its particles stay.
     """
     parts = [part for part in parts if len(part)]
     if len(parts) < 2:
@@ -31,7 +31,7 @@ def gained_together(log_weights: np.ndarray, log_ratio: np.ndarray, parts: Seque
         log_ratio[part] += together - gain
 
 
-def with_odds(
+def impose_log_odds(
     particles: Particles,
     members: np.ndarray,
     owners: Sequence[int | None],

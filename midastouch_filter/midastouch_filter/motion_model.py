@@ -117,7 +117,7 @@ class MotionModel:
         )  # fmt: skip
 
 
-def carried(particles: Particles, transform: np.ndarray, workers: Workers) -> Particles:
+def transformed(particles: Particles, transform: np.ndarray, workers: Workers) -> Particles:
     """The poses of another frame, that lies at `transform` (4, 4) in each particle's; weights and entries shared."""
     row = Odometry.from_matrix(transform).row
     positions, quaternions = particles.positions.copy(), particles.quaternions.copy()

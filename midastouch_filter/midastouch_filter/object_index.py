@@ -13,7 +13,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
 from .config import FilterConfig
-from .lookup import PoseLookup, along_curve, neighbours_and_links
+from .lookup import PoseLookup, neighbours_and_links, space_filling_order
 from .surface import SurfaceGrid
 from .workers import Workers
 
@@ -34,7 +34,7 @@ class ObjectIndex:
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, workers: Workers):
         kept = codebook.derived
-        self.order = along_curve(codebook.poses)
+        self.order = space_filling_order(codebook.poses)
         self.poses = np.asarray(codebook.poses, float)[self.order]
         band = _band(config)
         # limits of another configuration ask for another grid
@@ -60,7 +60,7 @@ def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray
     if len(codebook.poses) < 2:
         return {}
     band = _band(FilterConfig())
-    neighbours, links = neighbours_and_links(codebook.poses[along_curve(codebook.poses)])
+    neighbours, links = neighbours_and_links(codebook.poses[space_filling_order(codebook.poses)])
     arrays = {
         "neighbours": neighbours,
         "links": links,

@@ -7,8 +7,13 @@ log-likelihood ratios, which have an absolute zero (chance) and an absolute wors
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+from .belief import Belief
 from .config import FilterConfig
+from .fingers import Finger
+from .gates import Gates
+from .initialisation import ParticleSource
 
 _COLLAPSE = 0.45  # share of log(outlier) beyond which the short average counts as collapsed
 
@@ -32,7 +37,7 @@ class LikelihoodTrend:
         self.long += self._config.recovery_alpha_slow * share * (value - self.long)
 
     def explained(self) -> None:
-        """The relief itself fits the belief: whatever the codes say, the particles are not lost."""
+        """The penetration itself fits the belief: whatever the codes say, the particles are not lost."""
         self.short = max(self.short, 0.0)
 
     @property
@@ -50,3 +55,19 @@ class LikelihoodTrend:
         if not self._config.recovery or self.support < _COLLAPSE or self.short > self.long:
             return 0.0
         return self._config.recovery_share * (1.0 - math.exp(self.short - self.long))
+
+
+class Recovery:
+    """Puts matches of the present touch in the place of some particles, once the likelihood has collapsed.
+
+    Args: source of the matches; contradicted: to be called when that happens; gates, which counts what is injected.
+    """
+
+    def __init__(self, source: ParticleSource, contradicted: Callable[[], None], gates: Gates):
+        self._source, self._contradicted, self._gates = source, contradicted, gates
+
+    def __call__(self, belief: Belief, finger: Finger, share: float) -> None:
+        """Replace so many of equally weighted particles, by what matches the finger's touch; 0: none."""
+        if share > 0:
+            self._contradicted()
+            self._gates.count("injected", self._source.inject(belief.particles, finger, share))

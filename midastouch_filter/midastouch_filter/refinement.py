@@ -1,7 +1,7 @@
-"""Coarse to fine: once particles form narrow modes, let the felt relief itself place them.
+"""Coarse to fine: once particles form narrow modes, let the felt penetration itself place them.
 
 The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
-Gaussian the relief has a closed-form update: `alignment.py` gives the posterior mean and covariance, and the mode's
+Gaussian the penetration map has a closed-form update: `alignment.py` gives its posterior, and the mode's
 particles are moved as a whole so that they have them (a deterministic ensemble Kalman update, Bishop et al. 2001).
 It costs a dozen rendered views per mode instead of one per particle.
 """
@@ -17,95 +17,128 @@ import numpy as np
 
 import midastouch_kernels as kernels
 from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.sensor_model import SensorModel
 
-from .alignment import Aligned, ReliefAlignment, without_jitter
+from .alignment import Aligned, PenetrationAlignment, without_jitter
 from .config import FilterConfig
+from .effort import Effort
 from .estimate import Mode
-from .joint_alignment import FeltRelief, align_in_turn, carried
+from .joint_alignment import align_in_turn, transform_covariance
+from .noise_model import NoiseModel
 from .particles import Particles
 from .resampling import log_sum_exp
+from .touch import Measurement
 from .workers import Workers
-
-RELIEF_SCALE = 0.25  # of the camera image: 80 x 60
-_FLOOR = np.repeat([2e-4, np.radians(0.3)], 3) ** 2  # m^2, rad^2: no mode is surer than this before it is aligned
-_ONE_OPTIMUM = 4e-3, np.radians(12.0)  # m, rad: a mode that spreads no wider is aligned from its mean alone
-_TRIES = 4  # particles that a wider one is aligned from besides
-_DECISIVE = 3.0  # nats
-_ELSEWHERE = 22.5  # squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom)
-_LARGEST_EVIDENCE = 5.0  # nats one relief may speak for one mode and against another
-
-
-def reduced_relief(penetration: np.ndarray) -> np.ndarray:
-    """Relief (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
-    rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
-    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)
 
 
 class Refinement:
-    """Moves the particles of narrow modes to where the relief puts them."""
+    """Moves the particles of narrow modes to where penetration maps put them.
 
-    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, config: FilterConfig, workers: Workers):
-        self._config, self._workers = config, workers
-        self.alignment = ReliefAlignment(
-            mesh, sensor.scaled(RELIEF_SCALE), config.relief_noise, config.relief_correlation
-        )
-        self._jitter = config.jitter
+    Args: alignment; config; noise; effort; workers.
+    """
 
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of the reliefs."""
-        return self.alignment.sensor.gel_depth.shape
+    def __init__(
+        self,
+        alignment: PenetrationAlignment,
+        config: FilterConfig,
+        noise: NoiseModel,
+        effort: Effort,
+        workers: Workers,
+    ):
+        self._alignment, self._config, self._workers = alignment, config, workers
+        self._noise, self._effort = noise, effort
 
     def apply(
         self,
         particles: Particles,
         members: np.ndarray,
         modes: list[Mode],
-        reliefs: Sequence[FeltRelief],
-        share: float,
+        touches: Sequence[Measurement],
+        tempering: float,
     ) -> dict[int, Aligned]:
-        """Update the particles of narrow modes in place; returns what the reliefs say of each of them, by mode.
+        """Update the particles of narrow modes in place; returns what the maps say of each of them, by mode.
 
-        members (N,): mode of each particle, -1 for none; reliefs: one or more, those `reached` of all fingers in this
-        frame; share in [0, 1]: how much of this frame is evidence independent of the last. Between several narrow
-        modes, mass moves to those the reliefs fit.
+        members (N,): mode of each particle, -1 for none; touches: one or more of this frame, with maps, of fingers that
+        the modes reach; tempering exponent of this frame. Between several narrow modes, mass moves to those the maps
+        fit.
         """
-        c = self._config
         priors = self._priors(modes)
-        narrow = list(priors)
-        tries = [(k, start) for k in narrow for start in _starts(modes[k], particles, np.flatnonzero(members == k))]
-        found = self._workers.map(
-            lambda each: align_in_turn(
-                self.alignment, modes[each[0]].pose, priors[each[0]] + self._jitter, reliefs, c.finger_error, each[1]
-            ),
-            tries,
-        )
-        aligned = {}
-        for k in narrow:
-            best = _agreed([each for (mode, _), each in zip(tries, found, strict=True) if mode == k], c.relief_fit)
-            if best is not None:
-                aligned[k] = best
+        aligned = self._align(particles, members, modes, priors, touches)
+        jitter = self._noise.jitter
         maps = {
             k: _GaussianMap.between(
-                modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], self._jitter, posterior)
+                modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], jitter, posterior)
             )
             for k, posterior in aligned.items()
-            if posterior.fit > c.relief_fit
+            if posterior.fit > self._config.relief_fit
         }
         if maps:
             self._move(particles, members, maps, len(modes))
         if len(aligned) > 1:
-            self._weigh(particles, members, aligned, share, len(modes))
+            self._weigh(particles, members, aligned, tempering, len(modes))
         return aligned
+
+    def _align(
+        self,
+        particles: Particles,
+        members: np.ndarray,
+        modes: list[Mode],
+        priors: dict[int, np.ndarray],
+        touches: Sequence[Measurement],
+    ) -> dict[int, Aligned]:
+        """Posterior of each mode that has a prior, but of those for which several starts disagree."""
+        jitter, error = self._noise.jitter, self._noise.finger_error
+        tries = [
+            (k, start) for k in priors for start in self._starts(modes[k], particles, np.flatnonzero(members == k))
+        ]
+        found = self._workers.map(
+            lambda each: align_in_turn(
+                self._alignment, modes[each[0]].pose, priors[each[0]] + jitter, touches, error, each[1]
+            ),
+            tries,
+        )
+        of_mode = {k: [each for (mode, _), each in zip(tries, found, strict=True) if mode == k] for k in priors}
+        agreed = {k: self._agreed(optima) for k, optima in of_mode.items()}
+        return {k: optimum for k, optimum in agreed.items() if optimum is not None}
+
+    def _starts(self, mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
+        """Poses (4, 4) to look for the optimum from: the mode's own and, if it may hold several, some particles'."""
+        starts = [mode.pose]
+        translation, rotation = self._effort.one_optimum
+        if mode.spread_translation > translation or mode.spread_rotation > rotation:
+            count = min(self._effort.starts, len(members))
+            some = members[np.linspace(0, len(members) - 1, count).astype(int)]
+            rows = np.concatenate([particles.positions[some], particles.quaternions[some]], axis=1)
+            starts += list(se3.from_xyzquat(rows))
+        return starts
+
+    def _agreed(self, found: list[Aligned]) -> Aligned | None:
+        """The best of several optima that fit; None if another one, elsewhere, explains the map nearly as well.
+
+        Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
+        praises it.)
+        """
+        fitting = [each for each in found if each.fit > self._config.relief_fit]
+        if not fitting:
+            return found[0]
+        best = max(fitting, key=lambda each: each.log_evidence)
+        if len(fitting) == 1:
+            return best
+        precision = np.linalg.inv(best.covariance)
+        for other in fitting:
+            offset = se3.log(se3.inverse(best.pose) @ other.pose)
+            close = best.log_evidence - other.log_evidence < self._noise.decisive
+            if close and offset @ precision @ offset > self._noise.elsewhere:
+                return None
+        return best
 
     def sharpened(
         self, particles: Particles, members: np.ndarray, modes: list[Mode], aligned: dict[int, Aligned]
     ) -> Particles:
         """A copy of the particles with those of the aligned modes where this very frame has them, as `sharpened`."""
         maps = {
-            k: _GaussianMap.between(modes[k].pose, _in_own_frame(modes[k]) + np.diag(_FLOOR), a.pose, a.covariance)
+            k: _GaussianMap.between(
+                modes[k].pose, _in_own_frame(modes[k]) + self._noise.mode_floor, a.pose, a.covariance
+            )
             for k, a in aligned.items()
         }
         copy = replace(particles, positions=particles.positions.copy(), quaternions=particles.quaternions.copy())
@@ -117,25 +150,21 @@ class Refinement:
         c = self._config
         return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
 
-    def reached(self, modes: list[Mode], reliefs: Sequence[FeltRelief]) -> list[FeltRelief]:
-        """Those of fingers that all narrow modes say well enough where they are; the reference always is.
+    def reaches(self, modes: list[Mode], T_gel_finger: np.ndarray | None) -> bool:
+        """Whether all narrow modes say well enough where a finger is; the first one (None) always is where they say.
 
-        All modes are aligned to the same reliefs, so that their evidence can be compared.
+        All modes are aligned to the same maps, so that their evidence can be compared.
         """
-        priors = self._priors(modes).values() if len(reliefs) > 1 or reliefs[0].name else ()
-
-        def is_reached(felt: FeltRelief) -> bool:
-            if felt.T_gel_finger is None:
-                return True
-            spreads = [np.sqrt(np.trace(carried(prior, felt.T_gel_finger)[:3, :3])) for prior in priors]
-            return max(spreads, default=0.0) < self._config.refine_translation
-
-        return [felt for felt in reliefs if is_reached(felt)]
+        if T_gel_finger is None:
+            return True
+        at_finger = [transform_covariance(prior, T_gel_finger) for prior in self._priors(modes).values()]
+        spreads = [np.sqrt(np.trace(covariance[:3, :3])) for covariance in at_finger]
+        return max(spreads, default=0.0) < self._config.refine_translation
 
     def _priors(self, modes: list[Mode]) -> dict[int, np.ndarray]:
         """Covariances (6, 6) of the narrow ones of the modes to align, in their own frames."""
         chosen = enumerate(modes[: self._config.refined_modes])
-        return {k: _in_own_frame(mode) + np.diag(_FLOOR) for k, mode in chosen if self.is_narrow(mode)}
+        return {k: _in_own_frame(mode) + self._noise.mode_floor for k, mode in chosen if self.is_narrow(mode)}
 
     def _move(self, particles: Particles, members: np.ndarray, maps: dict[int, _GaussianMap], count: int) -> None:
         map_of = np.full(count + 1, -1)  # the last stands for -1: no mode
@@ -148,14 +177,14 @@ class Refinement:
             ),
         )
 
-    @staticmethod
     def _weigh(
-        particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], share: float, count: int
+        self, particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], tempering: float, count: int
     ) -> None:
+        """Multiply the aligned modes' masses by their tempered marginal likelihoods; together they keep their mass."""
         best = max(a.log_evidence for a in aligned.values())
         gain = np.full(count + 1, np.nan)
         for k, posterior in aligned.items():
-            gain[k] = share * max(posterior.log_evidence - best, -_LARGEST_EVIDENCE)
+            gain[k] = tempering * max(posterior.log_evidence - best, -self._noise.largest_evidence)
         gain = gain[members]
         concerned = np.flatnonzero(np.isfinite(gain))
         before = particles.log_weights[concerned]
@@ -163,36 +192,8 @@ class Refinement:
         particles.log_weights[concerned] = after + (log_sum_exp(before) - log_sum_exp(after))
 
 
-def _starts(mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
-    """Poses (4, 4) to look for the optimum from: the mode's own and, if it may hold several optima, some particles'."""
-    starts = [mode.pose]
-    if mode.spread_translation > _ONE_OPTIMUM[0] or mode.spread_rotation > _ONE_OPTIMUM[1]:
-        some = members[np.linspace(0, len(members) - 1, min(_TRIES, len(members))).astype(int)]
-        rows = np.concatenate([particles.positions[some], particles.quaternions[some]], axis=1)
-        starts += list(se3.from_xyzquat(rows))
-    return starts
-
-
-def _agreed(found: list[Aligned], least_fit: float) -> Aligned | None:
-    """The best of several optima that fit; None if another one, elsewhere, explains the relief nearly as well.
-
-    Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
-    praises it.)
-    """
-    fitting = [each for each in found if each.fit > least_fit]
-    if not fitting:
-        return found[0]
-    best = max(fitting, key=lambda each: each.log_evidence)
-    precision = np.linalg.inv(best.covariance)
-    for other in fitting:
-        apart = se3.log(se3.inverse(best.pose) @ other.pose)
-        if best.log_evidence - other.log_evidence < _DECISIVE and apart @ precision @ apart > _ELSEWHERE:
-            return None
-    return best
-
-
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:
-    """The mode with the pose of this very frame: where the relief puts the sensor, the arm's jitter included."""
+    """The mode with the pose of this very frame: where the penetration puts the sensor, the arm's jitter included."""
     turn = se3.turn(aligned.pose[:3, :3])
     return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
 

@@ -11,6 +11,10 @@ class Stopwatch:
 
     def __init__(self, clock: Callable[[], float]):
         self._clock = clock
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew, with no time spent."""
         self.ms: dict[str, float] = {}
 
     @contextmanager

@@ -80,19 +80,6 @@ class SurfaceGrid:
         )
         return out
 
-    def project(self, particles: Particles, lowest: float, highest: float, workers: Workers) -> None:
-        """Move particles nearer than `limit` along the distance's gradient into [lowest, highest] m, in place."""
-        distance = self.distance(particles.positions, workers)
-        wanted = np.clip(distance, lowest, highest)
-        off = np.flatnonzero((distance != wanted) & (np.abs(distance) < self.limit))
-        if not len(off):
-            return
-        step = np.float32(0.5 * self.spacing) * np.eye(3, dtype=np.float32)
-        at = particles.positions[off]
-        gradient = np.stack([self.distance(at + s, workers) - self.distance(at - s, workers) for s in step], axis=1)
-        gradient /= np.maximum(np.linalg.norm(gradient, axis=1, keepdims=True), 1e-9)
-        particles.positions[off] += (wanted - distance)[off, None] * gradient
-
 
 def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
     """Signed distances (N,) m of points (N, 3), negative inside.
@@ -119,14 +106,14 @@ class SurfaceConstraint:
     The gel poses of a contact lie up to 2 mm inside the surface, because pressing moves the gel frame in.
     """
 
-    def __init__(self, grid: SurfaceGrid, book_reach: float, config: FilterConfig, workers: Workers):
-        """`book_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
-        self._grid, self._book_reach, self._config, self._workers = grid, book_reach, config, workers
+    def __init__(self, grid: SurfaceGrid, codebook_reach: float, config: FilterConfig, workers: Workers):
+        """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
+        self._grid, self._codebook_reach, self._config, self._workers = grid, codebook_reach, config, workers
 
-    def log_weight(self, particles: Particles, book_distance: np.ndarray) -> np.ndarray:
+    def log_weight(self, particles: Particles, codebook_distance: np.ndarray) -> np.ndarray:
         """(N,) float64 <= 0: 0 between both limits, quadratic beyond, -inf farther than `dead_distance`.
 
-        `book_distance` (N,) [m] is each particle's pose distance to its codebook entry.
+        `codebook_distance` (N,) [m] is each particle's pose distance to its codebook entry.
         """
         c = self._config
         distance = self._grid.distance(particles.positions, self._workers)
@@ -134,7 +121,7 @@ class SurfaceConstraint:
         np.maximum(excess, 0.0, out=excess)
         out = np.square(excess * (1 / c.surface_sigma), dtype=float)
         if c.book_constraint:
-            tilted = np.maximum(book_distance - self._book_reach, 0.0)
+            tilted = np.maximum(codebook_distance - self._codebook_reach, 0.0)
             out += np.square(tilted * (1 / c.surface_sigma))
         out *= -0.5
         out[np.abs(distance) >= c.dead_distance] = -np.inf
@@ -145,12 +132,12 @@ class SurfaceConstraint:
         return self._grid.distance(particles.positions, self._workers)
 
     def bounded_log_weight(
-        self, distance: np.ndarray, book_distance: np.ndarray, in_contact: bool, sigma: float
+        self, distance: np.ndarray, codebook_distance: np.ndarray, in_contact: bool, sigma: float
     ) -> np.ndarray:
         """(N,) float64 <= 0 of gels whose poses are known less well, to about `sigma` [m]: far off is no proof.
 
         distance (N,) [m] as from `distance`. A gel that touches nothing may be anywhere but deep in the object;
-        `book_distance` does not matter then.
+        `codebook_distance` does not matter then.
         """
         c = self._config
         excess = -c.max_penetration - distance
@@ -158,15 +145,11 @@ class SurfaceConstraint:
             excess = np.maximum(excess, distance - c.max_hover)
         out = np.square(np.maximum(excess, 0.0), dtype=float)
         if in_contact and c.book_constraint:
-            out += np.square(np.clip(book_distance - self._book_reach, 0.0, c.dead_distance))
+            out += np.square(np.clip(codebook_distance - self._codebook_reach, 0.0, c.dead_distance))
         out *= -0.5 / sigma**2
         return out
 
     @property
     def reach(self) -> float:
         """Pose distance [m] to the nearest entry, beyond which `bounded_log_weight` tells no difference."""
-        return self._book_reach + self._config.dead_distance
-
-    def project(self, particles: Particles) -> None:
-        """Move particles beyond either limit back to it."""
-        self._grid.project(particles, -self._config.max_penetration, self._config.max_hover, self._workers)
+        return self._codebook_reach + self._config.dead_distance

@@ -1,4 +1,4 @@
-"""What one finger feels in one frame, and where a further finger is while it does."""
+"""What one finger feels in one frame."""
 
 from __future__ import annotations
 
@@ -6,26 +6,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+MAP_SCALE = 0.25
+"""Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""
+
 
 @dataclass(frozen=True)
 class Measurement:
-    """One touch: in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; relief
-    (80, 60) m, the felt penetration reduced by `refinement.reduced_relief`, or None."""
+    """One touch, or its absence.
+
+    in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60) m,
+    the felt map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that felt it in the gel frame
+    of the first finger, whose pose the filter estimates: None for that one itself. If the two images were taken at
+    different times, the transform is from the one gel then to the other gel then, through the frame that the object
+    rests in.
+    """
 
     in_contact: bool
     code: np.ndarray | None = None
     contact_area: float = 0.0
     network_id: str = ""
-    relief: np.ndarray | None = None
+    penetration: np.ndarray | None = None
+    T_gel_finger: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
-class FingerTouch:
-    """What a further finger feels: measurement, and T_gel_finger (4, 4), its gel frame in the reference finger's.
-
-    If the two images were taken at different times, the transform is from the one gel then to the other gel then,
-    through the frame that the object rests in.
-    """
-
-    T_gel_finger: np.ndarray
-    measurement: Measurement
+def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
+    """Map (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
+    rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
+    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.alignment import ReliefAlignment
+from midastouch_filter.alignment import PenetrationAlignment
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
@@ -9,6 +11,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
+NOISE = NoiseModel.of(FilterConfig(relief_noise=1e-4, relief_correlation=3e-3))
 PRIOR = np.diag([2e-3, 2e-3, 1e-3, 0.05, 0.05, 0.1]) ** 2
 
 
@@ -36,12 +39,12 @@ def errors(poses, truth):
     return np.linalg.norm(delta[:, :3], axis=1), np.linalg.norm(delta[:, 3:], axis=1), delta
 
 
-def test_finds_the_pose_that_felt_the_relief(tool, sensor, touches):
-    poses, reliefs = touches
+def test_finds_the_pose_that_felt_the_penetration(tool, sensor, touches):
+    poses, penetrations = touches
     rng = np.random.default_rng(1)
     starts = poses @ se3.exp(rng.standard_normal((len(poses), 6)) * np.sqrt(np.diag(PRIOR)))
-    alignment = ReliefAlignment(tool, sensor, noise=1e-4, correlation=3e-3)
-    aligned = [alignment.align(s, PRIOR, r) for s, r in zip(starts, reliefs, strict=True)]
+    alignment = PenetrationAlignment(tool, sensor, NOISE)
+    aligned = [alignment.align(s, PRIOR, r) for s, r in zip(starts, penetrations, strict=True)]
     t0, r0, _ = errors(starts, poses)
     t1, r1, delta = errors(np.stack([a.pose for a in aligned]), poses)
     assert np.median(t1) < 0.35 * np.median(t0)
@@ -56,8 +59,8 @@ def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
     """On a ball only three of six directions are felt: not the yaw, and rolling along is rotation at once."""
     ball = ObjectMesh.load(bundled_objects()["ball"])
     pose = se3.make(np.eye(3), [0, 0, 0.029])
-    relief = PenetrationRenderer(ball, sensor).render(pose[None])[0]
-    aligned = ReliefAlignment(ball, sensor, 1e-4, 3e-3).align(pose, PRIOR, relief)
+    penetration = PenetrationRenderer(ball, sensor).render(pose[None])[0]
+    aligned = PenetrationAlignment(ball, sensor, NOISE).align(pose, PRIOR, penetration)
     gain = np.diag(aligned.covariance) / np.diag(PRIOR)
     assert gain[2] < 0.05
     assert gain[5] > 0.5
@@ -65,15 +68,15 @@ def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
 
 
 def test_evidence_prefers_the_right_place(tool, sensor, touches):
-    poses, reliefs = touches
-    alignment = ReliefAlignment(tool, sensor, 1e-4, 3e-3)
-    right = [alignment.align(p, PRIOR, r).log_evidence for p, r in zip(poses, reliefs, strict=True)]
-    wrong = [alignment.align(p, PRIOR, r).log_evidence for p, r in zip(np.roll(poses, 1, 0), reliefs, strict=True)]
+    poses, penetrations = touches
+    alignment = PenetrationAlignment(tool, sensor, NOISE)
+    right = [alignment.align(p, PRIOR, r).log_evidence for p, r in zip(poses, penetrations, strict=True)]
+    wrong = [alignment.align(p, PRIOR, r).log_evidence for p, r in zip(np.roll(poses, 1, 0), penetrations, strict=True)]
     assert (np.array(right) > np.array(wrong)).mean() > 0.9
 
 
 def test_nothing_felt_is_finite(tool, sensor):
-    aligned = ReliefAlignment(tool, sensor, 1e-4, 3e-3).align(
+    aligned = PenetrationAlignment(tool, sensor, NOISE).align(
         se3.make(np.eye(3), [1.0, 0, 0]), PRIOR, np.zeros((80, 60), np.float32)
     )
     np.testing.assert_allclose(aligned.covariance, PRIOR, rtol=1e-6)

@@ -1,6 +1,7 @@
 """Several fingers in one filter: properties of their likelihood, and a gripper that tells what one finger cannot."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +11,14 @@ from hypothesis import strategies as st
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.fingers import Fingers
+from midastouch_filter.fingers import Finger, Fingers, count
+from midastouch_filter.gates import Gates
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.measurement_model import MeasurementModel
-from midastouch_filter.motion_model import carried
+from midastouch_filter.motion_model import Odometry, transformed
 from midastouch_filter.particles import Particles
-from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.surface import SurfaceConstraint, SurfaceGrid
-from midastouch_filter.touch import FingerTouch, Measurement
+from midastouch_filter.touch import Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -38,22 +39,27 @@ def parts(world):
 
 
 @pytest.fixture
-def fingers(parts):
-    lookup, surface, model, workers = parts
-    return Fingers(lookup, surface, CONFIG, workers, model.for_another_sensor)
+def gates():
+    return Gates()
 
 
 @pytest.fixture
-def refused():
-    return []
+def fingers(parts, gates):
+    lookup, surface, model, workers = parts
+
+    def make(name: str) -> Finger:
+        return Finger(name, lookup, surface, model.for_another_sensor(), CONFIG, workers, gates)
+
+    return Fingers(make, None, gates)
 
 
-def felt(fingers, refused, **touches):
-    return fingers.feel(touches, lambda *reason: refused.append(reason))
+def felt(fingers, motion=None, **touches):
+    """Those that feel something new after the first one moved by `motion` (4, 4)."""
+    return fingers.feel(touches, None if motion is None else Odometry.from_matrix(motion))
 
 
 def touch(T_gel_finger, code=None, **changes):
-    return FingerTouch(T_gel_finger, Measurement(code is not None, code, **changes))
+    return Measurement(code is not None, code, T_gel_finger=T_gel_finger, **changes)
 
 
 @pytest.fixture(scope="module")
@@ -68,26 +74,26 @@ def cloud(parts, world):
 # --------------------------------------------------------------------------- likelihood of one further finger
 
 
-def test_where_the_reference_is_a_finger_weighs_like_it(fingers, refused, parts, cloud, world):
+def test_where_the_reference_is_a_finger_weighs_like_it(fingers, parts, cloud, world):
     lookup, surface, model, _ = parts
     code = world.encode(world.poses[:1])[0]
-    (evidence,) = felt(fingers, refused, twin=touch(np.eye(4), code))
+    (evidence,) = felt(fingers, twin=touch(np.eye(4), code))
     distance = lookup.follow(cloud)
-    model.score_book(code)
+    model.score_codebook(code)
     expected = surface.log_weight(cloud, distance) + model.log_likelihood(cloud)
     alive = np.isfinite(expected) & (distance < 0.9 * surface.reach)
     assert alive.mean() > 0.9
-    np.testing.assert_allclose(evidence.log_ratio(cloud)[alive], expected[alive], atol=0.05)
+    np.testing.assert_allclose(evidence.log_ratio(cloud, None)[alive], expected[alive], atol=0.05)
 
 
 def test_poses_are_carried_to_the_finger(cloud):
     T_gel_finger = se3.exp(np.array([0.03, -0.05, 0.02, 1.0, -2.0, 0.5]))
-    there = carried(cloud, T_gel_finger, Workers(1))
+    there = transformed(cloud, T_gel_finger, Workers(1))
     np.testing.assert_allclose(there.poses, cloud.poses @ T_gel_finger, atol=1e-6)
     np.testing.assert_array_equal(there.entries, cloud.entries)
 
 
-def test_the_particle_that_has_both_fingers_right_is_weighed_best(fingers, refused, world, parts):
+def test_the_particle_that_has_both_fingers_right_is_weighed_best(fingers, world, parts):
     lookup, *_ = parts
     rng = np.random.default_rng(3)
     right = 0
@@ -97,34 +103,34 @@ def test_the_particle_that_has_both_fingers_right_is_weighed_best(fingers, refus
         poses = np.concatenate([gels[:1], world.random_poses(world.mesh, 200, rng)])
         particles = Particles.from_poses(poses, lookup.exact(poses))
         fingers.restart()
-        (evidence,) = felt(fingers, refused, other=touch(se3.inverse(gels[0]) @ gels[1], code))
-        right += evidence.log_ratio(particles).argmax() == 0
+        (evidence,) = felt(fingers, other=touch(se3.inverse(gels[0]) @ gels[1], code))
+        right += evidence.log_ratio(particles, None).argmax() == 0
     assert right >= 18
 
 
-def test_far_from_the_surface_nothing_is_proven(fingers, refused, cloud, world):
+def test_far_from_the_surface_nothing_is_proven(fingers, cloud, world):
     code = world.encode(world.poses[:1])[0]
-    (evidence,) = felt(fingers, refused, other=touch(se3.make(np.eye(3), np.array([0, 0, 0.5])), code))
-    log_ratio = evidence.log_ratio(cloud)
+    (evidence,) = felt(fingers, other=touch(se3.make(np.eye(3), np.array([0, 0, 0.5])), code))
+    log_ratio = evidence.log_ratio(cloud, None)
     assert np.isfinite(log_ratio).all()
     assert (log_ratio <= math.log(0.05)).all()
 
 
-def test_a_finger_that_touches_nothing_is_only_kept_out_of_the_object(fingers, refused, parts, cloud):
+def test_a_finger_that_touches_nothing_is_only_kept_out_of_the_object(fingers, parts, cloud):
     inside, outside, aside = (se3.make(np.eye(3), np.array([0, 0, z])) for z in (-5e-3, 5e-3, 0.3))
     weights = []
     for place in (inside, outside, aside):
         fingers.restart()
-        (evidence,) = felt(fingers, refused, other=touch(place))
-        weights.append(evidence.log_ratio(cloud))
+        (evidence,) = felt(fingers, other=touch(place))
+        weights.append(evidence.log_ratio(cloud, None))
     assert np.median(weights[0]) < -1
     assert np.median(weights[1]) == 0
     np.testing.assert_array_equal(weights[2], 0)
-    depth = -parts[1].distance(carried(cloud, inside, Workers(1)))
+    depth = -parts[1].distance(transformed(cloud, inside, Workers(1)))
     assert np.corrcoef(depth, weights[0])[0, 1] < -0.5
 
 
-def test_walks_find_the_entries_that_a_search_would(fingers, refused, parts, world, monkeypatch):
+def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monkeypatch):
     """Along a slide, with particles that are spread and fingers that move against each other."""
     lookup, surface, *_ = parts
     rng = np.random.default_rng(5)
@@ -144,9 +150,8 @@ def test_walks_find_the_entries_that_a_search_would(fingers, refused, parts, wor
         poses = start @ se3.inverse(slides[0][0]) @ slides[0][k]
         particles = Particles.from_poses(poses, lookup.exact(poses))
         T_gel_finger = se3.inverse(slides[0][k]) @ slides[1][k]
-        (evidence,) = felt(fingers, refused, other=touch(T_gel_finger, world.encode(slides[1][k : k + 1])[0]))
-        evidence.log_ratio(particles)
-        fingers.travelled(MOVED)
+        (evidence,) = felt(fingers, MOVED, other=touch(T_gel_finger, world.encode(slides[1][k : k + 1])[0]))
+        evidence.log_ratio(particles, None)
         found, there = walked.pop()
         nearest = world.poses[lookup.exact(there)]
         angle = se3.rotation_angle(np.swapaxes(there[:, :3, :3], 1, 2) @ nearest[:, :3, :3])
@@ -160,31 +165,29 @@ def test_walks_find_the_entries_that_a_search_would(fingers, refused, parts, wor
 # --------------------------------------------------------------------------- what counts
 
 
-def test_what_is_felt_again_is_not_counted_again(fingers, refused, world):
+def test_what_is_felt_again_is_not_counted_again(fingers, world):
     codes = world.encode(world.poses[:3])
     place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    (first,) = felt(fingers, refused, other=touch(place, codes[0]))
-    assert first.share == 1.0
-    fingers.count([first])
-    assert felt(fingers, refused, other=touch(place, codes[1])) == []  # at rest
-    fingers.travelled(MOVED)
-    (second,) = felt(fingers, refused, other=touch(place, codes[1]))
-    assert 0 < second.share < 0.3
-    fingers.count([second])
-    fingers.travelled(MOVED)
-    assert felt(fingers, refused, other=touch(place, codes[1])) == []  # the same image
+    (first,) = felt(fingers, other=touch(place, codes[0]))
+    assert first.tempering == 1.0
+    count([first])
+    assert felt(fingers, other=touch(place, codes[1])) == []  # at rest
+    (second,) = felt(fingers, MOVED, other=touch(place, codes[1]))
+    assert 0 < second.tempering < 0.3
+    count([second])
+    assert felt(fingers, MOVED, other=touch(place, codes[1])) == []  # the same image
     fingers.force_update()
-    assert felt(fingers, refused, other=touch(place, codes[1]))[0].share == 1.0
+    assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
     fingers.restart()
-    assert felt(fingers, refused, other=touch(place, codes[1]))[0].share == 1.0
+    assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
 
 
-def test_a_finger_that_moves_alone_tells_something(fingers, refused, world):
+def test_a_finger_that_moves_alone_tells_something(fingers, world):
     codes = world.encode(world.poses[:2])
     place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    fingers.count(felt(fingers, refused, other=touch(place, codes[0])))
-    (moved,) = felt(fingers, refused, other=touch(place @ MOVED, codes[1]))
-    assert moved.share == pytest.approx((2e-3 + 0.01 * 0.05) / CONFIG.correlation_length, rel=1e-3)
+    count(felt(fingers, other=touch(place, codes[0])))
+    (moved,) = felt(fingers, other=touch(place @ MOVED, codes[1]))
+    assert moved.tempering == pytest.approx((2e-3 + 0.01 * 0.05) / CONFIG.correlation_length, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -196,17 +199,17 @@ def test_a_finger_that_moves_alone_tells_something(fingers, refused, world):
         (se3.make(np.eye(3), np.array([1e300, 0, 0])), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
     ],
 )
-def test_finger_poses_that_are_none_are_refused(fingers, refused, world, place, kind, reason):
-    assert felt(fingers, refused, left=touch(place, world.codebook.codes[0])) == []
-    assert refused[0][0] == kind
-    assert refused[0][1].startswith(reason)
+def test_finger_poses_that_are_none_are_refused(fingers, gates, world, place, kind, reason):
+    assert felt(fingers, left=touch(place, world.codebook.codes[0])) == []
+    assert gates.counts[kind] == 1
+    assert gates.note.startswith(reason)
 
 
 @pytest.mark.parametrize("code", [np.full(64, np.nan), np.zeros(64), np.ones(5)])
-def test_codes_that_are_none_are_refused(fingers, refused, code):
-    assert felt(fingers, refused, left=touch(np.eye(4), code)) == []
-    assert refused[0][0] == "bad_code"
-    assert refused[0][1].startswith("finger left: code")
+def test_codes_that_are_none_are_refused(fingers, gates, code):
+    assert felt(fingers, left=touch(np.eye(4), code)) == []
+    assert gates.counts["bad_code"] == 1
+    assert gates.note.startswith("finger left: code")
 
 
 # --------------------------------------------------------------------------- in the filter
@@ -275,11 +278,11 @@ PLACES = {
 @settings(max_examples=25)
 @given(st.lists(st.tuples(st.sampled_from(sorted(PLACES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
 def test_whatever_fingers_feel_the_belief_stays_finite(filter_, pair, frames):
-    codes = [pair[3][0].measurement.code, np.zeros(64), np.full(64, np.inf), np.ones(3), None, -np.ones(64)]
+    codes = [pair[3][0].code, np.zeros(64), np.full(64, np.inf), np.ones(3), None, -np.ones(64)]
     filter_.initialise_uniform()
     for k, (place, code, reference) in enumerate(frames):
         others = {
-            "a": FingerTouch(PLACES[place], Measurement(code != 4, codes[code], relief=np.ones(3))),
+            "a": Measurement(code != 4, codes[code], penetration=np.ones(3), T_gel_finger=PLACES[place]),
             "b": pair[3][k],
         }
         estimate = filter_.step(pair[1][k], pair[2][k] if reference else Measurement(False), others)
@@ -351,10 +354,10 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
     filter_.initialise_uniform()
     for k, motion in enumerate(gripper.odometry):
         above, below = (
-            Measurement(True, codes[k], relief=reduced_relief(maps[k]))
+            Measurement(True, codes[k], penetration=reduced_penetration(maps[k]))
             for codes, maps in zip(gripper.codes, gripper.penetrations, strict=True)
         )
-        others = {"below": FingerTouch(gripper.between[k], below)} if two else {}
+        others = {"below": replace(below, T_gel_finger=gripper.between[k])} if two else {}
         estimate = filter_.step(motion, above, others)
     distances = [
         min(np.linalg.norm(mode.pose[:3, 3] - place[:3, 3]) for mode in estimate.modes)
@@ -374,15 +377,17 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
 def test_a_finger_explores_while_the_first_one_rests(gripper):
     """As a thumb that holds the object; the first finger's one touch fits two places."""
     filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]
-    resting = Measurement(True, gripper.codes[0][0], relief=reduced_relief(gripper.penetrations[0][0]))
+    resting = Measurement(True, gripper.codes[0][0], penetration=reduced_penetration(gripper.penetrations[0][0]))
     below = gripper.above @ gripper.between
     errors = []
     for seed in range(3):
         filter_.reset(seed)
         filter_.initialise_uniform()
         for k, gel in enumerate(below):
-            exploring = Measurement(True, gripper.codes[1][k], relief=reduced_relief(gripper.penetrations[1][k]))
-            others = {"below": FingerTouch(se3.inverse(truth) @ gel, exploring)}
+            exploring = Measurement(
+                True, gripper.codes[1][k], penetration=reduced_penetration(gripper.penetrations[1][k])
+            )
+            others = {"below": replace(exploring, T_gel_finger=se3.inverse(truth) @ gel)}
             estimate = filter_.step(np.eye(4) if k else None, resting, others)
         assert estimate.status.state == state.CONVERGED, estimate.status.reason
         errors.append(np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]))
@@ -390,12 +395,12 @@ def test_a_finger_explores_while_the_first_one_rests(gripper):
     assert max(errors) < 5e-3
 
 
-def test_a_relief_that_is_none_costs_only_itself(gripper):
+def test_a_penetration_map_that_is_none_costs_only_itself(gripper):
     filter_ = gripper.make_filter(CONFIG)
     filter_.reset(0)
     filter_.initialise_uniform()
-    broken = Measurement(True, gripper.codes[1][0], relief=np.full((80, 60), np.nan, np.float32))
-    estimate = filter_.step(None, Measurement(False), {"below": FingerTouch(gripper.between[0], broken)})
+    broken = Measurement(True, gripper.codes[1][0], penetration=np.full((80, 60), np.nan, np.float32))
+    estimate = filter_.step(None, Measurement(False), {"below": replace(broken, T_gel_finger=gripper.between[0])})
     assert estimate.status.skipped["bad_relief"] == 1
-    assert "finger below: relief" in estimate.status.reason
+    assert "finger below: penetration" in estimate.status.reason
     assert estimate.status.state == state.AMBIGUOUS

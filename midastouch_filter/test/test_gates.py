@@ -1,7 +1,7 @@
 import numpy as np
 
-from midastouch_filter import gates
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.gates import GATES, Gates, RestGate
 from midastouch_filter.motion_model import Odometry
 from midastouch_perception import se3
 
@@ -10,79 +10,56 @@ def moved(x, yaw=0.0):
     return Odometry.from_matrix(se3.exp([x, 0, 0, 0, 0, yaw]))
 
 
+def rest_gate(open_gates=(), **limits):
+    return RestGate(FilterConfig(**limits), Gates(open_gates))
+
+
+def test_what_is_skipped_is_counted_by_name_from_the_start():
+    gates = Gates()
+    assert set(gates.counts) == set(GATES)
+    assert [gates.skips("wide_modes", needless) for needless in (True, False, True)] == [True, False, True]
+    assert gates.counts["wide_modes"] == 2
+    assert gates.counts["unrivalled"] == 0
+
+
+def test_an_open_gate_skips_nothing_and_counts_nothing():
+    gates = Gates(["whole_book"])
+    assert not gates.skips("whole_book", True)
+    assert gates.counts["whole_book"] == 0
+    assert gates.skips("wide_modes", True)
+
+
+def test_a_refusal_is_counted_and_said():
+    gates = Gates()
+    gates.refuse("bad_code", "code is zero")
+    gates.refuse("bad_code", "code is not finite")
+    assert gates.counts["bad_code"] == 2
+    assert gates.note == "code is not finite"
+
+
 def test_rest_holds_back_small_steps_and_hands_on_their_sum():
-    gate = gates.RestGate(FilterConfig(update_min_d=1e-3, update_min_a=0.1))
+    gates = Gates()
+    gate = RestGate(FilterConfig(update_min_d=1e-3, update_min_a=0.1), gates)
     assert gate.motion(moved(4e-4)) is None
     assert gate.motion(moved(4e-4)) is None
     total = gate.motion(moved(4e-4))
     np.testing.assert_allclose(total.transform[:3, 3], [1.2e-3, 0, 0], atol=1e-12)
-    assert gate.skipped == 2
+    assert gates.counts["at_rest"] == 2
     assert gate.motion(moved(0.0)) is None
 
 
 def test_turning_on_the_spot_is_motion():
-    gate = gates.RestGate(FilterConfig(update_min_d=1e-3, update_min_a=0.1))
-    assert gate.motion(moved(0.0, 0.2)) is not None
+    assert rest_gate(update_min_d=1e-3, update_min_a=0.1).motion(moved(0.0, 0.2)) is not None
 
 
 def test_rest_can_be_reset():
-    gate = gates.RestGate(FilterConfig(update_min_d=1e-3))
+    gate = rest_gate(update_min_d=1e-3)
     gate.motion(moved(9e-4))
     gate.reset()
     assert gate.motion(moved(9e-4)) is None
 
 
-def test_an_open_gate_hands_on_every_step_once():
-    gate = gates.RestGate(FilterConfig(update_min_d=1e-3))
-    gate.open = True
+def test_an_open_rest_gate_hands_on_every_step_once():
+    gate = rest_gate(["at_rest"], update_min_d=1e-3)
     for _ in range(3):
         np.testing.assert_allclose(gate.motion(moved(4e-4)).transform[:3, 3], [4e-4, 0, 0], atol=1e-12)
-    assert gate.skipped == 0
-
-
-def test_an_open_gate_skips_nothing_and_counts_nothing():
-    gate = gates.OccupiedGate()
-    gate.open = True
-    assert not gate.skips(1000, 50_000)
-    assert gate.skipped == 0
-
-
-def test_contact():
-    gate = gates.ContactGate()
-    assert [gate.skips(c) for c in (True, False, False)] == [False, True, True]
-    assert gate.skipped == 2
-
-
-def test_the_same_code_is_one_touch_until_reset():
-    gate = gates.UnchangedCodeGate()
-    a, b = np.array([1.0, 0.0], np.float32), np.array([0.0, 1.0], np.float32)
-    assert [gate.skips(c) for c in (a, a.copy(), b, a)] == [False, True, False, False]
-    gate.reset()
-    assert not gate.skips(a)
-    assert gate.skipped == 1
-
-
-def test_effective_size():
-    gate = gates.EffectiveSizeGate(FilterConfig(resample_ess=0.5))
-    assert gate.skips(60.0, 100)
-    assert not gate.skips(40.0, 100)
-    assert gate.skipped == 1
-
-
-def test_occupied_entries_when_they_are_few():
-    gate = gates.OccupiedGate()
-    assert not gate.skips(50_000, 50_000)
-    assert gate.skips(1000, 50_000)
-
-
-def test_unmoved():
-    gate = gates.UnmovedGate()
-    assert gate.skips(touched=False)
-    assert not gate.skips(touched=True)
-
-
-def test_unrivalled():
-    gate = gates.UnrivalledGate()
-    assert gate.skips(unrivalled=True)
-    assert not gate.skips(unrivalled=False)
-    assert gate.skipped == 1

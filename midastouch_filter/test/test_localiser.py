@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -9,7 +10,6 @@ import pytest
 from midastouch_filter.filter import Measurement
 from midastouch_filter.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
-from midastouch_filter.touch import FingerTouch
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -45,7 +45,7 @@ def test_odometry_is_the_motion_since_the_last_frame():
 
 def test_further_fingers_are_handed_on():
     subject, running = localiser()
-    others = {"right": FingerTouch(translation(0.05), TOUCH)}
+    others = {"right": dataclasses.replace(TOUCH, T_gel_finger=translation(0.05))}
     subject.process(np.eye(4), TOUCH, others)
     subject.process(translation(0.01), TOUCH)
     assert running.others == [others, {}]

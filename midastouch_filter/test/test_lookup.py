@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.lookup import PoseLookup, along_curve
+from midastouch_filter.lookup import PoseLookup, space_filling_order
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
@@ -123,7 +123,7 @@ def test_a_book_of_one_pose_is_refused():
 
 
 def test_order_along_the_curve_brings_neighbours_together(world):
-    order = along_curve(world.poses)
+    order = space_filling_order(world.poses)
     np.testing.assert_array_equal(np.sort(order), np.arange(len(world.poses)))
     jump = np.linalg.norm(np.diff(world.poses[order, :3, 3], axis=0), axis=1)
     assert np.median(jump) < 0.2 * np.median(np.linalg.norm(np.diff(world.poses[:, :3, 3], axis=0), axis=1))

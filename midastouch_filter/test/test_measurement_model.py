@@ -23,33 +23,33 @@ def model(world, lookup, **config):
 def test_is_the_stated_log_likelihood_ratio(world, lookup):
     m = model(world, lookup, temperature=0.2, outlier=0.1)
     code = world.codebook.codes[42]
-    m.score_book(code)
+    m.score_codebook(code)
     likelihood = np.exp(world.codebook.codes.astype(float) @ code.astype(float) / 0.2)
     np.testing.assert_allclose(m.log_ratio, np.log(0.9 * likelihood / likelihood.mean() + 0.1), atol=1e-4)
 
 
 def test_averages_to_a_certain_event_over_the_book(world, lookup):
     m = model(world, lookup)
-    m.score_book(world.codebook.codes[7])
+    m.score_codebook(world.codebook.codes[7])
     assert np.exp(m.log_ratio.astype(float)).mean() == pytest.approx(1.0, abs=1e-4)
     assert m.log_ratio.min() >= np.log(m.outlier) - 1e-5
 
 
 def test_another_sensor_has_scores_of_its_own(world, lookup):
     m = model(world, lookup)
-    m.score_book(world.codebook.codes[7])
+    m.score_codebook(world.codebook.codes[7])
     before = m.log_ratio.copy()
     other = m.for_another_sensor()
-    other.score_book(world.codebook.codes[8])
+    other.score_codebook(world.codebook.codes[8])
     np.testing.assert_array_equal(m.log_ratio, before)
-    m.score_book(world.codebook.codes[8])
+    m.score_codebook(world.codebook.codes[8])
     np.testing.assert_array_equal(m.log_ratio, other.log_ratio)
 
 
 @pytest.mark.parametrize("temperature", [1e-3, 0.05, 10.0])
 def test_no_temperature_overflows(world, lookup, temperature):
     m = model(world, lookup, temperature=temperature)
-    m.score_book(-world.codebook.codes[3])
+    m.score_codebook(-world.codebook.codes[3])
     assert np.isfinite(m.log_ratio).all()
 
 
@@ -61,7 +61,7 @@ def test_scoring_occupied_entries_gives_what_the_whole_book_gives(world, lookup,
     particles = Particles.from_poses(world.poses[entries], entries)
     m = model(world, lookup, smoothing_neighbours=smoothing)
     code = world.codebook.codes[5]
-    m.score_book(code)
+    m.score_codebook(code)
     whole = m.log_likelihood(particles).copy()
     m.log_ratio[:] = np.nan
     m.score_occupied(code, particles)
@@ -80,7 +80,7 @@ def test_interpolation_is_smoother_than_the_nearest_entry(world, lookup):
     errors = []
     for smoothing in (0, 8):
         m = model(world, lookup, smoothing_neighbours=smoothing, temperature=1.0, outlier=1e-6)
-        m.score_book(code)
+        m.score_codebook(code)
         got = m.log_likelihood(particles)
         errors.append(np.std(got - truth))
     assert errors[1] < errors[0]
@@ -88,7 +88,7 @@ def test_interpolation_is_smoother_than_the_nearest_entry(world, lookup):
 
 def test_draws_the_best_matches_by_their_likelihood(world, lookup):
     m = model(world, lookup)
-    m.score_book(world.codebook.codes[11])
+    m.score_codebook(world.codebook.codes[11])
     drawn = m.draw_matches(4000, np.random.default_rng(0))
     share = np.exp(m.log_ratio.astype(float))
     best = np.argsort(-share)[:50]

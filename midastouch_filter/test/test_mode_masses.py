@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midastouch_filter.mode_masses import gained_together, with_odds
+from midastouch_filter.mode_masses import impose_log_odds, pool_marginal_likelihoods
 from midastouch_filter.particles import Particles
 from midastouch_perception import se3
 
@@ -25,7 +25,7 @@ def test_parts_gain_the_same_and_keep_their_inside(seed):
     weights, ratio = np.log(rng.dirichlet(np.ones(60))), rng.normal(0, 2, 60)
     parts = [np.arange(20), np.arange(20, 30)]
     changed = ratio.copy()
-    gained_together(weights, changed, parts)
+    pool_marginal_likelihoods(weights, changed, parts)
     before, after = np.exp(weights), np.exp(weights + changed)
     gains = [after[part].sum() / before[part].sum() for part in parts]
     assert gains[0] == pytest.approx(gains[1])
@@ -38,7 +38,7 @@ def test_parts_gain_the_same_and_keep_their_inside(seed):
 
 def test_one_part_alone_is_left_as_it_is():
     ratio = np.arange(5.0)
-    gained_together(np.zeros(5), ratio, [np.arange(3), np.arange(0)])
+    pool_marginal_likelihoods(np.zeros(5), ratio, [np.arange(3), np.arange(0)])
     np.testing.assert_array_equal(ratio, np.arange(5.0))
 
 
@@ -46,7 +46,7 @@ def test_modes_get_the_odds_and_the_rest_keeps_its_weight():
     particles = particles_at(90, np.random.default_rng(0))
     members = np.repeat([0, 1, -1], 30)
     rest = particles.weights[60:].sum()
-    out, new = with_odds(particles, members, [1, 0], np.log([3.0, 1.0]), no_draw)
+    out, new = impose_log_odds(particles, members, [1, 0], np.log([3.0, 1.0]), no_draw)
     assert new == 0
     weights = out.weights
     assert weights[60:].sum() == pytest.approx(rest)
@@ -57,7 +57,7 @@ def test_modes_get_the_odds_and_the_rest_keeps_its_weight():
 def test_a_place_without_a_mode_gets_particles_of_its_weight():
     rng = np.random.default_rng(1)
     particles = particles_at(400, rng)
-    out, new = with_odds(
+    out, new = impose_log_odds(
         particles, np.zeros(400, int), [0, None, None], np.array([0.0, 0.0, -20.0]), lambda _, n: particles_at(n, rng)
     )
     assert new == 1
@@ -68,7 +68,7 @@ def test_a_place_without_a_mode_gets_particles_of_its_weight():
 def test_the_rest_can_be_held_small():
     particles = particles_at(60, np.random.default_rng(3))
     members = np.repeat([0, -1], 30)
-    out, _ = with_odds(particles, members, [0], np.zeros(1), no_draw, rest=0.01)
+    out, _ = impose_log_odds(particles, members, [0], np.zeros(1), no_draw, rest=0.01)
     assert out.weights[30:].sum() == pytest.approx(0.01)
     assert out.weights.sum() == pytest.approx(1)
 
@@ -76,6 +76,6 @@ def test_the_rest_can_be_held_small():
 def test_a_refuted_mode_keeps_a_trace():
     particles = particles_at(20, np.random.default_rng(2))
     members = np.repeat([0, 1], 10)
-    out, _ = with_odds(particles, members, [0, 1], np.array([0.0, -500.0]), no_draw)
+    out, _ = impose_log_odds(particles, members, [0, 1], np.array([0.0, -500.0]), no_draw)
     assert 0 < out.weights[10:].sum() < 1e-8
     assert np.isfinite(out.log_weights).all()

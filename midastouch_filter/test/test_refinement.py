@@ -1,12 +1,14 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.alignment import Aligned
+from midastouch_filter.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.effort import Effort
 from midastouch_filter.estimate import Mode
-from midastouch_filter.joint_alignment import FeltRelief
+from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.particles import Particles
-from midastouch_filter.refinement import Refinement, reduced_relief, sharpened
+from midastouch_filter.refinement import Refinement, sharpened
+from midastouch_filter.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
@@ -15,6 +17,8 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
+CONFIG = FilterConfig()
+NOISE = NoiseModel.of(CONFIG)
 SIGMA = np.array([2e-3, 2e-3, 5e-4, 0.03, 0.03, 0.06])
 
 
@@ -33,12 +37,16 @@ def touch(tool, sensor):
     """A pose on the tool's edge and what is felt there, and another pose far away."""
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_share=1.0, free_share=0.0)
     poses = sample_contact_poses(tool, 2, np.random.default_rng(4), sensor, sampling)
-    return poses[0], reduced_relief(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
+    return poses[0], reduced_penetration(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
+
+
+def make_refinement(alignment):
+    return Refinement(alignment, CONFIG, NOISE, Effort(), Workers(2))
 
 
 @pytest.fixture
 def refinement(tool, sensor):
-    return Refinement(tool, sensor, FilterConfig(), Workers(2))
+    return make_refinement(PenetrationAlignment(tool, sensor.scaled(MAP_SCALE), NOISE))
 
 
 def cloud(pose, n, rng, sigma=SIGMA):
@@ -51,18 +59,20 @@ def mode_of(pose, n, weight=1.0, sigma=SIGMA):
     return Mode(weight, pose, turn @ np.diag(sigma**2) @ turn.T, n)
 
 
-def test_reduced_relief_is_the_block_mean():
+def test_reduced_penetration_is_the_block_mean():
     penetration = np.arange(160 * 120, dtype=np.float32).reshape(160, 120)
-    relief = reduced_relief(penetration)
-    assert relief.shape == (80, 60)
-    assert relief[3, 5] == penetration[6:8, 10:12].mean()
+    reduced = reduced_penetration(penetration)
+    assert reduced.shape == (80, 60)
+    assert reduced[3, 5] == penetration[6:8, 10:12].mean()
 
 
 def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
-    truth, relief, _ = touch
+    truth, penetration, _ = touch
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
-    aligned = refinement.apply(particles, np.zeros(400, np.int32), [mode_of(start, 400)], [FeltRelief(relief)], 1.0)
+    aligned = refinement.apply(
+        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [Measurement(True, penetration=penetration)], 1.0
+    )
     assert aligned[0].fit > 0.9
     before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
     after = np.linalg.norm(particles.positions.mean(axis=0) - truth[:3, 3])
@@ -93,16 +103,19 @@ def test_particles_of_one_frame_are_where_it_has_the_mode(refinement, touch):
 
 
 def test_wide_modes_are_left_alone(refinement, touch):
-    truth, relief, _ = touch
+    truth, penetration, _ = touch
     particles = cloud(truth, 50, np.random.default_rng(0), 10 * SIGMA)
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
-    assert refinement.apply(particles, np.zeros(50, np.int32), [wide], [FeltRelief(relief)], 1.0) == {}
+    assert (
+        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)], 1.0)
+        == {}
+    )
     np.testing.assert_array_equal(particles.positions, before)
 
 
 def test_mass_moves_to_the_mode_that_fits(refinement, touch):
-    truth, relief, elsewhere = touch
+    truth, penetration, elsewhere = touch
     rng = np.random.default_rng(1)
     right, wrong = cloud(truth, 200, rng), cloud(elsewhere, 200, rng)
     particles = Particles(
@@ -113,7 +126,7 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     )
     members = np.repeat(np.array([1, 0], np.int32), 200)
     modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
-    refinement.apply(particles, members, modes, [FeltRelief(relief)], 0.5)
+    refinement.apply(particles, members, modes, [Measurement(True, penetration=penetration)], 0.5)
     weights = particles.weights
     assert weights.sum() == pytest.approx(1)
     # at most five nats a whole touch, here half of one
@@ -127,26 +140,27 @@ class TwoOptima:
         self._worse, self._fit = left_is_worse_by, fit
         self.starts = 0
 
-    def align(self, pose, covariance, relief, start):
+    def align(self, pose, covariance, penetration, start):
         self.starts += 1
         left = (se3.inverse(pose) @ start)[0, 3] < 0
         end = pose @ se3.make(np.eye(3), np.array([-5e-3 if left else 5e-3, 0, 0]))
         return Aligned(end, 1e-8 * np.eye(6), -self._worse if left else 0.0, self._fit)
 
 
-def wide_mode(refinement, touch, optima, spread=6e-3):
-    refinement.alignment = optima
+def wide_mode(touch, spread=6e-3):
     sigma = np.array([spread, 1e-3, 1e-4, 1e-2, 1e-2, 1e-2])
     particles = cloud(touch[0], 200, np.random.default_rng(3), sigma)
     return particles, mode_of(touch[0], 200, sigma=sigma)
 
 
 @pytest.mark.parametrize(("nats", "agreed"), [(1.0, False), (10.0, True)])
-def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement, touch, nats, agreed):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(nats))
+def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(touch, nats, agreed):
+    particles, mode, optima = *wide_mode(touch), TwoOptima(nats)
     before = particles.positions.copy()
-    aligned = refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
-    assert refinement.alignment.starts > 2
+    aligned = make_refinement(optima).apply(
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+    )
+    assert optima.starts > 2
     assert bool(aligned) == agreed
     if agreed:
         np.testing.assert_allclose(aligned[0].pose[:3, 3], (mode.pose @ [5e-3, 0, 0, 1])[:3], atol=1e-6)
@@ -154,14 +168,21 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(refinement,
         np.testing.assert_array_equal(particles.positions, before)
 
 
-def test_a_narrow_mode_is_aligned_from_its_mean_alone(refinement, touch):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0), spread=1e-3)
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)
-    assert refinement.alignment.starts == 1
+def test_a_narrow_mode_is_aligned_from_its_mean_alone(touch):
+    particles, mode, optima = *wide_mode(touch, spread=1e-3), TwoOptima(1.0)
+    assert make_refinement(optima).apply(
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+    )
+    assert optima.starts == 1
 
 
-def test_places_that_feel_nothing_of_it_move_nothing(refinement, touch):
-    particles, mode = wide_mode(refinement, touch, TwoOptima(1.0, fit=0.1))
+def test_places_that_feel_nothing_of_it_move_nothing(touch):
+    particles, mode, optima = *wide_mode(touch), TwoOptima(1.0, fit=0.1)
     before = particles.positions.copy()
-    assert refinement.apply(particles, np.zeros(200, np.int32), [mode], [FeltRelief(touch[1])], 1.0)[0].fit == 0.1
+    assert (
+        make_refinement(optima)
+        .apply(particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0)[0]
+        .fit
+        == 0.1
+    )
     np.testing.assert_array_equal(particles.positions, before)

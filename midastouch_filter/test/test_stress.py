@@ -17,10 +17,11 @@ from hypothesis.extra.numpy import arrays
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
-from midastouch_filter.gates import RestGate
+from midastouch_filter.gates import Gates, RestGate
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.motion_model import MotionModel, Odometry
 from midastouch_filter.particles import Particles
+from midastouch_filter.surface import SurfaceConstraint
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -67,7 +68,7 @@ def some_book(world, mesh, n=300, **changes):
 
 @pytest.fixture(scope="module")
 def filter_(world):
-    """With refinement, so that reliefs are looked at, too."""
+    """With refinement, so that penetrations are looked at, too."""
     book = some_book(world, world.mesh, 1000, sensor="digit_tacto")
     return ParticleFilter(world.mesh, book, SMALL, 0)
 
@@ -107,12 +108,13 @@ def test_modes_of_particles_a_half_turn_apart_are_rotations(filter_, world):
 @settings(max_examples=20)
 def test_rest_adds_up_rotations_that_are_not_quite_orthonormal(stretch, steps):
     """Each is within tolerance; their product would not be."""
-    gate = RestGate(FilterConfig())
+    gates = Gates()
+    gate = RestGate(FilterConfig(), gates)
     step = np.eye(4)
     step[:3, :3] *= 1 + stretch
     for _ in range(steps):
         assert gate.motion(Odometry.from_matrix(step)) is None
-    assert gate.skipped == steps
+    assert gates.counts["at_rest"] == steps
 
 
 @given(
@@ -148,13 +150,13 @@ def test_any_weights_end_in_a_defined_state(filter_, world, most, some, count):
     filter_.initialise_uniform()
     filter_.step(motion, Measurement(True, code))
 
-    def log_weight(particles, _):
+    def log_weight(_, particles, codebook_distance):
         out = np.full(len(particles), most)
         out[:count] = some
         return out
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(filter_._surface, "log_weight", log_weight)
+        patch.setattr(SurfaceConstraint, "log_weight", log_weight)
         estimate = filter_.step(second_motion, Measurement(True, second))
     assert_defined(filter_, estimate)
     usable = np.isfinite(most) if count == 0 else np.isfinite(some) or (count < 300 and np.isfinite(most))
@@ -176,7 +178,7 @@ def test_a_million_particles(world):
     assert many.weights.sum() == pytest.approx(1)
 
 
-# --------------------------------------------------------------------------- codes and reliefs
+# --------------------------------------------------------------------------- codes and penetrations
 
 
 @given(arrays(np.float64, DIM, elements=st.floats(width=64)), st.integers(0, 5))
@@ -194,32 +196,32 @@ def test_any_code_ends_in_a_defined_state(filter_, world, code, spoilt):
             assert "not finite" in estimate.status.reason
 
 
-RELIEF = (80, 60)
+MAP_SHAPE = (80, 60)
 
 
 @pytest.mark.parametrize(
-    "relief",
+    "penetration",
     [
-        np.full(RELIEF, np.nan, np.float32),
-        np.full(RELIEF, np.inf, np.float32),
-        np.full(RELIEF, 1e30, np.float32),
-        np.zeros(RELIEF, np.float32),
+        np.full(MAP_SHAPE, np.nan, np.float32),
+        np.full(MAP_SHAPE, np.inf, np.float32),
+        np.full(MAP_SHAPE, 1e30, np.float32),
+        np.zeros(MAP_SHAPE, np.float32),
         np.full((160, 120), 1e-3, np.float32),
         np.zeros((0, 0), np.float32),
     ],
     ids=["nan", "inf", "huge", "zero", "wrong size", "empty"],
 )
-def test_any_relief_ends_in_a_defined_state(filter_, world, relief):
+def test_any_penetration_map_ends_in_a_defined_state(filter_, world, penetration):
     frames = slide(world, 3)
     truth = world.make_slide(world.mesh, 3, np.random.default_rng(3))
     filter_.reset(0)
     filter_.initialise_gaussian(truth[0], 5e-4, 0.02)
     for motion, code in frames:
-        estimate = filter_.step(motion, Measurement(True, code, relief=relief))
+        estimate = filter_.step(motion, Measurement(True, code, penetration=penetration))
         assert_defined(filter_, estimate)
-    unusable = relief.shape != RELIEF or not np.isfinite(relief).all()
+    unusable = penetration.shape != MAP_SHAPE or not np.isfinite(penetration).all()
     assert (estimate.status.skipped.get("bad_relief", 0) == 3) == unusable
-    assert ("relief" in estimate.status.reason) == unusable
+    assert ("penetration" in estimate.status.reason) == unusable
 
 
 # --------------------------------------------------------------------------- float32
@@ -294,10 +296,10 @@ def test_degenerate_meshes_work(world, name):
     book = some_book(world, mesh, 200, sensor="digit_tacto")
     filter_ = ParticleFilter(mesh, book, SMALL, 0)
     filter_.initialise_uniform()
-    relief = np.full(RELIEF, 1e-4, np.float32)
+    penetration = np.full(MAP_SHAPE, 1e-4, np.float32)
     step = se3.exp([5e-4, 0, 0, 0, 0, 0.01])
     for k in range(4):
-        estimate = filter_.step(step, Measurement(True, book.codes[k], relief=relief))
+        estimate = filter_.step(step, Measurement(True, book.codes[k], penetration=penetration))
         assert_defined(filter_, estimate)
 
 
@@ -374,5 +376,5 @@ def test_a_book_without_calibration_is_refused(world, key):
             ParticleFilter(world.mesh, book, SMALL, 0)
 
 
-def test_reliefs_have_the_size_of_the_sensors_views():
-    assert SensorModel.load("digit_tacto").scaled(0.25).gel_depth.shape == RELIEF
+def test_penetration_maps_have_the_size_of_the_sensors_views():
+    assert SensorModel.load("digit_tacto").scaled(0.25).gel_depth.shape == MAP_SHAPE

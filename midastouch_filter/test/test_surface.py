@@ -96,14 +96,6 @@ def test_gels_known_less_well_are_weighed_softly_and_never_dead(ball):
     np.testing.assert_allclose(*beyond)
 
 
-def test_projection_moves_particles_to_the_nearer_limit_only(ball):
-    grid = ball[1]
-    particles = particles_at([[0.034, 0, 0], [0, 0.026, 0], [0, 0, 0.0295], [0.05, 0, 0]])
-    grid.project(particles, -0.002, 0.001, WORKERS)
-    radius = np.linalg.norm(particles.positions, axis=1)
-    np.testing.assert_allclose(radius, [0.031, 0.028, 0.0295, 0.05], atol=2e-4)
-
-
 @pytest.mark.parametrize("broken", ["open", "inverted", "two shells"])
 def test_meshes_that_are_no_solids_work(broken):
     shape = trimesh.creation.icosphere(subdivisions=3, radius=0.03)

@@ -80,7 +80,7 @@ def likelihood_counts(
     model = MeasurementModel(codebook.codes, codebook.meta, lookup, config, workers)
     counts = np.zeros(len(LEVELS) + 1, int)
     for code, entry in zip(codes, lookup.exact(poses), strict=True):
-        model.score_book(model.unit_code(code))
+        model.score_codebook(model.unit_code(code))
         likelihood = np.exp(model.log_ratio, dtype=float)
         own = likelihood[entry]
         # entries as likely as the truth's own share the rank

@@ -8,7 +8,7 @@ import numpy as np
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.lookup import PoseLookup, along_curve
+from midastouch_filter.lookup import PoseLookup, space_filling_order
 from midastouch_filter.motion_model import MotionModel, Odometry
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
@@ -36,7 +36,7 @@ def lookup_speed(
     `book_poses` (M, 4, 4) are the codebook's.
     """
     workers = Workers()
-    order = along_curve(book_poses)
+    order = space_filling_order(book_poses)
     lookup = PoseLookup(book_poses[order], workers)
     rank = np.empty(len(order), np.int32)
     rank[order] = np.arange(len(order))

@@ -49,7 +49,7 @@ class Touches:
     def save(self, path: Path) -> None:
         """Write one `.npz`."""
         code = np.array([m.code for m in self.felt if m.in_contact], np.float32)
-        relief = np.array([m.relief for m in self.felt if m.in_contact], np.float32)
+        relief = np.array([m.penetration for m in self.felt if m.in_contact], np.float32)
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(
                 stream,

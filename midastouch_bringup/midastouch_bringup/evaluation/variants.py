@@ -67,8 +67,8 @@ VARIANTS = {
     DEFAULT: Variant("as shipped", DEFAULT),
     "paper": Variant("the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER),
     "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}),
-    "no_refinement": Variant("no alignment to the felt relief, no hindsight", MECHANISM, {"refinement": False}),
-    "no_hindsight": Variant("last touches are not replayed at rival places", MECHANISM, {"hindsight": False}),
+    "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
+    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "no_kld": Variant("always 50,000 particles", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(
@@ -85,7 +85,6 @@ VARIANTS = {
     "no_book_constraint": Variant(
         "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
     ),
-    "projection": Variant("particles are moved back to the surface", MECHANISM, {"project_to_surface": True}),
     "no_tempering": Variant(
         "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
@@ -101,7 +100,7 @@ VARIANTS = {
     "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
     "no_rival_gate": Variant("a mode without rivals is replayed as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
-        "wide modes are aligned to the relief too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
+        "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
     ),
     "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
     "5k": Variant("at most 5,000 particles", COUNT, {"max_particles": 5_000}),

@@ -18,7 +18,7 @@ def test_touches_survive_a_file(tmp_path):
     assert [m.in_contact for m in loaded.felt] == [True, False, True]
     for one, other in ((felt[0], loaded.felt[0]), (felt[2], loaded.felt[2])):
         assert (one.code == other.code).all()
-        assert (one.relief == other.relief).all()
+        assert (one.penetration == other.penetration).all()
         assert (one.contact_area, one.network_id) == (other.contact_area, other.network_id)
     assert loaded.made_from == {"tcn": "net"}
 

@@ -11,7 +11,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from process_rig import SHIPPED, processes
 from replay_rig import play, replay
 
-from midastouch_bringup.bags import read_bag, write_bag
+from midastouch_bringup.bags.frames import read_bag, write_bag
 from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.evaluation.setup import Networks
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial

@@ -19,8 +19,8 @@ from ..touch import Measurement
 from ..transforms.queue import TransformQueue, Wait
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics, fingers_of
+from .map_source import MapSource
 from .node_clock import NodeClock
-from .relief_source import ReliefSource
 from .status_report import StatusReport
 from .transform_source import TransformSource
 
@@ -31,7 +31,7 @@ _JUMP_NS = 500_000_000
 class CodeProcessor:
     """Listens to codes and transforms from when it is made until `close`; the node destroys its subscriptions.
 
-    reliefs: whether the filter wants them. Without `subscribe` codes come through `on_code` only. Attributes:
+    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. Attributes:
     transforms; network_id, of the newest code; report, what was said of the frames.
     """
 
@@ -41,7 +41,7 @@ class CodeProcessor:
         localiser: Localiser,
         out: EstimatePublisher,
         clock: NodeClock,
-        reliefs: bool,
+        maps: bool,
         subscribe: bool,
     ):
         self._node, self._localiser, self._clock = node, localiser, clock
@@ -59,11 +59,11 @@ class CodeProcessor:
             clock.steady_now,
         )
         self._fingers = FingerTopics(
-            node, self._parameters, reliefs, self._lookup, clock.now, self._process_queue, self._problem
+            node, self._parameters, maps, self._lookup, clock.now, self._process_queue, self._problem
         )
-        self._reliefs: ReliefSource | None = None
+        self._maps: MapSource | None = None
         if subscribe:
-            self._subscribe(reliefs)
+            self._subscribe(maps)
         node.create_timer(0.05, self._on_timer, clock=clock.steady)
         # last: it has a thread, which nobody would end if something before it failed
         self.transforms = TransformSource(
@@ -75,10 +75,10 @@ class CodeProcessor:
         )
         self.report = StatusReport(out, self._fingers, self.transforms.name)
 
-    def _subscribe(self, reliefs: bool) -> None:
+    def _subscribe(self, maps: bool) -> None:
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
-        if reliefs:
-            self._reliefs = ReliefSource(
+        if maps:
+            self._maps = MapSource(
                 self._node,
                 depth,
                 reliable,
@@ -136,7 +136,7 @@ class CodeProcessor:
 
     def _is_incomplete(self, stamp: int, measurement: Measurement, waited: float) -> bool:
         """Whether the code's cloud or what another finger felt is still to come."""
-        if self._reliefs is not None and measurement.in_contact and self._reliefs.awaited(stamp, waited):
+        if self._maps is not None and measurement.in_contact and self._maps.awaited(stamp, waited):
             return True
         return self._fingers.awaited(stamp, waited)
 
@@ -152,9 +152,9 @@ class CodeProcessor:
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
         sensor = self._localiser.object.sensor if self._localiser.object is not None else None
-        if self._reliefs is not None and sensor is not None and measurement.in_contact:
-            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(stamp, sensor))
-            self.report.counts["no_relief"] += measurement.relief is None
+        if self._maps is not None and sensor is not None and measurement.in_contact:
+            measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
+            self.report.counts["no_relief"] += measurement.penetration is None
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
             estimate = self._localiser.process(T_base_gel, measurement, others)

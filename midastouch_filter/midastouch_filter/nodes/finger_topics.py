@@ -1,4 +1,4 @@
-"""Further fingers on the same object: their codes and reliefs, joined with the reference's frames."""
+"""Further fingers on the same object: their codes and maps, joined with the reference's frames."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from midastouch_perception.ros.parameters import Parameters
 from ..finger_memory import FingerMemory
 from ..localiser import LoadedObject
 from ..perceived import measurement_from_msg
-from ..touch import FingerTouch
+from ..touch import Measurement
 from ..transforms import TransformError
 from ..transforms.queue import Wait
-from .relief_source import ReliefSource
+from .map_source import MapSource
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 
@@ -55,14 +55,14 @@ class FingerTopics:
         self,
         node: Node,
         parameters: Parameters,
-        reliefs: bool,
+        maps: bool,
         lookup: Callable[[str, str, int], np.ndarray | Wait],
         now: Callable[[], float],
         on_update: Callable[[], None],
         on_bad: Callable[[str, str], None],
     ):
         self.counts: Counter[str] = Counter()
-        self._node, self._parameters, self._reliefs, self._lookup = node, parameters, reliefs, lookup
+        self._node, self._parameters, self._maps, self._lookup = node, parameters, maps, lookup
         self._now, self._on_update, self._on_bad = now, on_update, on_bad
         self._fingers = {name: self._listen(name, frame) for name, frame in fingers_of(parameters).items()}
         self._silent: list[str] = []
@@ -71,9 +71,9 @@ class FingerTopics:
         """Subscribe what a finger feels."""
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
         base = self._parameters["base_frame_id"]
-        reliefs = None
-        if self._reliefs:
-            reliefs = ReliefSource(
+        maps = None
+        if self._maps:
+            maps = MapSource(
                 self._node,
                 depth,
                 reliable,
@@ -92,7 +92,7 @@ class FingerTopics:
             self._on_bad("bad_codes", f"{name}/tactile/code: {reason}")
 
         tolerance = round(1e9 * self._parameters["finger_tolerance"])
-        memory = FingerMemory(place, tolerance, reliefs, self._now, on_foreign)
+        memory = FingerMemory(place, tolerance, maps, self._now, on_foreign)
 
         def on_code(msg: TactileCode) -> None:
             if memory.add(stamp_ns(msg.header.stamp), measurement_from_msg(msg)):
@@ -107,7 +107,7 @@ class FingerTopics:
         waiting = [finger.awaited(stamp, waited) for finger in self._fingers.values()]  # all: each gives up by itself
         return any(waiting)
 
-    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, FingerTouch]:
+    def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, Measurement]:
         """What the fingers feel at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
         found = {}
         for name, finger in self._fingers.items():

@@ -15,7 +15,7 @@ from midastouch_filter.config import FilterConfig
 from midastouch_filter.finger_memory import FingerMemory
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.touch import reduced_penetration
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -69,7 +69,7 @@ def test_each_frame_has_what_the_other_finger_felt_and_where(graph):
         (name,) = others
         assert name == "/right"
         np.testing.assert_allclose(others[name].T_gel_finger, T_GEL_RIGHT, atol=1e-9)
-        np.testing.assert_allclose(others[name].measurement.code, [0.6, 0.8], atol=1e-6)
+        np.testing.assert_allclose(others[name].code, [0.6, 0.8], atol=1e-6)
 
 
 def test_images_of_other_stamps_are_placed_where_their_finger_was_then(graph):
@@ -102,8 +102,10 @@ def test_a_frame_waits_for_the_other_fingers_code_and_cloud(graph):
         hand.place(stamp + 5 * MS, np.eye(4))
         hand.answer(stamp)
         touch = hand.filter.others[-1]["/right"]
-        np.testing.assert_allclose(touch.measurement.relief, reduced_relief(0.5 * penetration), atol=1e-7)
-        np.testing.assert_allclose(hand.filter.measurements[-1].relief, reduced_relief(penetration), atol=1e-7)
+        np.testing.assert_allclose(touch.penetration, reduced_penetration(0.5 * penetration), atol=1e-7)
+        np.testing.assert_allclose(
+            hand.filter.measurements[-1].penetration, reduced_penetration(penetration), atol=1e-7
+        )
 
 
 def test_a_finger_that_falls_silent_is_left_out_and_named(graph):

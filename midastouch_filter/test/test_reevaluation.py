@@ -3,18 +3,32 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from midastouch_filter.alignment import ReliefAlignment
+from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.hindsight import Felt, Hindsight, Prior, pose_distance
+from midastouch_filter.effort import Effort
 from midastouch_filter.lookup import PoseLookup
-from midastouch_filter.refinement import RELIEF_SCALE
+from midastouch_filter.noise_model import NoiseModel
+from midastouch_filter.places import Prior, pose_distance
+from midastouch_filter.reevaluation import Reevaluation
+from midastouch_filter.touch import MAP_SCALE, Measurement
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 CONFIG = FilterConfig(threads=1)
+NOISE = NoiseModel.of(CONFIG)
 HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+
+
+def felt(penetration, log_ratio, T_gel_finger=None):
+    """What one finger felt, and what its code says of every codebook entry."""
+    return Measurement(True, penetration=penetration, T_gel_finger=T_gel_finger), log_ratio
+
+
+def keep(reevaluation, *fingers):
+    touches, log_ratios = zip(*fingers, strict=True)
+    reevaluation.keep(list(touches), list(log_ratios))
 
 
 class Slide:
@@ -27,23 +41,23 @@ class Slide:
 
     def __init__(self, world, twofold: bool, steps: int = 14):
         mesh = world.bumpy_mesh(twofold)
-        coarse = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
+        coarse = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
         self.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
         self.lookup = PoseLookup(self.book, Workers(1))
-        self.alignment = ReliefAlignment(mesh, coarse, CONFIG.relief_noise, CONFIG.relief_correlation)
+        self.alignment = PenetrationAlignment(mesh, coarse, NOISE)
         self.truth = world.make_slide(mesh, 6 * steps, np.random.default_rng(8))[::6]
-        self.reliefs = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
+        self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
 
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
-        self.hindsight = hindsight = Hindsight(self.lookup, self.book, self.alignment, CONFIG)
-        hindsight.restart(prior)
+        self.reevaluation = reevaluation = Reevaluation(self.lookup, self.book, self.alignment, CONFIG, NOISE, Effort())
+        reevaluation.restart(prior)
         self.answered = 0
-        for k, relief in enumerate(self.reliefs):
+        for k, penetration in enumerate(self.penetrations):
             if k:
                 step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
-                hindsight.moved(step, CONFIG.hindsight_spacing)
-            assert hindsight.due
+                reevaluation.moved(step, CONFIG.hindsight_spacing)
+            assert reevaluation.due
             nearest = np.full(len(self.book), np.inf)
             for place in places:
                 pose = place @ self.truth[k]
@@ -51,11 +65,11 @@ class Slide:
                 angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
                 nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
             log_ratio = np.log(np.exp(-0.5 * (nearest / 0.008) ** 2) + 0.03) + 1.0
-            hindsight.keep(Felt(log_ratio, relief), *self.others[k : k + 1])
-            assert not hindsight.due
+            keep(reevaluation, felt(penetration, log_ratio), *self.others[k : k + 1])
+            assert not reevaluation.due
         for _ in range(1000):
             self.answered += 1
-            answer = hindsight.compare(modes)
+            answer = reevaluation.compare(modes)
             if answer is not None:
                 self.exhaustive = answer.exhaustive
                 return answer.places
@@ -105,7 +119,7 @@ def test_what_was_known_of_the_start_decides_between_twins(symmetric):
 def test_few_touches_say_nothing(symmetric):
     short = Slide.__new__(Slide)
     short.__dict__.update(symmetric.__dict__)
-    short.truth, short.reliefs = symmetric.truth[:3], symmetric.reliefs[:3]
+    short.truth, short.penetrations = symmetric.truth[:3], symmetric.penetrations[:3]
     assert short.run([np.eye(4)], [symmetric.truth[2]]) is None
 
 
@@ -131,7 +145,7 @@ def test_covariances_are_finite_and_positive(uneven):
 
 def test_a_prior_is_never_more_than_a_hint():
     far = se3.make(np.eye(3), np.array([10.0, 0, 0]))
-    density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]))
+    density = Prior(np.eye(4), 0.01, 0.1).log_density(np.stack([np.eye(4), far]), -12.0)
     assert density[0] == 0
     assert density[1] == -12
 
@@ -148,39 +162,39 @@ def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
     log_ratio = np.zeros(len(uneven.book))
     rested = []
     for _ in range(6):
-        uneven.hindsight.keep(Felt(log_ratio, uneven.reliefs[-1]))
-        rested.append(uneven.hindsight.rests)
+        keep(uneven.reevaluation, felt(uneven.penetrations[-1], log_ratio))
+        rested.append(uneven.reevaluation.rests)
     assert rested == [False, False, True, True, True, False]
-    uneven.hindsight.compare([truth])
-    assert not uneven.hindsight.rests
+    uneven.reevaluation.compare([truth])
+    assert not uneven.reevaluation.rests
 
 
 @pytest.mark.parametrize("lifted", [False, True])
 def test_when_contradicted_it_forgets_what_was_before_a_lift(uneven, lifted):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])
-    hindsight, modes = uneven.hindsight, [truth, HALF_TURN @ truth]
-    hindsight.moved(np.eye(4), 8e-3, in_contact=False)
-    hindsight.moved(np.eye(4), 8e-3, in_contact=not lifted)  # 8 mm without contact are but a gap in the slide
+    reevaluation, modes = uneven.reevaluation, [truth, HALF_TURN @ truth]
+    reevaluation.moved(np.eye(4), 8e-3, in_contact=False)
+    reevaluation.moved(np.eye(4), 8e-3, in_contact=not lifted)  # 8 mm without contact are but a gap in the slide
     for _ in range(3):
-        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
-    hindsight.contradicted()
-    answers = [hindsight.compare(modes) for _ in range(300)]
+        keep(reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    reevaluation.contradicted()
+    answers = [reevaluation.compare(modes) for _ in range(300)]
     assert all(answer is None for answer in answers) == lifted  # three touches say nothing
-    hindsight.contradicted()
+    reevaluation.contradicted()
     for _ in range(3):
-        hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
-    assert any(hindsight.compare(modes) is not None for _ in range(300))  # six do
+        keep(reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    assert any(reevaluation.compare(modes) is not None for _ in range(300))  # six do
 
 
 def test_a_rival_ends_the_wait(uneven):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])
     for _ in range(3):
-        uneven.hindsight.keep(Felt(np.zeros(len(uneven.book)), uneven.reliefs[-1]))
-    assert uneven.hindsight.rests
-    uneven.hindsight.compare([truth, HALF_TURN @ truth])
-    assert not uneven.hindsight.rests
+        keep(uneven.reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    assert uneven.reevaluation.rests
+    uneven.reevaluation.compare([truth, HALF_TURN @ truth])
+    assert not uneven.reevaluation.rests
 
 
 def test_what_another_finger_felt_tells_twins_apart(world):
@@ -189,19 +203,19 @@ def test_what_another_finger_felt_tells_twins_apart(world):
     slide = Slide.__new__(Slide)
     slide.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
     slide.lookup = PoseLookup(slide.book, Workers(1))
-    sensor = SensorModel.load("digit_tacto").scaled(RELIEF_SCALE)
-    slide.alignment = ReliefAlignment(mesh, sensor, CONFIG.relief_noise, CONFIG.relief_correlation)
+    sensor = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
+    slide.alignment = PenetrationAlignment(mesh, sensor, NOISE)
     turns = np.linspace(0, 1.5 * np.pi, 14)
     circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
     slide.truth, below = (world.poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04))
     renderer = PenetrationRenderer(mesh, sensor)
-    slide.reliefs = np.maximum(renderer.render(slide.truth), 0)
+    slide.penetrations = np.maximum(renderer.render(slide.truth), 0)
     felt_below, between = np.maximum(renderer.render(below), 0), se3.inverse(slide.truth) @ below
     truth, wrong = slide.truth[-1], HALF_TURN @ slide.truth[-1]
     alone = slide.run([np.eye(4), HALF_TURN], [wrong])
     assert odds_at(alone, wrong)[0] > odds_at(alone, truth)[0] - 1
     silent = np.zeros(len(slide.book))
-    slide.others = [Felt(silent, relief, place) for relief, place in zip(felt_below, between, strict=True)]
+    slide.others = [felt(penetration, silent, place) for penetration, place in zip(felt_below, between, strict=True)]
     together = slide.run([np.eye(4), HALF_TURN], [wrong])
     assert odds_at(together, truth) == [0.0]
     assert odds_at(together, wrong)[0] < -8
@@ -209,17 +223,17 @@ def test_what_another_finger_felt_tells_twins_apart(world):
 
 def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
     """Codes of the second finger alone bring up the right place, where the first finger feels nothing."""
-    hindsight = Hindsight(uneven.lookup, uneven.book, uneven.alignment, CONFIG)
+    reevaluation = Reevaluation(uneven.lookup, uneven.book, uneven.alignment, CONFIG, NOISE, Effort())
     between = se3.exp(np.array([0.02, 0, 0.05, 0.3, 0.2, 0.1]))
-    for k, relief in enumerate(uneven.reliefs):
+    for k, penetration in enumerate(uneven.penetrations):
         if k:
             step = between @ se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k] @ se3.inverse(between)
-            hindsight.moved(step, CONFIG.hindsight_spacing)
+            reevaluation.moved(step, CONFIG.hindsight_spacing)
         gap = np.linalg.norm(uneven.book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(uneven.book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
         log_ratio = np.log(np.exp(-0.5 * (np.hypot(gap, 0.01 * angle) / 0.008) ** 2) + 0.03) + 1.0
-        hindsight.keep(Felt(log_ratio, relief, between))
+        keep(reevaluation, felt(penetration, log_ratio, between))
     truth = uneven.truth[-1] @ se3.inverse(between)
     wrong = HALF_TURN @ truth
-    answer = next(filter(None, (hindsight.compare([wrong]) for _ in range(1000))))
+    answer = next(filter(None, (reevaluation.compare([wrong]) for _ in range(1000))))
     assert odds_at(answer.places, truth) == [0.0]

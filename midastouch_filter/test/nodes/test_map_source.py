@@ -10,10 +10,10 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
 from filter_fakes import SECOND, cloud_msg, code_msg, loader_of, tf_msg
 from sensor_msgs.msg import PointCloud2
 
-from midastouch_filter.nodes import relief_source
+from midastouch_filter.nodes import map_source
+from midastouch_filter.nodes.map_source import MapSource
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.nodes.relief_source import ReliefSource
-from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.touch import reduced_penetration
 
 pytestmark = pytest.mark.dds
 
@@ -24,8 +24,8 @@ def penetration(depth: float) -> np.ndarray:
     return out
 
 
-def test_each_code_gets_the_relief_of_its_own_cloud(graph, monkeypatch):
-    monkeypatch.setattr(relief_source, "_PATIENCE", 30.0)
+def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
+    monkeypatch.setattr(map_source, "_PATIENCE", 30.0)
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]
@@ -37,7 +37,7 @@ def test_each_code_gets_the_relief_of_its_own_cloud(graph, monkeypatch):
         clouds.publish(cloud_msg(stamp * SECOND, penetration(depth)))
     graph.spin_until(lambda: len(bench.statuses) == 3)
     for measurement, depth in zip(bench.filter.measurements, depths, strict=True):
-        np.testing.assert_allclose(measurement.relief, reduced_relief(penetration(depth)), atol=1e-7)
+        np.testing.assert_allclose(measurement.penetration, reduced_penetration(penetration(depth)), atol=1e-7)
 
 
 def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
@@ -50,7 +50,7 @@ def test_clouds_wait_with_codes_whose_transforms_are_late(graph):
     for stamp in (stamps[0], stamps[-1]):
         bench.tf.publish(tf_msg(stamp, T_BASE_OBJ))
     graph.spin_until(lambda: len(bench.statuses) == len(stamps))
-    assert all(measurement.relief is not None for measurement in bench.filter.measurements)
+    assert all(measurement.penetration is not None for measurement in bench.filter.measurements)
 
 
 def test_a_cloud_whose_successor_is_there_is_not_waited_for():
@@ -59,13 +59,13 @@ def test_a_cloud_whose_successor_is_there_is_not_waited_for():
         create_subscription=lambda kind, topic, callback, profile: callbacks.append(callback),
         count_publishers=lambda topic: 1,
     )
-    reliefs = ReliefSource(node, 1, False, on_cloud=lambda: None, on_bad=lambda reason: None)
+    penetrations = MapSource(node, 1, False, on_cloud=lambda: None, on_bad=lambda reason: None)
     (on_points,) = callbacks
     on_points(cloud_msg(2 * SECOND, penetration(1e-3)))
-    assert [reliefs.awaited(stamp * SECOND, 0.0) for stamp in (1, 2, 3)] == [False, False, True]
+    assert [penetrations.awaited(stamp * SECOND, 0.0) for stamp in (1, 2, 3)] == [False, False, True]
 
 
-def test_a_lost_or_broken_cloud_costs_the_relief_only(graph):
+def test_a_lost_or_broken_cloud_costs_the_map_only(graph):
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     clouds.publish(cloud_msg(1 * SECOND, penetration(1e-3)))
@@ -74,8 +74,8 @@ def test_a_lost_or_broken_cloud_costs_the_relief_only(graph):
     clouds.publish(broken)
     for stamp in (1, 2, 3, 4):
         bench.frame(stamp * SECOND, T_BASE_OBJ, in_contact=stamp != 4)
-    reliefs = [measurement.relief is not None for measurement in bench.filter.measurements]
-    assert reliefs == [True, False, False, False]
+    penetrations = [measurement.penetration is not None for measurement in bench.filter.measurements]
+    assert penetrations == [True, False, False, False]
     status = bench.statuses[-1]
     assert skipped(status)["no_relief"] == 2
     assert bench.node.diagnostics.counts["bad_clouds"] == 1

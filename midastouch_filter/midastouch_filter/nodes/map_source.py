@@ -1,4 +1,4 @@
-"""The felt relief that belongs to a code: from the cloud of the same image."""
+"""The penetration map that belongs to a code: from the cloud of the same image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.ros import qos
 from midastouch_perception.sensor_model import SensorModel
 
-from ..refinement import reduced_relief
+from ..touch import reduced_penetration
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 _PATIENCE = 0.25
@@ -23,7 +23,7 @@ _PATIENCE = 0.25
 _KEPT = 256
 
 
-class ReliefSource:
+class MapSource:
     """Keeps the last clouds until their code asks for them.
 
     on_cloud: called after every cloud, so that whoever waits can ask again. on_bad: called with a reason for each
@@ -58,7 +58,7 @@ class ReliefSource:
         return self._node.count_publishers(self._topic) > 0
 
     def take(self, stamp: int, sensor: SensorModel) -> np.ndarray | None:
-        """Relief (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
+        """Penetration map (80, 60) float32 m at `stamp` [ns], `sensor` at map resolution; None if its cloud is lost.
 
         What is older is forgotten: codes are answered in order.
         """
@@ -68,7 +68,7 @@ class ReliefSource:
         if cloud is None:
             return None
         try:
-            return reduced_relief(penetration_from_cloud(points_from_msg(cloud), sensor))
+            return reduced_penetration(penetration_from_cloud(points_from_msg(cloud), sensor))
         except InputError as error:
             self._on_bad(f"{self._topic}: {error}")
             return None

@@ -1,0 +1,35 @@
+"""How much time the fine stage takes, for how good an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Alignment of modes. one_optimum (m, rad): a mode that spreads no wider is aligned from its mean alone; starts:
+    particles that a wider one is aligned from besides.
+
+    Re-evaluation. fewest: touches that it needs to say anything; anew, rarely: further touches after which it is worth
+    another one, and after several that all found no rival. shortlist: best entries of each touch, of all fingers, that
+    become candidates; these are scored on sieve touches first, and the best kept of them on all. With several fingers,
+    the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook entries are some 20
+    deg apart, which moves a further finger by centimetres. most_rivals are replayed, alignments_per_step at a time;
+    settled: touches after which a place's rotation is known well enough to say where further fingers are.
+    """
+
+    one_optimum: tuple[float, float] = (4e-3, np.radians(12.0))
+    starts: int = 4
+    fewest: int = 6
+    anew: int = 3
+    rarely: int = 12
+    shortlist: int = 150
+    sieve: int = 4
+    kept: int = 400
+    turned: int = 50
+    turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
+    most_rivals: int = 5
+    alignments_per_step: int = 2
+    settled: int = 3

@@ -1,0 +1,66 @@
+"""What the fine stage assumes about the world: how wrong measurements are, and how wide what is not known yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .config import FilterConfig
+
+
+def _diagonal(translation: float, rotation_deg: float) -> np.ndarray:
+    """Covariance (6, 6) of a pose in its own frame, by sigmas per axis in m and deg."""
+    return np.diag(np.repeat([translation, np.radians(rotation_deg)], 3) ** 2)
+
+
+# half the distance between codebook entries, some 4 mm and 20 deg apart
+_BETWEEN_ENTRIES = _diagonal(4e-3, 12.0)
+_MODE_FLOOR = _diagonal(2e-4, 0.3)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Covariances (6, 6) are of [translation, rotation] in a pose's own frame, m^2 and rad^2; evidence is in nats.
+
+    jitter: of one measured sensor pose; an arm reports each with an error of its own that does not stay.
+    finger_error: of a further finger's pose, given the first one's.
+    map_noise [m], of a penetration map, is one and the same over map_correlation [m].
+    touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
+    between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
+    between_places: exponent of the marginal likelihood of a map when places are compared: what a map mistakes looks
+    like another place, as if its error were half as large again.
+    largest_evidence: that one map may speak for one place and against another. A map may be wrong altogether.
+    prior_floor: a prior may be wrong altogether; refuted: log-odds of a place that need not be looked at any longer.
+    code_margin: by which a place may fall behind the best in its codes, and be right.
+    elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
+    decisive: evidence by which one of two optima is the better one.
+    """
+
+    jitter: np.ndarray
+    finger_error: np.ndarray
+    map_noise: float
+    map_correlation: float
+    touch_correlation: float
+    between_entries: np.ndarray
+    mode_floor: np.ndarray
+    between_places: float = 1 / 1.5**2
+    largest_evidence: float = 5.0
+    prior_floor: float = -12.0
+    refuted: float = -12.0
+    code_margin: float = 4.0
+    elsewhere: float = 22.5
+    decisive: float = 3.0
+
+    @classmethod
+    def of(cls, config: FilterConfig) -> NoiseModel:
+        """With the configured values of what differs between machines."""
+        return cls(
+            jitter=config.jitter,
+            finger_error=config.finger_error,
+            map_noise=config.relief_noise,
+            map_correlation=config.relief_correlation,
+            touch_correlation=config.correlation_length,
+            between_entries=_BETWEEN_ENTRIES,
+            mode_floor=_MODE_FLOOR,
+        )

@@ -1,0 +1,51 @@
+"""Places on the object that may explain what was felt, and what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from .lookup import ROTATION_SCALE
+
+APART = 0.015
+"""m: places nearer than this are the same one; 1 rad counts as 10 mm."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
+    log_odds [nats] against the best of all explanations (0 for that one)."""
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    log_odds: float
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Where the start was thought to be: pose (4, 4), sigma_t [m] and sigma_r [rad] per axis."""
+
+    pose: np.ndarray
+    sigma_t: float
+    sigma_r: float
+
+    def log_density(self, poses: np.ndarray, floor: float) -> np.ndarray:
+        """(N,) nats of poses (N, 4, 4) below the prior's own pose, but no less than `floor`."""
+        error = se3.log(se3.inverse(self.pose) @ poses)
+        squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
+        return np.maximum(-0.5 * squared, floor)
+
+
+def pose_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Pose distance [m] as the look-up's, of (4, 4) and (4, 4)."""
+    angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
+    return float(np.hypot(np.linalg.norm(a[:3, 3] - b[:3, 3]), 2 * ROTATION_SCALE * np.sin(angle / 2)))
+
+
+def is_apart(pose: np.ndarray, others: Sequence[np.ndarray]) -> bool:
+    """Whether a pose (4, 4) is another place than each of the others."""
+    return all(pose_distance(pose, other) > APART for other in others)

@@ -1,0 +1,70 @@
+"""The parts of a filter step, each of which can be swapped for another one that is called alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .config import FilterConfig
+from .effort import Effort
+from .fine_stage import CoarseOnly, FineStage
+from .fingers import Fingers
+from .gates import Gates
+from .initialisation import ParticleSource
+from .motion_model import MotionModel
+from .noise_model import NoiseModel
+from .object_model import ObjectModel
+from .propagation import Propagation
+from .recovery import Recovery
+from .reevaluation import Reevaluation
+from .refinement import Refinement
+from .resampler import Resampler
+from .reweighting import Reweighting
+from .stopwatch import Stopwatch
+from .workers import Workers
+
+
+@dataclass
+class Policies:
+    """propagate: equation 1; fingers: what is felt that is new; reweigh: equation 2, normalised; resample: when, and to
+    how many; recover: after a collapse of the likelihood; refine: the fine stage; source: of new particles."""
+
+    propagate: Propagation
+    fingers: Fingers
+    reweigh: Reweighting
+    resample: Resampler
+    recover: Recovery
+    refine: CoarseOnly
+    source: ParticleSource
+
+
+def default_policies(
+    config: FilterConfig,
+    noise: NoiseModel,
+    model: ObjectModel,
+    rng: np.random.Generator,
+    gates: Gates,
+    watch: Stopwatch,
+    workers: Workers,
+) -> Policies:
+    """The policies that the configuration asks for, without a memory."""
+    motion_model = MotionModel(config, rng, workers)
+    source = ParticleSource(model.lookup, model.poses, motion_model, noise.jitter, rng, workers)
+    map_shape, refine = None, CoarseOnly()
+    if model.alignment is not None:
+        map_shape, effort = model.alignment.map_shape, Effort()
+        refinement = Refinement(model.alignment, config, noise, effort, workers)
+        reevaluation = None
+        if config.hindsight:
+            reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, config, noise, effort)
+        refine = FineStage(refinement, reevaluation, config, noise, source, gates, watch)
+    return Policies(
+        propagate=Propagation(motion_model, config, gates),
+        fingers=Fingers(model.finger_maker(gates), map_shape, gates),
+        reweigh=Reweighting(config, model.measurement.outlier, refine.pool),
+        resample=Resampler(model.regions, config, rng, gates),
+        recover=Recovery(source, refine.contradicted, gates),
+        refine=refine,
+        source=source,
+    )
