@@ -46,8 +46,10 @@ class Window:
         self._scene = self._gui.SceneWidget()
         self._scene.scene = self._rendering.Open3DScene(self._window.renderer)
         self._scene.scene.set_background([1.0, 1.0, 1.0, 1.0])
-        # Light and shadows of a photograph would cost seconds per picture without a graphics card.
-        self._scene.scene.view.set_post_processing(False)
+        # The looks of a photograph would cost tens of seconds per picture without a graphics card.
+        view = self._scene.scene.view
+        for switch in (view.set_post_processing, view.set_antialiasing, view.set_ambient_occlusion, view.set_shadowing):
+            switch(False)
         self._scene.scene.add_geometry("mesh", mesh_geometry(mesh), self._material("defaultLitTransparency", 0.6))
         self._look(Viewpoint.of(run, mesh), mesh)
         self._panel = self._make_panel()
