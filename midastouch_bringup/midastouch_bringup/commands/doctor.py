@@ -9,7 +9,7 @@ from . import arguments
 
 _SET_UP = "make setup"
 _TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
-_OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; of the system libgl1, libegl1 and libx11-6"
+_OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; sudo apt install libgl1 libegl1 libx11-6"
 _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 
 # module, distribution, what it is for, required, the command that mends it

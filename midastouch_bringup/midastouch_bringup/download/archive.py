@@ -28,7 +28,8 @@ def extract(path: Path, folder: Path) -> int:
             if wanted + _RESERVE > free:
                 raise InputError(f"{path}: unpacks to {wanted >> 20} MiB, but {free >> 20} MiB are free; make room")
             temporary.mkdir()
-            archive.extractall(temporary, members)
+            for info in members:
+                archive.extract(info, temporary)
             return len(members)
     except (zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise InputError(f"{path}: not a readable archive ({error}); download it again") from error

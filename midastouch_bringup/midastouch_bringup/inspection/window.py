@@ -16,6 +16,8 @@ from .viewpoint import Viewpoint
 
 _FIELD_OF_VIEW = 20.0  # deg
 _PLAYED_S = 0.05  # from one moment to the next
+_UNSEEN = 3  # pictures
+_LIGHT = 80_000  # lux, from all sides
 _EM = 0.5  # spacing, of the font's size
 
 
@@ -29,7 +31,10 @@ def show(run: Run, mesh: ObjectMesh, index: int) -> None:
     try:
         Window(run, mesh, index)
     except RuntimeError as error:
-        raise InputError(f"Open3D cannot open a window ({error}); draw to files with --save") from error
+        raise InputError(
+            f"Open3D cannot open a window ({error}); it wants Vulkan (libvulkan1, and the driver of the graphics card "
+            "or mesa-vulkan-drivers), or draw to files with --save"
+        ) from error
     app.run()
 
 
@@ -42,12 +47,16 @@ class Window:
         self._run, self._index = run, index
         self._layers = dict.fromkeys(LAYERS, True)
         self._played_at = 0.0
+        self._unseen = _UNSEEN
         self._window = self._gui.Application.instance.create_window(f"midastouch: {run.name}", 1280, 900)
         self._scene = self._gui.SceneWidget()
         self._scene.scene = self._rendering.Open3DScene(self._window.renderer)
         self._scene.scene.set_background([1.0, 1.0, 1.0, 1.0])
-        # Light and shadows of a photograph would cost seconds per picture without a graphics card.
-        self._scene.scene.view.set_post_processing(False)
+        # The looks of a photograph would cost tens of seconds per picture without a graphics card.
+        view = self._scene.scene.view
+        for switch in (view.set_post_processing, view.set_antialiasing, view.set_ambient_occlusion, view.set_shadowing):
+            switch(False)
+        self._scene.scene.scene.set_indirect_light_intensity(_LIGHT)
         self._scene.scene.add_geometry("mesh", mesh_geometry(mesh), self._material("defaultLitTransparency", 0.6))
         self._look(Viewpoint.of(run, mesh), mesh)
         self._panel = self._make_panel()
@@ -70,17 +79,18 @@ class Window:
                 shader = "defaultUnlit" if drawn[name].lines is None else "unlitLine"
                 scene.add_geometry(name, geometry_of(drawn[name]), self._material(shader))
         self._scene.force_redraw()
+        self._window.post_redraw()
 
     def _material(self, shader: str, opacity: float = 1.0):
         material = self._rendering.MaterialRecord()
         material.shader, material.base_color = shader, [1.0, 1.0, 1.0, opacity]
-        material.point_size, material.line_width = 4 * self._window.scaling, 2 * self._window.scaling
+        material.point_size, material.line_width = 4 * self._window.scaling, self._window.scaling
         return material
 
     def _look(self, viewpoint: Viewpoint, mesh: ObjectMesh) -> None:
         box = self._scene.scene.bounding_box
         self._scene.setup_camera(_FIELD_OF_VIEW, box, viewpoint.centre)
-        eye = viewpoint.centre + 3.5 * mesh.diagonal * viewpoint.towards_viewer
+        eye = viewpoint.centre + 2.5 * mesh.diagonal * viewpoint.towards_viewer
         self._scene.look_at(viewpoint.centre, eye, viewpoint.up)
 
     def _make_panel(self):
@@ -108,6 +118,9 @@ class Window:
 
     def _tick(self) -> bool:
         """Called before each picture; whether to draw one."""
+        if self._unseen:  # what is drawn before the window is on the screen may never get there
+            self._unseen -= 1
+            self._window.post_redraw()
         now = time.monotonic()
         if not self._play.is_on or now - self._played_at < _PLAYED_S:
             return False

@@ -19,7 +19,7 @@ def test_the_commands_of_the_design_are_there():
     assert set(sub_commands()) == {
         "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "evaluate-presses", "evaluate-checks",
         "single-touch", "bench", "benchmark", "to-bag", "replay", "time-offset", "run", "view", "download", "train-tdn",
-        "train-tcn", "import-weights", "report", "doctor", "foxglove",
+        "train-tcn", "import-weights", "report", "doctor", "foxglove", "inspect",
     }  # fmt: skip
 
 

@@ -1,0 +1,81 @@
+"""Pictures and exported files, by the real Open3D."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from midastouch_bringup import cli
+from midastouch_bringup.inspection import require_open3d, window
+from midastouch_bringup.inspection.geometry import export, mesh_geometry
+from midastouch_bringup.inspection.pictures import Pictures, save
+from midastouch_bringup.inspection.shapes import shapes
+from midastouch_perception.errors import InputError
+
+from .conftest import MOMENTS
+
+
+def test_without_open3d_it_names_the_command_that_installs_it(monkeypatch, capsys):
+    monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    assert cli.main(["inspect", "run.mcap"]) == 2
+    assert "pip install open3d-cpu" in capsys.readouterr().err
+
+
+def test_a_missing_system_library_is_named(monkeypatch, tmp_path):
+    """As the loader says it, by a module in the place of Open3D."""
+    (tmp_path / "open3d.py").write_text("raise ImportError('libEGL.so.1: cannot open shared object file')")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("open3d", "midastouch_bringup.inspection.library"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with pytest.raises(InputError, match=r"libEGL.so.1: cannot open .* it wants .*libegl1"):
+        require_open3d()
+
+
+def test_pictures_show_mesh_and_layers(open3d, run, mesh):
+    with Pictures(run, mesh) as pictures:
+        first, last = pictures.draw(0), pictures.draw(MOMENTS - 1)
+        again = pictures.draw(0)
+    assert first.shape == (960, 1280, 3)
+    np.testing.assert_array_equal(again, first)
+    corners = first[-40:, :40]
+    assert (corners == 255).all()
+    grey = np.ptp(first[200:760, 300:980].astype(int), axis=2) < 30
+    assert grey.mean() > 0.5  # the box fills the middle of the picture
+    magenta = (last[..., 0] > 150) & (last[..., 1] < 90) & (last[..., 2] > 120)
+    assert magenta.sum() > 50  # the contact, felt at the last moment only
+    assert not ((first[..., 0] > 150) & (first[..., 1] < 90) & (first[..., 2] > 120)).any()
+
+
+def test_a_picture_is_a_png(open3d, run, mesh, tmp_path):
+    with pytest.raises(InputError, match=r"run.jpg: pictures are .png files"):
+        save(run, mesh, {0: tmp_path / "run.jpg"})
+
+
+@pytest.mark.parametrize("clouds", ["ply", "pcd"])
+def test_exported_clouds_are_what_is_drawn(open3d, run, mesh, tmp_path, clouds):
+    assert export(run, mesh, [0, 3], tmp_path, clouds) == 1 + 3 + 5
+    read = open3d.io.read_triangle_mesh(str(tmp_path / "mesh.ply"))
+    np.testing.assert_allclose(np.asarray(read.vertices), mesh.vertices, atol=1e-9)
+    assert len(read.triangles) == len(mesh.faces)
+    drawn = shapes(run.moments, 3)
+    for name in ("particles", "contact"):
+        cloud = open3d.io.read_point_cloud(str(tmp_path / "0003" / f"{name}.{clouds}"))
+        np.testing.assert_allclose(np.asarray(cloud.points), drawn[name].points, atol=1e-7)
+        np.testing.assert_allclose(np.asarray(cloud.colors), drawn[name].colours, atol=1 / 255)
+    lines = open3d.io.read_line_set(str(tmp_path / "0003" / "modes.ply"))
+    np.testing.assert_allclose(np.asarray(lines.points), drawn["modes"].points, atol=1e-7)
+    np.testing.assert_array_equal(np.asarray(lines.lines), drawn["modes"].lines)
+
+
+def test_a_mesh_has_the_normals_that_shading_needs(open3d, mesh):
+    geometry = mesh_geometry(mesh)
+    assert geometry.has_vertex_normals()
+    assert geometry.has_triangle_normals()
+
+
+def test_without_a_display_the_window_names_the_other_way(open3d, run, mesh, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match="no display to open a window on; draw to files with --save"):
+        window.show(run, mesh, 0)
