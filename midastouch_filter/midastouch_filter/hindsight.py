@@ -18,11 +18,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from midastouch_perception import se3
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 from .alignment import ReliefAlignment, without_jitter
 from .config import FilterConfig
 from .joint_alignment import FeltRelief, align_in_turn, carried
-from .lookup import ROTATION_SCALE, PoseLookup
+from .lookup import PoseLookup
 
 _FEWEST = 6  # touches that a replay needs to say anything
 _ANEW, _RARELY = 3, 12  # further touches after which it is worth another one; after some that all found no rival

@@ -14,9 +14,10 @@ from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
 from midastouch_perception.pipeline import Touch
+from midastouch_perception.pose_metric import pose_errors
 
 from .calibration import Coverage
-from .metrics import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
+from .metrics import closest_mode_error, min_cluster_error, particle_rmse
 from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 

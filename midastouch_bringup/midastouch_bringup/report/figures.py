@@ -13,8 +13,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.files import atomic_path
+from midastouch_perception.pose_metric import pose_errors
 
-from ..evaluation.metrics import particle_rmse, pose_errors
+from ..evaluation.metrics import particle_rmse
 from .object_view import ObjectView
 from .snapshot import Snapshot
 
