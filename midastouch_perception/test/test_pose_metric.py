@@ -7,7 +7,7 @@ from midastouch_perception import pose_metric, se3
 def test_errors_are_a_distance_and_the_angle_on_so3_of_all_pairs():
     rng = np.random.default_rng(1)
     poses = se3.exp(rng.normal(0, [0.1] * 3 + [1.0] * 3, (5, 6)))
-    moved = poses @ se3.exp([0.003, 0, 0, 0, 0.2, 0])
+    moved = poses @ se3.make(se3.exp([0, 0, 0, 0, 0.2, 0])[:3, :3], [0.003, 0, 0])
     distance, angle = pose_metric.pose_errors(poses, moved)
     assert distance == pytest.approx(np.full(5, 0.003))
     assert angle == pytest.approx(np.full(5, 0.2))

@@ -204,7 +204,7 @@ def _finite(values) -> list[float]:
     return [v for v in values if v is not None]
 
 
-def stage_figure(bench: dict) -> Figure:
+def stage_figure(speed: dict) -> Figure:
     """Milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
     names, rows = [], []
     for key, label in (
@@ -213,7 +213,7 @@ def stage_figure(bench: dict) -> Figure:
         ("filter_ms", "filter"),
         ("lookup_ms", "look-up"),
     ):
-        stage = bench.get(key, {})
+        stage = speed.get(key, {})
         if "p50" in stage:
             names.append(label)
             rows.append(stage)
