@@ -13,7 +13,7 @@ import enum
 import math
 import threading
 from bisect import bisect_left
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -57,6 +57,14 @@ class Insertion(enum.Enum):
     ADDED = "added"
     DUPLICATE = "duplicate"  # the link already has one at this stamp: the first is kept
     TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): what came before was forgotten
+
+
+def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
+    """The frame, its parent, ... up to its root, which has none, or to where a loop closes."""
+    chain = [frame]
+    while (parent := parent_of(chain[-1])) is not None and parent not in chain:
+        chain.append(parent)
+    return chain
 
 
 class Link(abc.ABC):
@@ -149,7 +157,7 @@ class FrameTree(abc.ABC):
     def _insert(self, parent: str, child: str, stamp: int, pose: Pose, static: bool) -> Insertion:
         link = self._links.get(child)
         if link is None or link.parent != parent:
-            if child in self._ancestors(parent):
+            if child in self.ancestors(parent):
                 raise InvalidTransformError(f"closes a loop: '{child}' is already above '{parent}'")
             link = None
         outcome = Insertion.ADDED
@@ -198,19 +206,17 @@ class FrameTree(abc.ABC):
             link = self._links.get(frame)
             return None if link is None or link.static else link.newest
 
-    def _ancestors(self, frame: str) -> list[str]:
-        """The frame, its parent, ... up to its root; finite because `insert` refuses loops."""
-        chain = [frame]
-        while (link := self._links.get(chain[-1])) is not None:
-            chain.append(link.parent)
-        return chain
+    def ancestors(self, frame: str) -> list[str]:
+        """The frame, its parent, ... up to its root."""
+        with self._lock:
+            return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) else None)
 
     def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
         """Frames whose links lead from the target, and from the source, up to their first common frame."""
         for frame in (target, source):
             if frame not in self._links and all(link.parent != frame for link in self._links.values()):
                 raise UnknownFrameError(f"frame '{frame}' is not known; no transform has named it yet")
-        from_target, from_source = self._ancestors(target), self._ancestors(source)
+        from_target, from_source = self.ancestors(target), self.ancestors(source)
         for depth, frame in enumerate(from_source):
             if frame in from_target:
                 return from_target[: from_target.index(frame)], from_source[:depth]

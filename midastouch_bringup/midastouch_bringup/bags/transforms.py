@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +55,6 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
     """
     buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
     unused = TransformBuffer()
-    parents: dict[str, str] = {}
     tracks: dict[str, _Track] = {}
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
@@ -74,11 +73,11 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
             except TransformError as error:
                 refused = str(error)
                 continue
-            parents[child] = parent
             if not static:
                 track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
-        for child in sorted(tracks.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+        between = set(buffer.ancestors(target)) ^ set(buffer.ancestors(source))
+        for child in sorted(tracks.keys() & between):
             _report(path, child, tracks[child])
     return buffer, refused
 
@@ -95,11 +94,3 @@ def _report(path: Path, frame: str, track: _Track) -> None:
             f"{track.left_out} repeated or more than {_LATEST_NS / 1e9:g} s late, left out",
             file=sys.stderr,
         )
-
-
-def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:
-    """A frame and all above it."""
-    chain = {frame}
-    while (frame := parents.get(frame, frame)) not in chain:
-        chain.add(frame)
-    return chain

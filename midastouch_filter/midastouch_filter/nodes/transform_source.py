@@ -24,6 +24,7 @@ from ..transforms import (
     PastExtrapolationError,
     TransformBuffer,
     TransformError,
+    ancestors,
 )
 from .tf2_buffer import make_buffer
 from .topic_reader import TopicReader
@@ -163,7 +164,7 @@ class TransformSource:
         self._insert(link, sample)
         self._links[link.name] = link
         parents = {each.child: each.parent for each in self._links.values()}
-        chains = [_chain(frame, parents) for frame in self._frames]
+        chains = [set(ancestors(frame, parents.get)) for frame in self._frames]
         common = set.intersection(*chains)
         self._between = set.union(*chains) - common
         for each in self._links.values():
@@ -221,11 +222,3 @@ class _Link:
         self.parent, self.child = frame_name(parent), frame_name(child)
         self.on_the_way = True
         self.last: _Sample | None = None
-
-
-def _chain(frame: str, parents: dict[str, str]) -> set[str]:
-    """The frame and all above it."""
-    chain = {frame}
-    while (frame := parents.get(frame, frame)) not in chain:
-        chain.add(frame)
-    return chain
