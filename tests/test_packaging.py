@@ -3,6 +3,7 @@
 import ast
 import importlib.metadata
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -48,6 +49,16 @@ OPTIONAL = {
     "safetensors",
     "torch",
 }
+# Imported module -> its distribution on PyPI, where the names differ.
+DISTRIBUTIONS = {
+    "cv2": "opencv-contrib-python-headless",
+    "PIL": "pillow",
+    "rerun": "rerun-sdk",
+    "rerun_cli": "rerun-sdk",
+    "rtde_receive": "ur-rtde",
+    "sklearn": "scikit-learn",
+    "yaml": "PyYAML",
+}
 SYSTEM_KEYS = {"robot_state_publisher", "rviz2", "v4l-utils", "xacro"}
 
 
@@ -90,6 +101,31 @@ def test_every_import_is_declared_and_every_declaration_used(package):
     declared = set(texts(manifest(package), "exec_depend")) - SYSTEM_KEYS
     imported = imported_modules(package) - PIP_ONLY - OPTIONAL
     assert {ROSDEP_KEYS.get(name, name) for name in imported} == declared
+
+
+def declared_for_pip(package: str) -> dict[str, set[str]]:
+    """Distributions that a setup.py names in install_requires, and in all extras together, without versions."""
+    (call,) = [
+        node
+        for node in ast.walk(ast.parse((ROOT / package / "setup.py").read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    ]
+    given = {word.arg: word.value for word in call.keywords}
+    always, extras = (ast.literal_eval(given[word]) for word in ("install_requires", "extras_require"))
+    lines = {"always": always, "extras": [line for extra in extras.values() for line in extra]}
+    return {kind: {re.split(r"[<>=!~ ;\[]", line)[0] for line in some} for kind, some in lines.items()}
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_pip_is_told_every_import_and_nothing_else(package):
+    """What ROS brings, pip does not have; tests' own libraries are extras."""
+    key_of = {name: ROSDEP_KEYS.get(name, name) for name in imported_modules(package)}
+    of_python = {name for name, key in key_of.items() if key.startswith("python3-") or name in PIP_ONLY}
+    ours = imported_modules(package) & ({*PACKAGES} - {"midastouch_msgs"})
+    declared = declared_for_pip(package)
+    assert {DISTRIBUTIONS.get(name, name) for name in of_python | ours} == declared["always"]
+    optional = {DISTRIBUTIONS.get(name, name) for name in imported_modules(package) & OPTIONAL}
+    assert optional <= declared["extras"]
 
 
 def test_message_package_belongs_to_the_interface_group():

@@ -1,4 +1,4 @@
-"""Small sequences made on the spot, in the exact layouts of YCB-Slide, and trials as of a benchmark."""
+"""Small sequences made on the spot, in the exact layouts of YCB-Slide, and trials as of an accuracy run."""
 
 from __future__ import annotations
 

@@ -18,12 +18,10 @@ from pykdtree.kdtree import KDTree
 import midastouch_kernels as kernels
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 from .particles import Particles
 from .workers import Workers
-
-ROTATION_SCALE = 0.01
-"""Metres that one radian counts as (paper section 4.2, alpha)."""
 
 _NEIGHBOURS = 24
 _LINKS = 48

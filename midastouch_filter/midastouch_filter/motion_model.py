@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 from .config import FilterConfig
-from .lookup import ROTATION_SCALE
 from .particles import Particles
 from .workers import CHUNKS, Workers
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midastouch_perception import se3
-
-from .lookup import ROTATION_SCALE
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 APART = 0.015
 """m: places nearer than this are the same one; 1 rad counts as 10 mm."""

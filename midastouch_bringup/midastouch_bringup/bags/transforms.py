@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
-from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError, ancestors
+from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import stamp_ns, xyzquat_from_msg
 
@@ -54,7 +54,6 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
     """
     buffer, refused = TransformBuffer(history_s=_FOREVER_S, jump_s=_FOREVER_S), ""
     unused = TransformBuffer()
-    parents: dict[str, str] = {}
     tracks: dict[str, _Track] = {}
     store = typestore()
     for message in bag_messages(path, {TF_TOPIC, TF_STATIC_TOPIC}):
@@ -71,11 +70,11 @@ def recorded_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[T
             except TransformError as error:
                 refused = str(error)
                 continue
-            parents[child] = parent
             if not static:
                 track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
-        for child in sorted(tracks.keys() & _between(target, source, parents)):
+        between = set(buffer.ancestors(target)) ^ set(buffer.ancestors(source))
+        for child in sorted(tracks.keys() & between):
             _report(path, child, tracks[child])
     return buffer, refused
 
@@ -92,8 +91,3 @@ def _report(path: Path, frame: str, track: _Track) -> None:
             f"{track.left_out} repeated or more than {_LATEST_NS / 1e9:g} s late, left out",
             file=sys.stderr,
         )
-
-
-def _between(target: str, source: str, parents: Mapping[str, str]) -> set[str]:
-    """The frames whose transforms lie on the way from one frame to the other."""
-    return set(ancestors(target, parents.get)) ^ set(ancestors(source, parents.get))

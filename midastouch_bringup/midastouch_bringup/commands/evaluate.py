@@ -44,13 +44,13 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import write_compact_json
-    from ..evaluation.sequence_trials import Protocol, run_sequence
+    from ..evaluation.sequence_trials import TrialPlan, run_sequence
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
     from ..progress import progress_bar
 
     config = load_filter_config(args.config)
-    protocol = Protocol(args.init, args.beta, args.seeds, args.stride, args.max_frames)
+    plan = TrialPlan(args.init, args.beta, args.seeds, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
     sequences = [load_sequence(path) for path in args.sequences]
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         work.append((sequence, *arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)))
     result = {
         "config": {
-            **dataclasses.asdict(protocol),
+            **dataclasses.asdict(plan),
             "filter": dataclasses.asdict(config),
             "networks": networks.describe(),
         },
@@ -67,11 +67,11 @@ def run(args: argparse.Namespace) -> int:
         "sequences": [],
         "trials": [],
     }
-    total = sum(protocol.seeds * len(protocol.frame_indices(sequence)) for sequence, _, _ in work)
+    total = sum(plan.seeds * len(plan.frame_indices(sequence)) for sequence, _, _ in work)
     with progress_bar(total=total, unit="frame") as bar:
         for sequence, mesh, codebook in work:
             bar.set_description(sequence.name)
-            description, trials = run_sequence(sequence, mesh, codebook, networks, config, protocol, bar.update)
+            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, bar.update)
             result["sequences"].append(description)
             result["trials"] += trials
     result["summary"] = summarise_trials(result["trials"])

@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import Networks
     from ..evaluation.simulated_touch import Lighting
-    from ..evaluation.single_touch_object import Protocol, measure_object
+    from ..evaluation.single_touch_object import SingleTouchPlan, measure_object
     from ..evaluation.single_touch_summary import single_touch_table, summarise_objects
     from ..progress import progress_bar
 
@@ -82,15 +82,15 @@ def run(args: argparse.Namespace) -> int:
     networks = Networks.load(args.tdn, args.tcn, args.sensor)
     lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
     minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
-    protocol = Protocol(args.queries, lighting, args.baseline_size, minkloc3d)
+    plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d)
     # all of them before the first is measured: what is missing shows at once
     objects = [_load(mesh, codebook, networks) for mesh, codebook in wanted]
     results = []
     for mesh, book, path in objects:
         # the seed of an object does not depend on which others are measured
         rng = np.random.default_rng([args.seed, int(mesh.sha256[:8], 16)])
-        with progress_bar(total=protocol.touches(networks), unit="touch", desc=mesh.name) as bar:
-            result = measure_object(mesh, book, networks, protocol, rng, bar.update)
+        with progress_bar(total=plan.touches(networks), unit="touch", desc=mesh.name) as bar:
+            result = measure_object(mesh, book, networks, plan, rng, bar.update)
         files = {"mesh": mesh.path, "codebook_file": path.resolve(), "codebook": dict(book.meta)}
         results.append(files | result)
     content = {

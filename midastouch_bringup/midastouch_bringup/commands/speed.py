@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.node_start import node_start
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
-    from ..evaluation.speed import Benchmark, peak_rss_mb
+    from ..evaluation.speed import SpeedMeasurement, peak_rss_mb
     from ..progress import progress_bar
     from ..ros.pose_age import pose_age
 
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     mesh = arguments.load_mesh(args.object)
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
     sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * args.frames))
-    benchmark = Benchmark(mesh, codebook, sequence, networks, args.frames)
+    speed = SpeedMeasurement(mesh, codebook, sequence, networks, args.frames)
     machine = machine_info()
     result = {
         "command": args.command_line,
@@ -63,19 +63,19 @@ def run(args: argparse.Namespace) -> int:
         "frames": args.frames,
     }
     stages = (
-        benchmark.networks,
-        benchmark.filter,
-        benchmark.lookup,
-        benchmark.end_to_end,
-        lambda: pose_age(benchmark.stepper()),
+        speed.networks,
+        speed.filter,
+        speed.lookup,
+        speed.end_to_end,
+        lambda: pose_age(speed.stepper()),
         lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
-        benchmark.simulator,
+        speed.simulator,
     )
     for stage in progress_bar(iterable=stages, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
     if args.paper_networks:  # last, for they need more memory than all else
-        result |= benchmark.paper_networks()
+        result |= speed.paper_networks()
     result = to_json(result)
     if args.json:
         write_json(args.json, result)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_perception.pose_metric import pose_errors
+
 from ..bags.run_record import RunRecord
-from ..evaluation.metrics import closest_mode_error, particle_rmse, pose_errors
+from ..evaluation.metrics import closest_mode_error, particle_rmse
 from ..evaluation.table import number
 from . import NODES
 

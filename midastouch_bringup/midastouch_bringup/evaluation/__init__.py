@@ -1,1 +1,1 @@
-"""Offline evaluation: metrics, frame-exact runs, benchmarks, and the JSON files that hold their results."""
+"""Offline evaluation: metrics, frame-exact runs, speed and accuracy, and the JSON files that hold their results."""

@@ -1,4 +1,4 @@
-"""Figures of the accuracy benchmark over its trials: summaries per object, calibration, the terminal's tables."""
+"""Figures of the accuracy over many trials: summaries per object, calibration, the terminal's tables."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The accuracy benchmark: objects x variants x slides x starts x seeds, resumable, in several processes."""
+"""Accuracy: objects x variants x slides x starts x seeds, resumable, in several processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 from .calibration import likelihood_counts
 from .disturbances import DISTURBANCES, PLAIN
-from .sequence_trials import Protocol
+from .sequence_trials import TrialPlan
 from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import RECORD, TrialFrame, run_trial
@@ -210,7 +210,7 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
 
     def trial(frames: list[TrialFrame], labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
-        Protocol(labels["init"], plan.beta).start(particle_filter, mesh, frames[0].truth)
+        TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, frames[0].truth)
         return labels | run_trial(frames, particle_filter, symmetry=symmetry, series=False)
 
     frames_of: dict[int, list[TrialFrame]] = {}

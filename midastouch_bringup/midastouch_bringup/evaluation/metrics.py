@@ -7,18 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception import se3
-
-ROTATION_SCALE = 0.01
-"""alpha [m/rad] of the paper's 6-vectors (section 4.2): 1 rad weighs as much as 10 mm."""
-
-
-def pose_errors(poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [m] (...) and geodesic angles [rad] (...) between poses (..., 4, 4) and truth, broadcast."""
-    poses, truth = np.asarray(poses, float), np.asarray(truth, float)
-    distance = np.linalg.norm(poses[..., :3, 3] - truth[..., :3, 3], axis=-1)
-    relative = np.swapaxes(poses[..., :3, :3], -1, -2) @ truth[..., :3, :3]
-    return distance, se3.rotation_angle(relative)
+from midastouch_perception.pose_metric import geodesic_distances, pose_errors
 
 
 def particle_rmse(poses: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> tuple[float, float]:
@@ -52,22 +41,5 @@ def closest_mode_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, flo
     if len(modes) == 0:
         return float("nan"), float("nan")
     distance, angle = pose_errors(modes, truth)
-    best = int(np.argmin(np.hypot(distance, ROTATION_SCALE * angle)))
+    best = int(np.argmin(geodesic_distances(modes, truth)))
     return float(distance[best]), float(angle[best])
-
-
-def six_vectors(poses: np.ndarray) -> np.ndarray:
-    """The paper's 6-vectors (N, 6) of poses (N, 4, 4): translation [m] and alpha times the log of rotation.
-
-    They jump where the rotation angle passes pi: use them to compare with the paper, `geodesic_distances`
-    for everything else.
-    """
-    poses = np.asarray(poses, float)
-    rotation_only = se3.make(poses[:, :3, :3], np.zeros(3))
-    return np.concatenate([poses[:, :3, 3], ROTATION_SCALE * se3.log(rotation_only)[:, 3:]], axis=1)
-
-
-def geodesic_distances(poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Pose distances [m] (...) with the rotation as geodesic angle times alpha: continuous over SO(3)."""
-    distance, angle = pose_errors(poses, truth)
-    return np.hypot(distance, ROTATION_SCALE * angle)

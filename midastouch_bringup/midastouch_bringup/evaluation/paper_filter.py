@@ -18,7 +18,6 @@ from sklearn.cluster import DBSCAN
 from midastouch_filter import initialisation, resampling
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode, modes_from_moments
-from midastouch_filter.lookup import ROTATION_SCALE
 from midastouch_filter.modes import Moments
 from midastouch_filter.motion_model import MotionModel, Odometry
 from midastouch_filter.particles import Particles
@@ -26,6 +25,7 @@ from midastouch_filter.state import Evidence, StateMachine, Status
 from midastouch_filter.stopwatch import Stopwatch
 from midastouch_filter.workers import Workers
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 if TYPE_CHECKING:
     from midastouch_filter.filter import Measurement

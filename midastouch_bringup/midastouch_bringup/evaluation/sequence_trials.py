@@ -21,7 +21,7 @@ from .trial import AnyFilter, TrialFrame, run_trial
 
 
 @dataclasses.dataclass(frozen=True)
-class Protocol:
+class TrialPlan:
     """init "paper" or "uniform"; beta, width of the paper's start; seeds, trials per sequence; every
     `stride`-th frame is used, at most `max_frames` of them."""
 
@@ -51,7 +51,7 @@ def run_sequence(
     codebook: Codebook,
     networks: Networks,
     config: FilterConfig,
-    protocol: Protocol,
+    plan: TrialPlan,
     progress: Callable[[int], object] = lambda frames: None,
 ) -> tuple[dict, list[dict]]:
     """All trials of one sequence: its entry under `sequences` of the JSON, and its `trials`.
@@ -59,7 +59,7 @@ def run_sequence(
     The seed of a trial is its number: 0, 1, ... Networks run anew in every trial, so that its times hold.
     `progress` is called with the number of frames done since the last call.
     """
-    indices = protocol.frame_indices(sequence)
+    indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
     background, source = sequence_background(sequence)
 
@@ -73,16 +73,16 @@ def run_sequence(
 
     def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
-        protocol.start(particle_filter, mesh, sequence.poses_true[indices[0]])
+        plan.start(particle_filter, mesh, sequence.poses_true[indices[0]])
         return run_trial(frames(), particle_filter, observe)
 
     trials = []
-    for seed in range(protocol.seeds):
+    for seed in range(plan.seeds):
         labels = {
             "sequence": sequence.name,
             "object": sequence.object_name,
             "seed": seed,
-            "init": protocol.init,
+            "init": plan.init,
         }
         trials.append(labels | trial(seed, lambda *_: progress(1)))
     description = {

@@ -31,7 +31,7 @@ CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "err
 
 
 @dataclasses.dataclass(frozen=True)
-class Protocol:
+class SingleTouchPlan:
     """What is measured.
 
     Attributes: queries; lighting; baseline_size, poses of the book on which the ways are compared, 0 for none;
@@ -57,29 +57,29 @@ def measure_object(
     mesh: ObjectMesh,
     codebook: Codebook,
     networks: Networks,
-    protocol: Protocol,
+    plan: SingleTouchPlan,
     rng: np.random.Generator,
     progress: Callable[[int], object] = lambda touches: None,
 ) -> dict:
     """One object's entry of the `single-touch` JSON; `errors` are quantiles, `cells` rows of `CELL_COLUMNS`."""
-    simulator = TouchSimulator(mesh, networks, protocol.lighting)
-    poses = sample_contact_poses(mesh, protocol.queries, rng, networks.sensor, _SAMPLING)
+    simulator = TouchSimulator(mesh, networks, plan.lighting)
+    poses = sample_contact_poses(mesh, plan.queries, rng, networks.sensor, _SAMPLING)
     ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
-    others, missing = other_encoders(networks, protocol)
-    split = protocol.baseline_queries if others else 0
+    others, missing = other_encoders(networks, plan)
+    split = plan.baseline_queries if others else 0
     compared, felt = _encode(simulator, poses[:split], ours | others, rng, progress)
     rest, felt_rest = _encode(simulator, poses[split:], ours, rng, progress)
     codes = np.concatenate([part[OURS] for part in (compared, rest) if OURS in part])
     errors = single_touch_errors(codebook.poses, poses, best_matches(codebook.codes, codes), rng)
     baselines: dict = dict.fromkeys(BASELINES) | {"missing": missing}
-    if protocol.baseline_size:
-        split = protocol.baseline_queries
+    if plan.baseline_size:
+        split = plan.baseline_queries
         queries = compared | {OURS: codes[:split]}
-        baselines |= _compare(simulator, codebook, poses[:split], queries, others, protocol, rng, progress)
+        baselines |= _compare(simulator, codebook, poses[:split], queries, others, plan, rng, progress)
     return {
         "object": mesh.name,
-        "queries": protocol.queries,
-        "missed": int(protocol.queries - felt.sum() - felt_rest.sum()),
+        "queries": plan.queries,
+        "missed": int(plan.queries - felt.sum() - felt_rest.sum()),
         "summary": errors.summary(),
         "baselines": baselines,
         "errors": _quantiles(errors),
@@ -93,9 +93,9 @@ def _encode(simulator, poses, encoders, rng, progress) -> tuple[dict[str, np.nda
     return simulator.encode(poses, encoders, rng, progress)
 
 
-def other_encoders(networks: Networks, protocol: Protocol) -> tuple[dict[str, Encoder], dict[str, str]]:
+def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str, Encoder], dict[str, str]]:
     """The baselines that can be had, and for each of the others the reason why not."""
-    if not protocol.baseline_size:
+    if not plan.baseline_size:
         return {}, dict.fromkeys(BASELINES, "not asked for")
     encoders: dict[str, Encoder] = {}
     missing = {}
@@ -103,16 +103,16 @@ def other_encoders(networks: Networks, protocol: Protocol) -> tuple[dict[str, En
         encoders["image_embedding"] = lambda percepts: networks.tdn.embedding(percepts.difference)
     else:
         missing["image_embedding"] = f"the depth network {networks.tdn.network_id} does not give its bottleneck"
-    if protocol.minkloc3d is not None:
-        encoders["minkloc3d"] = lambda percepts: protocol.minkloc3d.encode(percepts.penetration)
+    if plan.minkloc3d is not None:
+        encoders["minkloc3d"] = lambda percepts: plan.minkloc3d.encode(percepts.penetration)
     else:
         missing["minkloc3d"] = "no weights given"
     return encoders, missing
 
 
-def _compare(simulator, codebook, poses, queries, others, protocol, rng, progress) -> dict:
+def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -> dict:
     """The `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
-    size = min(protocol.baseline_size, len(codebook.poses))
+    size = min(plan.baseline_size, len(codebook.poses))
     chosen = np.sort(rng.choice(len(codebook.poses), size, replace=False))
     book = {OURS: codebook.codes[chosen]}
     if others:

@@ -34,7 +34,7 @@ _BOOK_POSES = 500
 _PAPER_IMAGES = 20
 
 
-class Benchmark:
+class SpeedMeasurement:
     """Measures on one slide over one object; each method fills in the keys of the JSON it is named after."""
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks, frames: int):

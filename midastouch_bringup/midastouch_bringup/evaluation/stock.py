@@ -1,4 +1,4 @@
-"""Slides, codebooks, touches and symmetries of a benchmark: made when first asked for, then kept in a folder."""
+"""Slides, codebooks, touches and symmetries of an accuracy run: made when first asked for, then kept in a folder."""
 
 from __future__ import annotations
 

@@ -20,8 +20,7 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
-
-from .metrics import ROTATION_SCALE
+from midastouch_perception.pose_metric import ROTATION_SCALE
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
 _SHARE = 0.9  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape

@@ -12,9 +12,10 @@ import numpy as np
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
 from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
+from midastouch_perception.pose_metric import pose_errors
 
 from .calibration import Coverage
-from .metrics import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
+from .metrics import closest_mode_error, min_cluster_error, particle_rmse
 from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 

@@ -1,4 +1,4 @@
-"""Finished trials on disk, one JSON line each, so that a long benchmark goes on where it was stopped."""
+"""Finished trials on disk, one JSON line each, so that a long run goes on where it was stopped."""
 
 from __future__ import annotations
 

@@ -13,8 +13,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.files import atomic_path
+from midastouch_perception.pose_metric import pose_errors
 
-from ..evaluation.metrics import particle_rmse, pose_errors
+from ..evaluation.metrics import particle_rmse
 from .object_view import ObjectView
 from .snapshot import Snapshot
 
@@ -203,7 +204,7 @@ def _finite(values) -> list[float]:
     return [v for v in values if v is not None]
 
 
-def stage_figure(bench: dict) -> Figure:
+def stage_figure(speed: dict) -> Figure:
     """Milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
     names, rows = [], []
     for key, label in (
@@ -212,7 +213,7 @@ def stage_figure(bench: dict) -> Figure:
         ("filter_ms", "filter"),
         ("lookup_ms", "look-up"),
     ):
-        stage = bench.get(key, {})
+        stage = speed.get(key, {})
         if "p50" in stage:
             names.append(label)
             rows.append(stage)

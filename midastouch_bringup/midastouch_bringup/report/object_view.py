@@ -10,8 +10,8 @@ from matplotlib import colormaps
 
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.pose_metric import pose_errors
 
-from ..evaluation.metrics import pose_errors
 from .camera import Camera, best_direction
 from .canvas import Canvas
 from .place_blend import PlaceBlend

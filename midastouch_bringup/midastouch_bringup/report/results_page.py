@@ -37,7 +37,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
     page = Page("MidasTouch results")
-    for section in (_evaluate, accuracy_section, _depth, press_section, check_section, single_touch_section, _bench):
+    for section in (_evaluate, accuracy_section, _depth, press_section, check_section, single_touch_section, _speed):
         if section in by_kind:
             try:
                 section(page, by_kind[section], folder)
@@ -62,7 +62,7 @@ def _section(name: str, content: dict) -> Callable:
     for key, section in (
         ("comparison", accuracy_section),
         ("trials", _evaluate),
-        ("tdn_ms", _bench),
+        ("tdn_ms", _speed),
         ("sequences", _depth),
         ("presses", press_section),
         ("fit_check", check_section),
@@ -151,7 +151,7 @@ def _depth(page: Page, contents: list[dict], folder: Path) -> None:
         page.table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms per frame"], rows)
 
 
-def _bench(page: Page, contents: list[dict], folder: Path) -> None:
+def _speed(page: Page, contents: list[dict], folder: Path) -> None:
     page.heading("Speed")
     for i, content in enumerate(contents):
         page.note(

@@ -98,7 +98,7 @@ def sequence(mesh: ObjectMesh) -> StubSequence:
 
 @pytest.fixture(scope="session")
 def networks(sequence: StubSequence) -> SimpleNamespace:
-    """What `Networks` offers the protocol."""
+    """What `Networks` offers a trial."""
     return SimpleNamespace(
         pipeline=lambda: PosePipeline(sequence.poses_true),
         describe=lambda: {"tdn": "none", "tcn": NETWORK, "sensor": "none"},

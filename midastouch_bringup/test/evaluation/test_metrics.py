@@ -44,15 +44,3 @@ def test_equation_4_takes_its_minima_apart_and_closest_mode_does_not(truth):
 def test_without_modes_there_is_no_error(truth):
     assert np.isnan(metrics.min_cluster_error(np.zeros((0, 4, 4)), truth)).all()
     assert np.isnan(metrics.closest_mode_error(np.zeros((0, 4, 4)), truth)).all()
-
-
-def test_six_vectors_scale_the_log_of_rotation():
-    pose = se3.make(se3.exp(np.array([0, 0, 0, 0, 0, 0.5]))[:3, :3], [0.1, 0.2, 0.3])
-    assert metrics.six_vectors(pose[None])[0] == pytest.approx([0.1, 0.2, 0.3, 0, 0, 0.005])
-
-
-def test_geodesic_distance_is_continuous_where_six_vectors_jump():
-    before, after = (se3.exp(np.array([0, 0, 0, 0, 0, a])) for a in (np.pi - 0.01, np.pi + 0.01))
-    jump = np.linalg.norm(np.diff(metrics.six_vectors(np.array([before, after])), axis=0))
-    assert jump > 0.06
-    assert metrics.geodesic_distances(before, after) == pytest.approx(0.02 * metrics.ROTATION_SCALE)

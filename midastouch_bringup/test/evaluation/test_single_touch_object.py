@@ -8,7 +8,7 @@ import pytest
 from midastouch_bringup.evaluation import single_touch_object
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.simulated_touch import Lighting
-from midastouch_bringup.evaluation.single_touch_object import CELL_COLUMNS, Protocol, measure_object
+from midastouch_bringup.evaluation.single_touch_object import CELL_COLUMNS, SingleTouchPlan, measure_object
 from midastouch_bringup.evaluation.single_touch_summary import single_touch_table, summarise_objects
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
@@ -18,7 +18,7 @@ MISSED = 7
 
 @pytest.fixture
 def measure(mesh, codebook, pose_codes, monkeypatch):
-    """Function (protocol, with_embedding) -> the object's entry; `tcn` codes tell the pose, all others nothing."""
+    """Function (plan, with_embedding) -> the object's entry; `tcn` codes tell the pose, all others nothing."""
 
     class Simulator:
         def __init__(self, mesh, networks, lighting):
@@ -33,12 +33,12 @@ def measure(mesh, codebook, pose_codes, monkeypatch):
 
     monkeypatch.setattr(single_touch_object, "TouchSimulator", Simulator)
 
-    def measure(protocol: Protocol, with_embedding: bool = True) -> dict:
+    def measure(plan: SingleTouchPlan, with_embedding: bool = True) -> dict:
         tdn = SimpleNamespace(has_embedding=with_embedding, network_id="tdn-1")
         networks = SimpleNamespace(tdn=tdn, tcn=None, sensor=SensorModel.load("digit_tacto"))
         counted = []
-        result = measure_object(mesh, codebook, networks, protocol, np.random.default_rng(0), counted.append)
-        assert sum(counted) == protocol.touches(networks)
+        result = measure_object(mesh, codebook, networks, plan, np.random.default_rng(0), counted.append)
+        assert sum(counted) == plan.touches(networks)
         return to_json(result)
 
     return measure
@@ -46,7 +46,7 @@ def measure(mesh, codebook, pose_codes, monkeypatch):
 
 def test_all_ways_are_compared_on_the_same_smaller_book(measure):
     network = SimpleNamespace(network_id="minkloc3d-1")
-    result = measure(Protocol(150, Lighting(), baseline_size=400, minkloc3d=network))
+    result = measure(SingleTouchPlan(150, Lighting(), baseline_size=400, minkloc3d=network))
     baselines = result["baselines"]
     assert (baselines["book_size"], baselines["queries"], baselines["missing"]) == (400, 150, {})
     assert baselines["image_embedding"] == pytest.approx(1, abs=0.2)
@@ -58,7 +58,7 @@ def test_all_ways_are_compared_on_the_same_smaller_book(measure):
 
 
 def test_what_cannot_be_compared_is_null_with_a_reason(measure):
-    baselines = measure(Protocol(60, Lighting(), baseline_size=300), with_embedding=False)["baselines"]
+    baselines = measure(SingleTouchPlan(60, Lighting(), baseline_size=300), with_embedding=False)["baselines"]
     assert baselines["image_embedding"] is baselines["minkloc3d"] is None
     assert "tdn-1" in baselines["missing"]["image_embedding"]
     assert "weights" in baselines["missing"]["minkloc3d"]
@@ -66,26 +66,26 @@ def test_what_cannot_be_compared_is_null_with_a_reason(measure):
 
 
 def test_without_a_comparison(measure):
-    baselines = measure(Protocol(60, Lighting()))["baselines"]
+    baselines = measure(SingleTouchPlan(60, Lighting()))["baselines"]
     assert "tcn" not in baselines
     assert baselines["image_embedding"] is None
 
 
 def test_only_the_first_queries_are_compared(measure, monkeypatch):
     monkeypatch.setattr(single_touch_object, "_BASELINE_QUERIES", 40)
-    result = measure(Protocol(100, Lighting(), baseline_size=300))
+    result = measure(SingleTouchPlan(100, Lighting(), baseline_size=300))
     assert result["baselines"]["queries"] == 40
     assert result["missed"] == 2 * MISSED  # of the compared, and of the others
 
 
 def test_the_errors_are_their_distribution(measure):
-    result = measure(Protocol(300, Lighting()))
+    result = measure(SingleTouchPlan(300, Lighting()))
     assert result["errors"] == sorted(result["errors"])
     assert result["errors"][250] == pytest.approx(result["summary"]["median"], abs=1e-3)
 
 
 def test_the_cells_hold_every_touch_once(measure, mesh):
-    result = measure(Protocol(200, Lighting()))
+    result = measure(SingleTouchPlan(200, Lighting()))
     cells = np.array(result["cells"])
     column = {name: cells[:, k] for k, name in enumerate(CELL_COLUMNS)}
     assert column["touches"].sum() == 200
@@ -105,7 +105,8 @@ def test_sides_of_a_thin_plate_are_different_cells():
 
 
 def test_several_objects_and_their_mean(measure):
-    objects = [measure(Protocol(60, Lighting(), baseline_size=300)) | {"object": name} for name in ("mug", "can")]
+    plan = SingleTouchPlan(60, Lighting(), baseline_size=300)
+    objects = [measure(plan) | {"object": name} for name in ("mug", "can")]
     objects[1]["summary"] = {key: 3 * value for key, value in objects[1]["summary"].items()}
     content = summarise_objects(objects)
     assert content["object"] == "mean of 2 objects"
@@ -122,6 +123,6 @@ def test_several_objects_and_their_mean(measure):
 
 
 def test_one_object_stands_for_itself(measure):
-    content = summarise_objects([measure(Protocol(60, Lighting()))])
+    content = summarise_objects([measure(SingleTouchPlan(60, Lighting()))])
     assert content["object"] == "block"
     assert len(single_touch_table(content).splitlines()[2].split()) == 12

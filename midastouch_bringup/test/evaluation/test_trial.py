@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.result_file import to_json
-from midastouch_bringup.evaluation.sequence_trials import Protocol, run_sequence
+from midastouch_bringup.evaluation.sequence_trials import TrialPlan, run_sequence
 from midastouch_bringup.evaluation.summary import summarise_trials, summary_table
 from midastouch_filter.config import FilterConfig
 
@@ -21,7 +21,7 @@ DESIGN_FINAL_KEYS = {
 
 @pytest.fixture(scope="module")
 def evaluated(sequence, mesh, codebook, networks):
-    return run_sequence(sequence, mesh, codebook, networks, CONFIG, Protocol(seeds=3))
+    return run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=3))
 
 
 def test_trials_have_the_keys_of_the_design(evaluated):
@@ -51,7 +51,7 @@ def test_rates_count_the_whole_pipeline(evaluated):
 
 
 def test_a_seed_fixes_a_trial(evaluated, sequence, mesh, codebook, networks):
-    again = run_sequence(sequence, mesh, codebook, networks, CONFIG, Protocol(seeds=2))[1]
+    again = run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=2))[1]
     errors = [t["per_frame"]["e_trans_mm"] for t in evaluated[1]]
     assert again[0]["per_frame"]["e_trans_mm"] == errors[0]
     assert again[1]["per_frame"]["e_trans_mm"] == errors[1]
@@ -62,9 +62,9 @@ def test_a_seed_fixes_a_trial(evaluated, sequence, mesh, codebook, networks):
 def test_uniform_start_does_not_look_at_the_truth(sequence, mesh, codebook, networks):
     other = type(sequence)(**vars(sequence))
     other.poses_true = np.roll(sequence.poses_true, 7, axis=0)
-    protocol = Protocol(init="uniform", seeds=1, max_frames=5)
+    plan = TrialPlan(init="uniform", seeds=1, max_frames=5)
     first, second = (
-        run_sequence(s, mesh, codebook, networks, CONFIG, protocol)[1][0]["per_frame"] for s in (sequence, other)
+        run_sequence(s, mesh, codebook, networks, CONFIG, plan)[1][0]["per_frame"] for s in (sequence, other)
     )
     assert [e.tolist() for e in first["estimate"]] == [e.tolist() for e in second["estimate"]]
     assert first["e_trans_mm"] != second["e_trans_mm"]
@@ -72,8 +72,8 @@ def test_uniform_start_does_not_look_at_the_truth(sequence, mesh, codebook, netw
 
 def test_stride_and_limit_choose_the_frames(sequence, mesh, codebook, networks):
     done = []
-    protocol = Protocol(seeds=1, stride=4, max_frames=3)
-    description, trials = run_sequence(sequence, mesh, codebook, networks, CONFIG, protocol, done.append)
+    plan = TrialPlan(seeds=1, stride=4, max_frames=3)
+    description, trials = run_sequence(sequence, mesh, codebook, networks, CONFIG, plan, done.append)
     assert trials[0]["per_frame"]["frame"] == [0, 4, 8]
     assert np.shape(description["truth"]) == (3, 7)
     assert sum(done) == 3

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from midastouch_bringup.bags import BagWriter
+from midastouch_bringup.bags.messages import sequence_messages
+from midastouch_bringup.bags.writer import BagWriter
 from midastouch_bringup.inspection.run import load
-from midastouch_bringup.messages import sequence_messages
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

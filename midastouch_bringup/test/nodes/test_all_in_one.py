@@ -13,15 +13,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from process_rig import SHIPPED, processes
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
-from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
 
+from filter_fakes import tf_msg
 from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 
 from midastouch_bringup.nodes import all_in_one
@@ -36,7 +37,6 @@ from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import spin
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -128,10 +128,7 @@ def play(graph, touches: Touches) -> tuple[list[FilterStatus], list[PoseWithCova
     images, tf = graph.publisher(Image, "image_raw"), graph.publisher(TFMessage, "/tf")
     sent = [SECOND + i * SECOND // 10 for i in range(len(touches.poses))]
     for stamp, T_obj_gel, image in zip(sent, touches.poses, touches.images, strict=True):
-        header = Header(stamp=stamp_from_ns(stamp), frame_id="base_link")
-        transform = transform_to_msg(T_BASE_OBJ @ T_obj_gel)
-        sensor = TransformStamped(header=header, child_frame_id="digit_gel_frame", transform=transform)
-        tf.publish(TFMessage(transforms=[sensor]))
+        tf.publish(tf_msg(stamp, T_BASE_OBJ @ T_obj_gel))
         images.publish(image_msg(image, stamp))
         graph.spin_until(lambda stamp=stamp: stamp in map(stamp_of, statuses), f"the answer to the frame of {stamp}")
     graph.spin_until(lambda: set(map(stamp_of, poses)) == set(sent))

@@ -14,9 +14,9 @@ from replay_rig import play, replay
 from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.writer import write_bag
 from midastouch_bringup.datasets import load_sequence
+from midastouch_bringup.datasets.slide_simulation import simulate_sequence
 from midastouch_bringup.evaluation.setup import Networks
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
-from midastouch_bringup.datasets.slide_simulation import simulate_sequence
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate
 from midastouch_filter.filter import ParticleFilter

@@ -1,8 +1,8 @@
 """Stop and wait, with a filter that a test plays."""
 
+import queue
 import random
 import threading
-import time
 
 import pytest
 
@@ -123,21 +123,17 @@ def test_whatever_the_filter_does_one_frame_at_most_is_not_with_it(seed):
     """A filter that answers at once, late, or first says that it waits; each time in order."""
     rng = random.Random(seed)
     world = World()
-    wire, held, answered, most = [], [], [], 0
-    over = threading.Event()
+    wire, held, answered, most = queue.SimpleQueue(), [], [], 0
 
     def filter_side():
-        while not (over.is_set() and not wire and not held):
-            if wire and rng.random() < 0.5:
-                held.append(wire.pop(0))
-                if rng.random() < 0.7:
-                    world.flow.on_status(held[-1], waits=True)
-                else:
-                    answer(len(held))
-            elif held and (rng.random() < 0.3 or over.is_set()):
-                answer(1)
+        while (stamp := wire.get()) is not None:
+            answer(rng.randint(0, len(held)))
+            held.append(stamp)
+            if rng.random() < 0.7:
+                world.flow.on_status(stamp, waits=True)
             else:
-                time.sleep(1e-4)
+                answer(len(held))
+        answer(len(held))
 
     def answer(count):
         for _ in range(count):
@@ -148,10 +144,10 @@ def test_whatever_the_filter_does_one_frame_at_most_is_not_with_it(seed):
     thread.start()
     for stamp in range(100):
         assert world.flow.wait()
-        most = max(most, len(wire))
+        most = max(most, wire.qsize())
         world.flow.sent(stamp)
-        wire.append(stamp)
-    over.set()
+        wire.put(stamp)
+    wire.put(None)
     world.flow.finish(lambda: None)
     thread.join(60)
     assert most == 0

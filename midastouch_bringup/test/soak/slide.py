@@ -10,7 +10,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from geometry_msgs.msg import TransformStamped
+from filter_fakes import tf_msg
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
@@ -21,7 +21,7 @@ from midastouch_perception import se3
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -73,9 +73,7 @@ def image_at(slide: Slide, k: int, stamp: int) -> Image:
 
 def transform_msg(T_obj_gel: np.ndarray, stamp: int, prefix: str = "") -> TFMessage:
     """The arm's word for where the sensor is."""
-    header = Header(stamp=stamp_from_ns(stamp), frame_id="base_link")
-    gel, pose = f"{prefix}digit_gel_frame", transform_to_msg(T_BASE_OBJ @ T_obj_gel)
-    return TFMessage(transforms=[TransformStamped(header=header, child_frame_id=gel, transform=pose)])
+    return tf_msg(stamp, T_BASE_OBJ @ T_obj_gel, child=f"{prefix}digit_gel_frame")
 
 
 class Sender:

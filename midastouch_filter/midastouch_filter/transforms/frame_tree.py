@@ -135,7 +135,7 @@ class FrameTree(abc.ABC):
     def _insert(self, parent: str, child: str, stamp: int, pose: Pose, static: bool) -> Insertion:
         link = self._links.get(child)
         if link is None or link.parent != parent:
-            if child in self._ancestors(parent):
+            if child in self.ancestors(parent):
                 raise InvalidTransformError(f"closes a loop: '{child}' is already above '{parent}'")
             link = None
         outcome = Insertion.ADDED
@@ -184,15 +184,17 @@ class FrameTree(abc.ABC):
             link = self._links.get(frame)
             return None if link is None or link.static else link.newest
 
-    def _ancestors(self, frame: str) -> list[str]:
-        return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) is not None else None)
+    def ancestors(self, frame: str) -> list[str]:
+        """The frame, its parent, ... up to its root."""
+        with self._lock:
+            return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) else None)
 
     def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
         """Frames whose links lead from the target, and from the source, up to their first common frame."""
         for frame in (target, source):
             if frame not in self._links and all(link.parent != frame for link in self._links.values()):
                 raise UnknownFrameError(f"frame '{frame}' is not known; no transform has named it yet")
-        from_target, from_source = self._ancestors(target), self._ancestors(source)
+        from_target, from_source = self.ancestors(target), self.ancestors(source)
         for depth, frame in enumerate(from_source):
             if frame in from_target:
                 return from_target[: from_target.index(frame)], from_source[:depth]

@@ -19,6 +19,7 @@ from torch import nn
 from .. import se3
 from ..codebook_poses import PRESS, codebook_poses
 from ..mesh import ObjectMesh
+from ..pose_metric import geodesic_distances
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor
@@ -180,14 +181,6 @@ def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> l
     return out
 
 
-def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Distance (N, M) m between poses (N, 4, 4) and (M, 4, 4): position and 10 mm a radian of rotation."""
-    t = np.linalg.norm(a[:, None, :3, 3] - b[None, :, :3, 3], axis=-1)
-    trace = np.einsum("nij,mij->nm", a[:, :3, :3], b[:, :3, :3])
-    angle = np.arccos(np.clip((trace - 1) / 2, -1, 1))
-    return np.hypot(t, 0.01 * angle)
-
-
 @torch.no_grad()
 def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[str, float], list]:
     """Single-touch figures on unseen objects, and the scores for calibration.
@@ -201,7 +194,7 @@ def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[s
         codes = model(torch.from_numpy(item.touched)).numpy()
         book = np.concatenate([model(torch.from_numpy(part)).numpy() for part in np.array_split(item.book, 8)])
         score = codes @ book.T
-        distance = pose_distance(item.poses, item.book_poses)
+        distance = geodesic_distances(item.poses[:, None], item.book_poses)
         best = np.argsort(-score, axis=1)[:, :25]
         found = np.take_along_axis(distance, best, axis=1).min(axis=1)
         by_chance = distance[:, :: max(1, distance.shape[1] // 25)][:, :25].min(axis=1)
