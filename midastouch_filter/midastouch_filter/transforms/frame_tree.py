@@ -39,10 +39,10 @@ class Insertion(enum.Enum):
 
 def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
     """The frame, its parent, ... up to its root, which has none; what closes a loop comes once."""
-    chain = [frame]
-    while (parent := parent_of(chain[-1])) is not None and parent not in chain:
-        chain.append(parent)
-    return chain
+    chain = {frame: None}
+    while (frame := parent_of(frame)) is not None and frame not in chain:
+        chain[frame] = None
+    return list(chain)
 
 
 class Link(abc.ABC):
