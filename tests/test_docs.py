@@ -1,5 +1,6 @@
 """What the documents say, against the code and the reports: commands, launch files, topics, links, figures, ..."""
 
+import ast
 import importlib.metadata
 import importlib.util
 import re
@@ -22,9 +23,9 @@ DOCUMENTS = {
     for path in sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")])
 }
 ALL = "\n".join(DOCUMENTS.values())
-CODE_BLOCKS = re.findall(r"^```\n(.*?)^```", ALL, flags=re.M | re.S)
-LINES = [line.strip() for block in CODE_BLOCKS for line in block.splitlines()]
-SPANS = re.findall(r"`([^`\n]+)`", ALL)
+CODE_BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", ALL, flags=re.M | re.S)
+LINES = [line.strip() for language, block in CODE_BLOCKS if not language for line in block.splitlines()]
+SPANS = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```$", "", ALL, flags=re.M | re.S))
 TOP_FOLDERS = "|".join(
     sorted(
         {p.parent.name for p in ROOT.glob("*/package.xml")}
@@ -116,6 +117,26 @@ def test_files_that_are_named_exist():
     paths = {span for span in SPANS if re.fullmatch(rf"({TOP_FOLDERS})/[\w./-]+", span)}
     assert len(paths) > 5
     assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+
+
+def test_walks_are_short_and_name_what_is_there():
+    text = DOCUMENTS["docs/architecture.md"].split("\n## Four walks\n")[1].split("\n## ")[0]
+    walks = re.split(r"^\*\*.*\*\*$", text, flags=re.M)[1:]
+    assert len(walks) == 4
+    for walk in walks:
+        stations = re.findall(r"^\d\. \[[^\]]+\]\(\.\./([^)]+)\): `([\w.]+)`$", walk, flags=re.M)
+        assert 1 < len(stations) <= 6
+        for path, name in stations:
+            assert name in defined_names((ROOT / path).read_text()), f"{path}: {name}"
+
+
+def defined_names(source: str) -> set[str]:
+    """Classes, functions and methods (`Class.method`) of a module."""
+    kinds = ast.ClassDef | ast.FunctionDef
+    top = [node for node in ast.parse(source).body if isinstance(node, kinds)]
+    return {node.name for node in top} | {
+        f"{node.name}.{inner.name}" for node in top for inner in node.body if isinstance(inner, kinds)
+    }
 
 
 def test_the_readme_is_short():
