@@ -13,6 +13,11 @@ __getattr__, __all__ = lazy_exports(
         "Odometry": "motion_model",
         "ParticleFilter": "filter",
         "Particles": "particles",
+        "Policies": "policies",
+        "Propagation": "propagation",
         "Status": "state",
+        "Workers": "workers",
+        "default_policies": "policies",
+        "measurement_of": "perceived",
     },
 )
