@@ -230,6 +230,15 @@ def contacts() -> Table:
     return ["object", "pressed", "touches", "missed"], rows
 
 
+def brightness() -> Table:
+    """What the contact decision makes of a change of light."""
+    rows = [
+        [f"{_percent(one['brighter'])} brighter", _percent(one["false_contacts"])]
+        for one in report("checks")["contact"]["false"]
+    ]
+    return ["no contact, and the light", "taken for contact"], rows
+
+
 def single_touch() -> Table:
     """How far one touch tells where it is."""
     rows = []
@@ -322,7 +331,8 @@ def commands() -> Table:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, variants, slides, depth, presses, checks, contacts, single_touch, speed, soak, commands,
+        paper, localisation, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed, soak,
+        commands,
     )
 }  # fmt: skip
 
