@@ -21,6 +21,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text()
     for path in sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")])
+    if path.name != "CHANGELOG.md"  # which also names what is gone
 }
 ALL = "\n".join(DOCUMENTS.values())
 CODE_BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", ALL, flags=re.M | re.S)
