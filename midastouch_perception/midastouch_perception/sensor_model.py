@@ -1,6 +1,6 @@
 """The geometry of one kind of DIGIT: camera and undeformed gel, read from a YAML file.
 
-Frames (DESIGN section 3): the gel frame has its origin at the apex of the undeformed gel and z from object to
+Frames (docs/interfaces.md): the gel frame has its origin at the apex of the undeformed gel and z from object to
 camera; the camera sits `gel_distance` up that axis and looks along -z. Pixels exist only here.
 """
 

@@ -1,4 +1,4 @@
-"""How close predicted penetration maps are to the truth (DESIGN 5.2)."""
+"""How close predicted penetration maps are to the truth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a sequence is evaluated: start of the filter, seeds, frames (DESIGN 4.2, paper sections 4.3 and 6)."""
+"""How a sequence is evaluated: start of the filter, seeds, frames (paper sections 4.3 and 6)."""
 
 from __future__ import annotations
 

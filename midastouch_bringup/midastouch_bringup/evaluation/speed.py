@@ -1,4 +1,4 @@
-"""Speed of every stage and of the whole pipeline on one machine: the `bench` JSON (DESIGN 4.2)."""
+"""Speed of every stage and of the whole pipeline on one machine: the `bench` JSON."""
 
 from __future__ import annotations
 

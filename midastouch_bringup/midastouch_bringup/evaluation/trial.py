@@ -1,4 +1,4 @@
-"""One run of a filter over a sequence: every frame, in order, no middleware (DESIGN 4.2)."""
+"""One run of a filter over a sequence: every frame, in order, no middleware."""
 
 from __future__ import annotations
 

@@ -9,11 +9,11 @@ from midastouch_bringup.evaluation.summary import summarise_trials, summary_tabl
 from midastouch_filter.config import FilterConfig
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300)
-DESIGN_KEYS = {
+KEYS = {
     "sequence", "object", "seed", "init", "frames", "wall_s", "hz_mean", "hz_p05", "ms", "final",
     "converged_at_frame", "per_frame",
 }  # fmt: skip
-DESIGN_FINAL_KEYS = {
+FINAL_KEYS = {
     "e_trans_mm", "e_rot_deg", "min_cluster_trans_mm", "min_cluster_rot_deg", "estimate_trans_mm",
     "estimate_rot_deg", "n_particles", "state",
 }  # fmt: skip
@@ -24,10 +24,10 @@ def evaluated(sequence, mesh, codebook, networks):
     return run_sequence(sequence, mesh, codebook, networks, CONFIG, TrialPlan(seeds=3))
 
 
-def test_trials_have_the_keys_of_the_design(evaluated):
+def test_trials_have_the_keys_of_the_file_format(evaluated):
     for trial in evaluated[1]:
-        assert set(trial) >= DESIGN_KEYS
-        assert set(trial["final"]) >= DESIGN_FINAL_KEYS
+        assert set(trial) >= KEYS
+        assert set(trial["final"]) >= FINAL_KEYS
         assert set(trial["ms"]) == {"tdn", "tcn", "filter"}
         assert trial["filter_cpu_ms"] > 0
         assert sum(trial["filter_stages_ms"].values()) == pytest.approx(trial["ms"]["filter"], rel=0.5)

@@ -1,4 +1,4 @@
-"""Fit check: do this sensor's images look like what the depth network was trained for? (DESIGN 5.2)
+"""Fit check: do this sensor's images look like what the depth network was trained for?
 
 Two figures of each difference image, both cheap:
 

@@ -1,5 +1,6 @@
-"""What the README says, against the code: commands, launch files, topics, parameters, dependencies, links."""
+"""What the documents say, against the code and the reports: commands, launch files, topics, links, figures, ..."""
 
+import ast
 import importlib.metadata
 import importlib.util
 import re
@@ -17,15 +18,26 @@ sys.path.insert(0, str(Path(__file__).parent))
 from every_node import make_node
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text()
-CODE_BLOCKS = re.findall(r"^```\n(.*?)^```", README, flags=re.M | re.S)
-LINES = [line.strip() for block in CODE_BLOCKS for line in block.splitlines()]
-SPANS = re.findall(r"`([^`\n]+)`", README)
+DOCUMENTS = {
+    path.relative_to(ROOT).as_posix(): path.read_text()
+    for path in sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("*/README.md")])
+    if path.name != "CHANGELOG.md"  # which also names what is gone
+}
+ALL = "\n".join(DOCUMENTS.values())
+CODE_BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", ALL, flags=re.M | re.S)
+LINES = [line.strip() for language, block in CODE_BLOCKS if not language for line in block.splitlines()]
+SPANS = re.findall(r"`([^`\n]+)`", re.sub(r"^```.*?^```$", "", ALL, flags=re.M | re.S))
+TOP_FOLDERS = "|".join(
+    sorted(
+        {p.parent.name for p in ROOT.glob("*/package.xml")}
+        | {"docker", "docs", "examples", "reports", "tests", "tools"}
+    )
+)
 
 
-def table(heading: str) -> list[list[str]]:
+def table(document: str, heading: str) -> list[list[str]]:
     """Cells of the first table under a heading, without its header."""
-    section = README.split(f"\n{heading}\n", 1)[1]
+    section = f"\n{DOCUMENTS[document]}".split(f"\n{heading}\n", 1)[1]
     rows = re.search(r"(?:^\|.*\n)+", section, flags=re.M)[0].splitlines()[2:]
     return [[cell.strip() for cell in row.strip("|").split(" | ")] for row in rows]
 
@@ -48,19 +60,20 @@ def test_every_midastouch_command_parses():
 
 def test_the_command_table_is_complete():
     (action,) = (one for one in build_parser()._actions if hasattr(one, "choices") and one.choices)
-    described = {shlex.split(row[0].strip("`"))[1] for row in table("### Offline, deterministic")}
+    described = {shlex.split(row[0].strip("`"))[1] for row in table("docs/commands.md", "## midastouch")}
     assert described == set(action.choices)
 
 
 def test_every_make_target_exists():
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), flags=re.M))
-    wanted = set(re.findall(r"`?make ([\w-]+)`?", "\n".join([*LINES, *SPANS])))
-    assert {"demo", "test", "test-all", "bench", "lint"} <= wanted <= targets
+    wanted = set(re.findall(r"^make (?:\w+=\S+ )?([a-z-]+)", "\n".join([*LINES, *SPANS]), flags=re.M))
+    assert wanted <= targets
+    assert {row[0].strip("`").removeprefix("make ") for row in table("docs/commands.md", "## make")} == targets
 
 
 def test_launch_files_and_their_arguments_exist():
     folder = ROOT / "midastouch_bringup" / "launch"
-    described = {row[0].strip("`") for row in table("### A DIGIT on a UR arm")}
+    described = {row[0].strip("`") for row in table("docs/commands.md", "## ros2 launch midastouch_bringup")}
     assert described == {path.name for path in folder.glob("*.launch.py")}
     from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 
@@ -70,7 +83,7 @@ def test_launch_files_and_their_arguments_exist():
             assert call[2] in described
             for argument in call[3:]:
                 assert argument == "--show-args" or argument.partition(":=")[0] in ARGUMENTS
-    for argument, _ in re.findall(r"`(\w+):=(\w+)`", README):
+    for argument, _ in re.findall(r"`(\w+):=(\w+)`", ALL):
         assert argument in ARGUMENTS
 
 
@@ -83,13 +96,52 @@ def test_what_is_run_without_launch_can_be_started():
         values(setup, [word for word in words if word != "--show-args"])
 
 
-def test_links_and_paths_lead_somewhere():
-    for target in re.findall(r"\]\(([^)]+)\)", README):
-        assert target.startswith("https://") or (ROOT / target).exists(), target
-    paths = [span for span in SPANS if re.fullmatch(r"(midastouch_\w+|digit_driver|docker|docs|tools)/[\w./-]+", span)]
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links_lead_somewhere(document):
+    for target in re.findall(r"\]\(([^)]+)\)", DOCUMENTS[document]):
+        if target.startswith("https://"):
+            continue
+        name, _, heading = target.partition("#")
+        path = (ROOT / document).parent / name if name else ROOT / document
+        assert path.exists(), target
+        if heading:
+            assert heading in anchors(path.read_text()), target
+
+
+def anchors(text: str) -> set[str]:
+    """What GitHub calls the headings of a document."""
+    headings = re.findall(r"^#+ (.*)$", text, flags=re.M)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_files_that_are_named_exist():
+    paths = {span for span in SPANS if re.fullmatch(rf"({TOP_FOLDERS})/[\w./-]+", span)}
     assert len(paths) > 5
-    for path in paths:
-        assert (ROOT / path).exists(), path
+    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+
+
+def test_walks_are_short_and_name_what_is_there():
+    text = DOCUMENTS["docs/architecture.md"].split("\n## Four walks\n")[1].split("\n## ")[0]
+    walks = re.split(r"^\*\*.*\*\*$", text, flags=re.M)[1:]
+    assert len(walks) == 4
+    for walk in walks:
+        stations = re.findall(r"^\d\. \[[^\]]+\]\(\.\./([^)]+)\): `([\w.]+)`$", walk, flags=re.M)
+        assert 1 < len(stations) <= 6
+        for path, name in stations:
+            assert name in defined_names((ROOT / path).read_text()), f"{path}: {name}"
+
+
+def defined_names(source: str) -> set[str]:
+    """Classes, functions and methods (`Class.method`) of a module."""
+    kinds = ast.ClassDef | ast.FunctionDef
+    top = [node for node in ast.parse(source).body if isinstance(node, kinds)]
+    return {node.name for node in top} | {
+        f"{node.name}.{inner.name}" for node in top for inner in node.body if isinstance(inner, kinds)
+    }
+
+
+def test_the_readme_is_short():
+    assert len(DOCUMENTS["README.md"].encode()) <= 9000
 
 
 def test_frames_are_those_of_the_mount_and_of_the_nodes():
@@ -99,25 +151,27 @@ def test_frames_are_those_of_the_mount_and_of_the_nodes():
     mount = yaml.safe_load((ROOT / "midastouch_bringup/config/frames.yaml").read_text())
     of_mount = {entry[end] for entry in mount.values() for end in ("parent", "child")}
     of_nodes = {p.default for table_ in TABLES.values() for p in table_ if p.name.endswith("frame_id")}
-    described = {row[0].strip("`") for row in table("## Frames")}
+    described = {row[0].strip("`") for row in table("docs/interfaces.md", "## Frames")}
     assert described == (of_mount | of_nodes) - {"tool0"}
-    tree = README.split("\n## Frames\n", 1)[1].split("```")[1]
+    tree = DOCUMENTS["docs/interfaces.md"].split("\n## Frames\n", 1)[1].split("```")[1]
     for frame in described | {"tool0", BASE_FRAME, GEL_FRAME, TRUTH_FRAME, TRUTH_GEL_FRAME}:
         assert frame in tree, frame
 
 
 def test_every_package_is_in_the_table():
-    assert {row[0].strip("`") for row in table("## Packages")} == {p.parent.name for p in ROOT.glob("*/package.xml")}
+    packages = {p.parent.name for p in ROOT.glob("*/package.xml")}
+    assert {re.search(r"`(\w+)`", row[0])[1] for row in table("README.md", "## Packages")} == packages
+    assert all(f"{name}/README.md" in DOCUMENTS for name in packages)
 
 
 def test_states_are_those_of_the_message():
     message = (ROOT / "midastouch_msgs" / "msg" / "FilterStatus.msg").read_text()
-    for state in re.findall(r'STATE_\w+ = "(\w+)"', message):
-        assert f"`{state}`" in README
+    states = set(re.findall(r'STATE_\w+ = "(\w+)"', message)) - {"waiting"}
+    assert {row[0].strip("`") for row in table("docs/interfaces.md", "## States")} == states
 
 
 def test_every_dependency_is_listed_with_its_licence():
-    rows = {re.split(r"[ (]", row[0])[0].lower(): row for row in table("## Dependencies")}
+    rows = {re.split(r"[ (]", row[0])[0].lower(): row for row in table("docs/dependencies.md", "# Dependencies")}
     listed = {re.sub(r".*\((\S+)\)", r"\1", row[0]).lower().replace(" ", "") for row in rows.values()}
     pinned = re.findall(r"^([\w-]+)==", (ROOT / "tools/requirements/base.txt").read_text(), flags=re.M)
     assert {name.lower().replace("-", "") for name in pinned} <= {name.replace("-", "") for name in listed}
@@ -126,12 +180,12 @@ def test_every_dependency_is_listed_with_its_licence():
         assert all(row)
 
 
-def test_figures_come_with_the_report_they_are_from():
-    for row in table("## Measured"):
-        *_, command, report = row
-        assert command.startswith("`")
-        (target,) = re.findall(r"\]\(([^)]+)\)", report)
-        assert (ROOT / target).is_file()
+@pytest.mark.parametrize("document", ["README.md", "docs/evaluation.md"])
+def test_figures_are_those_of_the_reports(document, load_tool):
+    tool = load_tool("evaluation_tables")
+    assert document in tool.DOCUMENTS
+    assert DOCUMENTS[document].count("<!-- table ") == DOCUMENTS[document].count("<!-- end -->") > 0
+    assert DOCUMENTS[document] == tool.filled(document), "run: .venv/bin/python tools/evaluation_tables.py"
 
 
 def test_parameter_tables_are_those_of_the_nodes():
@@ -155,7 +209,7 @@ EVERY_NODE = {
 
 
 def interfaces(node, listed) -> set[tuple[str, str]]:
-    """(name as in the README, type) of what a node has of one kind."""
+    """(name as in the table, type) of what a node has of one kind."""
     found = set()
     for name, types in listed:
         name = name.replace(f"/{node.get_name()}/", "~/")
@@ -171,7 +225,7 @@ def cell(text: str) -> set[tuple[str, str]]:
     return found
 
 
-NODES = {row[0].strip("`"): row[1:] for row in table("## Topics and services")}
+NODES = {row[0].strip("`"): row[1:] for row in table("docs/interfaces.md", "## Topics and services")}
 
 
 def test_every_node_has_a_row():
@@ -195,6 +249,6 @@ def test_topics_and_services_are_those_of_the_running_node(name, context, tmp_pa
 
 
 def test_python_versions_are_those_of_the_packages():
-    assert "Python 3.10 to 3.13" in README
+    assert "Python 3.10 to 3.13" in DOCUMENTS["README.md"]
     assert importlib.metadata.metadata("midastouch_bringup")["Requires-Python"] == ">=3.10"
     assert sys.version_info >= (3, 10)

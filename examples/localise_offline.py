@@ -1,0 +1,42 @@
+"""Localise a recorded slide from Python, without ROS.
+
+midastouch simulate handle_tool --seed 3 --out out/slide
+midastouch build-codebook handle_tool
+python examples/localise_offline.py out/slide
+"""
+
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from midastouch_bringup.datasets import Sequence, load_sequence
+from midastouch_filter import Estimate, ParticleFilter, measurement_of
+from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
+
+
+def localise(slide: Sequence, pipeline: TouchPipeline, particle_filter: ParticleFilter) -> Iterator[Estimate]:
+    """The estimate of each frame; `poses_measured` may be poses of the gel in any frame in which the object rests."""
+    background, poses = slide.background, slide.poses_measured
+    particle_filter.initialise_uniform()  # nothing is known of the start
+    for i in range(slide.n_frames):
+        touch = pipeline.process(slide.image(i), background)
+        odometry = np.linalg.inv(poses[i - 1]) @ poses[i] if i else None
+        yield particle_filter.step(odometry, measurement_of(touch))
+
+
+def main(folder: str, mesh_path: str, codebook_path: str) -> None:
+    """Print the state and the error of the published pose, every ten frames."""
+    slide, mesh = load_sequence(folder), ObjectMesh.load(mesh_path)
+    codebook = Codebook.load(codebook_path, mesh)
+    pipeline = TouchPipeline(load_tdn(), load_tcn(), time.perf_counter)
+    for i, estimate in enumerate(localise(slide, pipeline, ParticleFilter(mesh, codebook))):
+        if i % 10 == 0:
+            error = np.linalg.norm(estimate.pose[:3, 3] - slide.poses_true[i, :3, 3])
+            print(f"{i:4d} {estimate.status.state:10s} {1e3 * error:6.1f} mm  {estimate.status.reason}")
+
+
+if __name__ == "__main__":
+    defaults = ["out/slide", bundled_objects()["handle_tool"], "out/codebooks/handle_tool.npz"]
+    main(*sys.argv[1:], *defaults[len(sys.argv) - 1 :])

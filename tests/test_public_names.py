@@ -1,0 +1,31 @@
+"""What `midastouch_perception` and `midastouch_filter` export, and what importing them costs."""
+
+import importlib
+import subprocess
+import sys
+
+import pytest
+
+PACKAGES = ["midastouch_perception", "midastouch_filter"]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_there(package):
+    module = importlib.import_module(package)
+    assert module.__all__
+    for name in module.__all__:
+        assert getattr(module, name).__module__.startswith(f"{package}.")
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_another_name_is_not(package):
+    with pytest.raises(AttributeError, match="no attribute 'Nothing'"):
+        _ = importlib.import_module(package).Nothing
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_the_import_alone_loads_no_library(package):
+    code = f"import sys, {package}; print(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert package in loaded
+    assert not {"numpy", "scipy", "cv2", "onnxruntime", "torch", "rclpy", "midastouch_kernels"} & set(loaded)

@@ -1,0 +1,370 @@
+"""The tables of README.md and docs/evaluation.md from the committed reports.
+
+.venv/bin/python tools/evaluation_tables.py
+
+A table stands between `<!-- table NAME -->` and `<!-- end -->`; only that is rewritten. Of a report that was made
+several times the newest counts: `reports/<date>/NAME.json`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENTS = ("README.md", "docs/evaluation.md")
+
+_BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
+_SLIDES = "../shared/data/ycb_slide_sim"
+_TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
+COMMANDS = {
+    "accuracy": f"{_BENCHMARK} --init paper --jobs 2",
+    "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
+    "tool_bias": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol tool_bias --jobs 2",
+    "time_offset": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol time_offset --jobs 2",
+    "lift": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol lift --jobs 2",
+    "kidnap": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol kidnap --jobs 2",
+    "ablation": f"{_BENCHMARK} --slides 1 --seeds 1 --init paper --variant paper ablation --jobs 2",
+    "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
+    "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
+    "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
+    "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
+    "presses": "midastouch evaluate-presses ../shared/data/digit_real/ball_presses",
+    "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds "
+    "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz",
+    "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
+    "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
+    "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "bench": "midastouch bench --paper-networks",
+    "soak": "make soak",
+}
+_PROTOCOLS = {
+    "accuracy": "start as the paper's",
+    "accuracy_uniform": "nothing known at the start",
+    "tool_bias": "tool 2 mm, 2 deg off",
+    "time_offset": "poses 50 ms late",
+    "lift": "lifted 20 mm, put down 50 mm away",
+    "kidnap": "the same, untold",
+}
+
+Table = tuple[list[str], list[list[object]]]
+
+
+def report_path(name: str) -> Path:
+    """The newest report of that name."""
+    return max((ROOT / "reports").glob(f"*/{name}.json"))
+
+
+def report(name: str) -> dict:
+    """Its content."""
+    return json.loads(report_path(name).read_text())
+
+
+def _pose(millimetres: float, degrees: float) -> str:
+    return f"{millimetres:.1f} mm, {degrees:.1f} deg"
+
+
+def _error(summary: dict, prefix: str, statistic: str) -> str:
+    """A final error over all trials of a summary: `e` of the particles, `closest_mode`, `estimate`."""
+    return _pose(summary[f"{prefix}_trans_mm"][statistic], summary[f"{prefix}_rot_deg"][statistic])
+
+
+def _of(part: int, whole: int) -> str:
+    return f"{part} of {whole}"
+
+
+def _percent(share: float, digits: int = 0) -> str:
+    return f"{100 * share:.{digits}f} %"
+
+
+def _benchmark(name: str) -> dict:
+    """Summary of a benchmark of the filter as shipped, in its only way to start."""
+    (summary,) = report(name)["summary"]["default"].values()
+    return summary
+
+
+def paper() -> Table:
+    """What the README shows."""
+    known, unknown, bench = _benchmark("accuracy"), _benchmark("accuracy_uniform"), report("bench")
+    step = bench["filter_ms"]
+    rows = [
+        [
+            "final error of the particles, mean over ten objects, start as the paper's",
+            _error(known, "e", "mean"),
+            "7.4 mm, 9.4 deg",
+        ],
+        [
+            "final error of the closest mode, median over the same",
+            _error(known, "closest_mode", "median"),
+            "2.8 mm, 2.0 deg",
+        ],
+        ["converged and within 10 mm at the end", _of(known["right"], known["trials"]), "-"],
+        ["the same, with nothing known at the start", _of(unknown["right"], unknown["trials"]), "-"],
+        [
+            "depth network, RMSE on slides of another renderer",
+            f"{_depth('evaluate_tdn')['rmse_mm']:.3f} mm",
+            "0.135 mm",
+        ],
+        [
+            "single touch: error of the 25 best matches, relative to random ones",
+            f"{report('single_touch')['summary']['normalised_top25_error']:.3f}",
+            "0.473",
+        ],
+        [
+            "rate from image to estimate with 50k particles; once converged",
+            f"{bench['end_to_end_hz']:.0f} Hz; {bench['converged_hz']:.0f} Hz on two CPU cores",
+            "10 Hz on a GPU",
+        ],
+        [
+            "filter step without fine stage, 50k; 1k particles",
+            f"{step['50000']['p50']:.1f} ms; {step['1000']['p50']:.1f} ms",
+            "-",
+        ],
+    ]
+    return ["what", "this", "paper"], rows
+
+
+def localisation() -> Table:
+    """Ten objects, undisturbed and disturbed."""
+    rows = []
+    for name, what in _PROTOCOLS.items():
+        one = _benchmark(name)
+        if name == "kidnap":
+            what += f" (right again after {one['recovery']['median_frames']:.0f} frames, median)"
+        rows.append(
+            [
+                what,
+                _error(one, "e", "mean"),
+                _error(one, "e", "median"),
+                _error(one, "closest_mode", "median"),
+                _of(one["right"], one["trials"]),
+                _percent(one["wrong_converged"], 1),
+                f"[{name}]",
+            ]
+        )
+    rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "-", "2.8 mm, 2.0 deg", "-", "-", "-"])
+    header = ["conditions", "particles, mean", "particles, median", "closest mode, median", "right"]
+    return [*header, "frames converged wrong", "report"], rows
+
+
+def variants() -> Table:
+    """What each part of the filter is worth."""
+    content = report("ablation")
+    rows = [
+        [
+            content["variants"][one["variant"]]["summary"],
+            _pose(one["e_trans_mm"], one["e_rot_deg"]),
+            _of(round(one["right"] * one["trials"]), one["trials"]),
+            _percent(one["wrong_converged"], 1),
+            f"{one['cpu_ms_filter']:.1f} ms",
+        ]
+        for one in content["comparison"]
+    ]
+    return ["filter", "particles, mean", "right", "frames converged wrong", "CPU a frame"], rows
+
+
+def slides() -> Table:
+    """The slides of another renderer, which development used."""
+    rows = []
+    for name, start in (("evaluate_paper", "as the paper's"), ("evaluate_uniform", "nothing known")):
+        for label, one in report(name)["summary"]["objects"].items():
+            rows.append(
+                [
+                    label,
+                    start,
+                    _error(one, "e", "mean"),
+                    _error(one, "closest_mode", "median"),
+                    _of(one["right"], one["trials"]),
+                    f"{one['hz_mean']:.0f} Hz",
+                    f"[{name}]",
+                ]
+            )
+    return ["object", "start", "particles, mean", "closest mode, median", "right", "rate", "report"], rows
+
+
+def _depth(name: str) -> dict:
+    return report(name)["summary"]
+
+
+def depth() -> Table:
+    """The depth network where the truth is known."""
+    labels = {
+        "evaluate_tdn": "three slides of another renderer",
+        "evaluate_tdn_held_out": "our slides over seven scans that only validate",
+    }
+    rows = [
+        [
+            label,
+            f"{_depth(name)['rmse_mm']:.3f} mm",
+            f"{_depth(name)['contact_rmse_mm']:.3f} mm",
+            f"{_depth(name)['contact_iou']:.3f}",
+            f"[{name}]",
+        ]
+        for name, label in labels.items()
+    ]
+    rows.append(["*paper*", "0.135 mm", "-", "-", "-"])
+    return ["slides", "RMSE, all pixels", "in contact", "contact IoU", "report"], rows
+
+
+def presses() -> Table:
+    """The depth network on a real sensor."""
+    one = report("presses")["summary"]
+    rows = [
+        ["felt outside contact and shadow", _percent(one["outside_share"])],
+        ["against the ball rendered where it was pressed: RMSE", f"{one['ball_rmse_mm']:.3f} mm"],
+        ["... contact IoU", f"{one['ball_iou']:.2f}"],
+        ["distance of what is felt from a sphere", f"{one['residual_mm']:.3f} mm"],
+        ["share of the image that the felt slopes explain", _percent(one["explained_share"])],
+    ]
+    return [f"median of {one['presses']} presses", "[presses]"], rows
+
+
+def checks() -> Table:
+    """False and missed alarms."""
+    content = report("checks")
+    rows = [[what, _percent(one["alarms"])] for what, one in content["fit_check"].items()]
+    rows[0][0] = "all as it should be (false alarms)"
+    rows += [[f"no-contact image {what}", _percent(share)] for what, share in content["no_contact_image"].items()]
+    rows[len(content["fit_check"])][0] = "no-contact image as it should be (false alarms)"
+    return ["what is given", "alarms, [checks]"], rows
+
+
+def contacts() -> Table:
+    """Presses that the contact decision misses."""
+    rows = []
+    for what, bins in report("checks")["contact"]["missed"].items():
+        rows += [
+            [what, f"{one['from_mm']:g} to {one['to_mm']:g} mm", one["touches"], _percent(one["missed"])]
+            for one in bins
+            if one["touches"]
+        ]
+    return ["object", "pressed", "touches", "missed"], rows
+
+
+def brightness() -> Table:
+    """What the contact decision makes of a change of light."""
+    rows = [
+        [f"{_percent(one['brighter'])} brighter", _percent(one["false_contacts"])]
+        for one in report("checks")["contact"]["false"]
+    ]
+    return ["no contact, and the light", "taken for contact"], rows
+
+
+def single_touch() -> Table:
+    """How far one touch tells where it is."""
+    rows = []
+    for name, light in (("single_touch", "TACTO's"), ("single_touch_random", "of random sensors")):
+        one = report(name)["summary"]
+        keys = ("normalised_top25_error", "median_of_medians", "normalised_by_single_random")
+        rows.append([light, *(f"{one[key]:.3f}" for key in keys), f"[{name}]"])
+    rows.append(["*paper; its image embedding*", "0.473; 0.546", "-", "-", "-"])
+    return ["light", "mean", "median of medians", "against one random entry", "report"], rows
+
+
+def speed() -> Table:
+    """Each stage on two shared cores."""
+    one = report("bench")
+    step, fine = one["filter_ms"], one["fine_stage_ms"]
+    rows = [
+        ["depth network, p50", f"{one['tdn_ms']['p50']:.1f} ms"],
+        ["code network, p50", f"{one['tcn_ms']['p50']:.1f} ms"],
+        ["filter step with 50k; 10k; 1k particles, p50", "; ".join(f"{step[n]['p50']:.1f}" for n in _SIZES) + " ms"],
+        ["fine stage with 50k; 1k particles, p50", "; ".join(f"{fine[n]['p50']:.1f}" for n in _SIZES[::2]) + " ms"],
+        ["image to estimate with 50k particles", f"{one['end_to_end_hz']:.0f} Hz"],
+        ["image to estimate once converged", f"{one['converged_hz']:.0f} Hz"],
+        [
+            "look-up of 50k particles: spread; converged",
+            _two(one["lookup_ms"]["50000"], one["lookup_converged_ms"]["50000"]),
+        ],
+        [
+            "... that finds the exact nearest entry",
+            f"{_percent(one['lookup_exact_share']['spread'], 1)}; {_percent(one['lookup_exact_share']['converged'])}",
+        ],
+        ["renders of 240 x 320", f"{one['renders_per_s']:.0f} a second"],
+        ["codebook poses", f"{one['codebook_poses_per_s']:.0f} a second"],
+        ["the paper's networks, FCRN; MinkLoc3D", f"{one['fcrn_ms']['p50']:.0f}; {one['minkloc3d_ms']['p50']:.0f} ms"],
+        [
+            "the filter's process: active after, p50; longest",
+            f"{one['filter_start_s']['p50']:.1f}; {one['filter_start_s']['max']:.1f} s",
+        ],
+        ["... its memory then", f"{one['filter_rss_mb']:.0f} MiB"],
+        [
+            "age of an image when its transform is found, beside 500 Hz of transforms: p50; p95",
+            f"{one['pose_age_ms']['p50']:.0f}; {one['pose_age_ms']['p95']:.0f} ms",
+        ],
+    ]
+    return ["what", "[bench]"], rows
+
+
+_SIZES = ("50000", "10000", "1000")
+
+
+def _two(first: dict, second: dict) -> str:
+    return f"{first['p50']:.1f}; {second['p50']:.1f} ms"
+
+
+def soak() -> Table:
+    """Load and faults."""
+    one = report("soak")
+    load, killed, late, plug = one["load"], one["killed"], one["transforms_200_ms_late"], one["unplugged"]
+    steps, refused = one["filter"], one["malformed"]["refused"]
+    milliseconds, rss = load["image_to_pose_ms"], load["resident_mb"]
+    rows = [
+        [f"{load['fps']:.0f} images a second for {load['seconds'] / 60:.0f} minutes: answered by a pose",
+         _of(load["answered"], load["sent"])],
+        ["... image to pose, p50; p99", f"{milliseconds['p50']:.0f}; {milliseconds['p99']:.0f} ms"],
+        ["... growth of `tdn`; `tcn`; `particle_filter`",
+         "; ".join(f"{rss[n]['growth']:.1f}" for n in ("tdn", "tcn", "particle_filter")) + " MiB"],
+        *([f"`{name}` killed: first pose after", f"{each['back_after_s']:.1f} s"] for name, each in killed.items()),
+        [f"sensor unplugged for {plug['for_s']:.0f} s: ERROR; `stale`; pose again after",
+         f"{plug['error_after_s']:.1f}; {plug['stale_after_s']:.1f}; {plug['back_after_s']:.1f} s"],
+        ["transforms 200 ms late: images given up", _of(late["given_up"], late["sent"])],
+        ["... image to pose, p50", f"{late['image_to_pose_ms']['p50']:.0f} ms"],
+        [f"{one['malformed']['of_each_topic']} malformed messages on each of {len(one['malformed']['topics'])} topics:"
+         f" refused by {'; '.join(f'`{name}`' for name in refused)}",
+         "; ".join(str(sum(each.values())) for each in refused.values())],
+        [f"bag looped {one['looped_bag']['loops']:.0f} times: frames lost", one["looped_bag"]["lost"]],
+        ["two sensors: frames answered",
+         " and ".join(_of(each["answered"], each["sent"]) for each in one["two_sensors"].values())],
+        [f"disk full: files left half written by {len(one['full_disk']['writers'])} writers",
+         one["full_disk"]["left_behind"]],
+        [f"{steps['steps']} filter steps: deviation from a rotation; growth",
+         f"{steps['orthonormality']:.0e}; {steps['resident_mb']['growth']:.1f} MiB"],
+    ]  # fmt: skip
+    return ["what", "[soak]"], rows
+
+
+def commands() -> Table:
+    """What made each report."""
+    return ["report", "made by"], [[f"[{name}]", f"`{command}`"] for name, command in COMMANDS.items()]
+
+
+TABLES = {
+    table.__name__: table
+    for table in (
+        paper, localisation, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed, soak,
+        commands,
+    )
+}  # fmt: skip
+
+
+def filled(document: str) -> str:
+    """The text of a document, its tables made anew."""
+    path = ROOT / document
+    up = "../" * (len(path.relative_to(ROOT).parts) - 1)
+
+    def table(match: re.Match) -> str:
+        header, rows = TABLES[match[2]]()
+        lines = [header, ["---"] * len(header), *rows]
+        text = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+        for name in COMMANDS:
+            text = text.replace(f"[{name}]", f"[{name}]({up}{report_path(name).relative_to(ROOT).as_posix()})")
+        return f"{match[1]}{text}\n{match[3]}"
+
+    return re.sub(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", table, path.read_text(), flags=re.S)
+
+
+if __name__ == "__main__":
+    for name in DOCUMENTS:
+        (ROOT / name).write_text(filled(name))
