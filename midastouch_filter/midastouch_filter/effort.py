@@ -16,8 +16,9 @@ class Effort:
     another one, and after several that all found no rival. shortlist: best entries of each touch, of all fingers, that
     become candidates; these are scored on sieve touches first, and the best kept of them on all. With several fingers,
     the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook entries are some 20
-    deg apart, which moves a further finger by centimetres. most_rivals are replayed, alignments_per_step at a time;
-    settled: touches after which a place's rotation is known well enough to say where further fingers are.
+    deg apart, which moves a further finger by centimetres. lookups_per_step of candidates and alignments_per_step bound
+    what one step takes. most_rivals are replayed; settled: touches after which a place's rotation is known well enough
+    to say where further fingers are.
     """
 
     one_optimum: tuple[float, float] = (4e-3, np.radians(12.0))
@@ -30,6 +31,7 @@ class Effort:
     kept: int = 400
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
+    lookups_per_step: int = 500
     most_rivals: int = 5
     alignments_per_step: int = 2
     settled: int = 3

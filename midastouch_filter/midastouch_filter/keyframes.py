@@ -19,12 +19,13 @@ class Keyframe:
     """What fingers felt in one frame.
 
     motion (4, 4): of the first gel, from the start to this frame; touches of those in contact; log_ratios, for each
-    (M,) of every codebook entry as that finger's pose.
+    (M,) of every codebook entry as that finger's pose; shortlists, for each (S,) the entries with the best of them.
     """
 
     motion: np.ndarray
     touches: list[Measurement]
     log_ratios: list[np.ndarray]
+    shortlists: list[np.ndarray]
 
     def maps(self, settled: bool) -> list[Measurement]:
         """Touches to align to: as long as the place is not settled, the first one's only."""
@@ -33,13 +34,13 @@ class Keyframe:
 
 
 class KeyframeWindow:
-    """Keeps the newest `length` keyframes, `spacing` [m] of path apart.
+    """Keeps the newest `length` keyframes, `spacing` [m] of path apart, each with a shortlist of so many entries.
 
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
     """
 
-    def __init__(self, length: int, spacing: float):
-        self._length, self._spacing = length, spacing
+    def __init__(self, length: int, spacing: float, shortlist: int):
+        self._length, self._spacing, self._shortlist = length, spacing, shortlist
         self.restart()
 
     def restart(self) -> None:
@@ -67,7 +68,9 @@ class KeyframeWindow:
 
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
         """Keep what fingers feel at present, the first one first."""
-        self.keyframes.append(Keyframe(self.motion, touches, [each.astype(np.float16) for each in log_ratios]))
+        rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(touches)
+        best = [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
+        self.keyframes.append(Keyframe(self.motion, touches, rounded, best))
         self._path = 0.0
         self._since_lift += 1
 

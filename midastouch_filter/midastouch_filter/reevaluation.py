@@ -58,7 +58,7 @@ class Reevaluation:
         self._alignment, self._noise, self._effort = alignment, noise, effort
         self._tempering = min(1.0, config.hindsight_spacing / noise.touch_correlation)
         self._search = RivalSearch(lookup, poses, self._tempering, noise, effort)
-        self._window = KeyframeWindow(config.hindsight_touches, config.hindsight_spacing)
+        self._window = KeyframeWindow(config.hindsight_touches, config.hindsight_spacing, effort.shortlist)
         self.restart(None)
 
     def restart(self, prior: Prior | None) -> None:

@@ -34,7 +34,8 @@ class RivalSearch:
     def find(self, keyframes: list[Keyframe], taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
         """Poses (4, 4) at the newest keyframe, apart from `taken` and each other, best first; whether these are all."""
         effort, newest = self._effort, keyframes[-1]
-        candidates, some = self._candidates(keyframes), keyframes[:: -max(len(keyframes) // effort.sieve, 1)]
+        candidates = yield from self._candidates(keyframes)
+        some = keyframes[:: -max(len(keyframes) // effort.sieve, 1)]
         candidates, _ = self._best(candidates, (yield from self._summed(candidates, newest, some)))
         if any(len(keyframe.touches) > 1 for keyframe in keyframes):
             for angle in effort.turns:
@@ -43,20 +44,27 @@ class RivalSearch:
         candidates, score = self._best(candidates, (yield from self._summed(candidates, newest, keyframes)))
         return self._worth_replaying(candidates, score, taken)
 
-    def _candidates(self, keyframes: list[Keyframe]) -> np.ndarray:
+    def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
         """Poses (C, 4, 4) at the newest keyframe of the entries that fit best in any of them."""
         newest, out = keyframes[-1].motion, []
         for keyframe in keyframes:
             to_newest = se3.inverse(keyframe.motion) @ newest
-            count = self._effort.shortlist // len(keyframe.touches)
-            for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
-                best = np.argpartition(-log_ratio, min(count, len(log_ratio) - 1))[:count]
+            for touch, best in zip(keyframe.touches, keyframe.shortlists, strict=True):
                 poses = self._poses[best]
                 if touch.T_gel_finger is not None:
                     poses = poses @ se3.inverse(touch.T_gel_finger)
                 out.append(poses @ to_newest)
         poses = np.concatenate(out)
-        return poses[np.unique(self._lookup.exact(poses), return_index=True)[1]]
+        entries = np.empty(len(poses), int)
+        for part in self._slices(len(poses)):
+            yield None
+            entries[part] = self._lookup.exact(poses[part])
+        return poses[np.unique(entries, return_index=True)[1]]
+
+    def _slices(self, count: int) -> list[slice]:
+        """What is looked up in one step each."""
+        size = self._effort.lookups_per_step
+        return [slice(low, low + size) for low in range(0, count, size)]
 
     def _best(self, candidates: np.ndarray, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The best candidates and their scores, best first."""
@@ -76,8 +84,10 @@ class RivalSearch:
         """Scores (C,) of candidates (C, 4, 4) at the newest keyframe, over these keyframes."""
         score = np.zeros(len(candidates))
         for keyframe in keyframes:
-            yield None
-            score += self._scores(candidates @ (se3.inverse(newest.motion) @ keyframe.motion), keyframe)
+            motion = se3.inverse(newest.motion) @ keyframe.motion
+            for part in self._slices(len(candidates)):
+                yield None
+                score[part] += self._scores(candidates[part] @ motion, keyframe)
         return score
 
     def _scores(self, poses: np.ndarray, keyframe: Keyframe) -> np.ndarray:
