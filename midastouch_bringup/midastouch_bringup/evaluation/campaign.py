@@ -18,6 +18,7 @@ import midastouch_kernels
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.mesh import ObjectMesh
 
+from . import paper_filter
 from .calibration import likelihood_counts
 from .disturbances import DISTURBANCES, PLAIN
 from .sequence_trials import TrialPlan
@@ -234,4 +235,5 @@ def _frames(plan: Plan, mesh: ObjectMesh, slide: int) -> list[TrialFrame]:
 
 @cache
 def _filter_code() -> str:
-    return source_digest(*(Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)))
+    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
+    return source_digest(*packages, Path(paper_filter.__file__))

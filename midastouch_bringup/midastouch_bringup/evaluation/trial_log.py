@@ -49,10 +49,11 @@ def key_of(content: dict) -> str:
     return hashlib.sha256(json.dumps(to_json(content), sort_keys=True).encode()).hexdigest()[:24]
 
 
-def source_digest(*folders: Path) -> str:
-    """Hash of the Python files and compiled modules directly in folders: results of older code are not taken for those
-    of the new."""
+def source_digest(*places: Path) -> str:
+    """Hash of files, and of the Python files and compiled modules directly in folders: results of older code are not
+    taken for those of the new."""
     digest = hashlib.sha256()
-    for path in sorted(path for folder in folders for pattern in ("*.py", "*.so") for path in folder.glob(pattern)):
+    inside = [path for place in places for pattern in ("*.py", "*.so") for path in place.glob(pattern)]
+    for path in sorted([*inside, *(place for place in places if place.is_file())]):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

@@ -30,7 +30,8 @@ def test_trials_have_the_keys_of_the_file_format(evaluated):
         assert set(trial["final"]) >= FINAL_KEYS
         assert set(trial["ms"]) == {"tdn", "tcn", "filter"}
         assert trial["filter_cpu_ms"] > 0
-        assert sum(trial["filter_stages_ms"].values()) == pytest.approx(trial["ms"]["filter"], rel=0.5)
+        # stages lie within a step; on a busy machine much may lie between them
+        assert 0 < sum(trial["filter_stages_ms"].values()) <= 1.001 * trial["ms"]["filter"]
         assert all(len(column) == trial["frames"] == 30 for column in trial["per_frame"].values())
     json.dumps(to_json(evaluated), allow_nan=False)
 

@@ -35,3 +35,9 @@ def test_changed_code_has_another_digest(tmp_path):
     assert source_digest(tmp_path) == first
     (tmp_path / "a.py").write_text("x = 2\n")
     assert source_digest(tmp_path) != first
+    one = tmp_path / "one.txt"
+    one.write_text("y = 1\n")
+    both = source_digest(tmp_path, one)
+    assert both != source_digest(tmp_path)
+    one.write_text("y = 2\n")
+    assert source_digest(tmp_path, one) != both
