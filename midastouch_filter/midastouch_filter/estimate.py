@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,12 +29,14 @@ class Mode:
     @property
     def spread_translation(self) -> float:
         """RMS distance [m] of the mode's particles to its mean."""
-        return float(np.sqrt(np.trace(self.covariance[:3, :3])))
+        c = self.covariance
+        return math.sqrt(c[0, 0] + c[1, 1] + c[2, 2])
 
     @property
     def spread_rotation(self) -> float:
         """RMS angle [rad] of the mode's particles to its mean."""
-        return float(np.sqrt(np.trace(self.covariance[3:, 3:])))
+        c = self.covariance
+        return math.sqrt(c[3, 3] + c[4, 4] + c[5, 5])
 
 
 @dataclass(frozen=True)

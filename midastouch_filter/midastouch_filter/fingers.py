@@ -39,10 +39,10 @@ _SCATTERED = 8  # gathering scattered codes costs so many times a streamed one
 class Finger:
     """One finger: what it feels, how much of that is news, and how well it fits each particle.
 
-    Attributes: name; touch, what it feels in this frame: code at unit length, None if it touches nothing, and transform
-    checked; tempering exponent in [0, 1]: how much of the touch is independent of what the finger felt before. Touches
-    nearer together than the correlation length see nearly the same patch, so they count in proportion to the path
-    between them.
+    Attributes: name; touch, what it feels in this frame, map and transform checked; code (D,) at unit length, None if
+    it touches nothing; tempering exponent in [0, 1]: how much of the touch is independent of what was felt before.
+    Touches nearer together than the correlation length see nearly the same patch, so they count in proportion to the
+    path between them.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class Finger:
             return False
         if code is not None:
             self._last_code = code
-        self.touch = replace(touch, code=code, penetration=touch.penetration if touch.in_contact else None)
+        self.touch, self.code = touch, code
         self.tempering = min(1.0, path / self._config.correlation_length)
         return True
 
@@ -141,19 +141,19 @@ class Finger:
 
     def _log_likelihood(self, gels: Particles) -> np.ndarray:
         if self._gates.skips("whole_book", len(gels) * _SCATTERED <= len(self._lookup)):
-            self._model.score_occupied(self.touch.code, gels)
+            self._model.score_occupied(self.code, gels)
         else:
-            self._model.score_codebook(self.touch.code)
+            self._model.score_codebook(self.code)
         return self._model.log_likelihood(gels)
 
     def log_ratio_of_codebook(self) -> np.ndarray:
         """(M,) float32: that of the code, of every codebook entry as the finger's own pose."""
-        self._model.score_codebook(self.touch.code)
+        self._model.score_codebook(self.code)
         return self._model.log_ratio
 
     def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """n entries (n,) int32 drawn by their likelihood of being the finger's pose."""
-        self._model.score_codebook(self.touch.code)
+        self._model.score_codebook(self.code)
         return self._model.draw_matches(n, rng)
 
 
@@ -213,13 +213,14 @@ class Fingers:
             anew = finger.feels_anew(touch, path > 0)
         except ValueError as error:
             raise ValueError("bad_code", str(error)) from error
-        if anew and finger.touch.penetration is not None and not self._usable(name, finger.touch.penetration):
-            finger.touch = replace(finger.touch, penetration=None)
+        if anew and self._map_shape and touch.penetration is not None and not self._usable(name, touch):
+            finger.touch = replace(touch, penetration=None)
         return anew
 
-    def _usable(self, name: str, penetration: np.ndarray) -> bool:
-        """Whether a penetration map can be compared with rendered ones."""
-        if self._map_shape is None:
+    def _usable(self, name: str, touch: Measurement) -> bool:
+        """Whether the penetration map was felt and can be compared with rendered ones."""
+        penetration = touch.penetration
+        if not touch.in_contact:
             return False
         if penetration.shape == self._map_shape and np.isfinite(penetration).all():
             return True

@@ -27,4 +27,4 @@ def adapted_count(drawn_regions: np.ndarray, config: FilterConfig) -> int:
     """Number of particles for a distribution of which a sample fell into the cells `drawn_regions` (n,)."""
     occupied = np.count_nonzero(np.bincount(drawn_regions))
     wanted = sample_size(occupied, config.pf_err, config.pf_z)
-    return int(np.clip(wanted, config.min_particles, config.max_particles))
+    return min(max(wanted, config.min_particles), config.max_particles)

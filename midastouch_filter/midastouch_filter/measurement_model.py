@@ -94,8 +94,7 @@ class MeasurementModel:
         """
         self._scored = None
         occupied, rows = kernels.occupied_entries(particles.entries, self._lookup.neighbours, self._smoothing)
-        scores = np.concatenate([self._similarity(rows, code), self._similarity(self._sample, code)])
-        likelihood = self._relative_likelihood(scores)
+        likelihood = self._relative_likelihood(self._similarity(np.concatenate([rows, self._sample]), code))
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :][~occupied[self._sample]]
         rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
         self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))

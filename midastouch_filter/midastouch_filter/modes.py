@@ -70,33 +70,35 @@ class ModeFinder:
         """Moments of the modes found last, for particles that were moved or weighed since."""
         moments, order = self._sum(particles, weights, self._regions_of_peaks, self._mode_of_region)
         self.peaks = self._regions_of_peaks[order].tolist()
-        rank = np.full(len(order) + 1, -1, np.int32)
-        rank[order] = np.arange(len(order), dtype=np.int32)
-        self._rank_of_region = rank[self._mode_of_region]
+        self._rank = np.full(len(order) + 1, -1, np.int32)  # the last stands for -1: no mode
+        self._rank[order] = np.arange(len(order), dtype=np.int32)
         return moments
 
     def members(self, particles: Particles) -> np.ndarray:
         """Mode (N,) int32 of each particle, numbered as the latest moments, -1 for none."""
-        return self._rank_of_region[self._regions.of_entry[particles.entries]]
+        return self._rank[self._mode_of_region[self._regions.of_entry[particles.entries]]]
 
     def _cluster(self, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Peak regions (m,) of the modes and the mode (K,) of each region, -1 for none."""
         r = self._regions
-        occupied = np.flatnonzero(mass)
+        occupied = np.flatnonzero(mass > 0)  # of Booleans, which takes a fraction of the time
         if len(occupied) > _MOST_REGIONS:
             occupied = np.sort(occupied[np.argpartition(-mass[occupied], _MOST_REGIONS)[:_MOST_REGIONS]])
         density = kernels.smooth_regions(occupied, mass, r.start, r.neighbours)
         order = occupied[np.argsort(-density[occupied], kind="stable")]
         root = kernels.climb_regions(order, density, r.start, r.neighbours, self._centres, self._squared_radius)
-        mass_of_root = np.bincount(root[occupied], mass[occupied], minlength=len(mass))
-        peaks = np.flatnonzero(mass_of_root)
+        root = root[occupied]
+        mass_of_root = np.bincount(root, mass[occupied], minlength=len(mass))
+        peaks = occupied[mass_of_root[occupied] > 0]
         peaks = peaks[np.argsort(-mass_of_root[peaks], kind="stable")][:_MOST_MODES]
         heavy = mass_of_root[peaks] >= self._min_mass
         heavy[0] = True
         peaks = peaks[heavy]
-        mode_of_root = np.full(len(mass) + 1, -1, np.int32)
+        mode_of_root = np.full(len(mass), -1, np.int32)
         mode_of_root[peaks] = np.arange(len(peaks), dtype=np.int32)
-        return peaks, mode_of_root[root]
+        mode_of_region = np.full(len(mass), -1, np.int32)
+        mode_of_region[occupied] = mode_of_root[root]
+        return peaks, mode_of_region
 
     def _sum(self, particles, weights, peaks, mode_of_region) -> tuple[Moments, np.ndarray]:
         reference = self._centres[peaks].astype(float)
