@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
+from midastouch_bringup.bags.reader import bag_messages
 from midastouch_bringup.bags.run_record import read_run
 from midastouch_bringup.bags.writer import BagWriter
 from midastouch_perception import se3
@@ -123,9 +126,9 @@ class Results:
 
 @pytest.fixture
 def bag(simulated_sequence, tmp_path):
-    """Function that writes a bag of a sequence; results of the frames in `answered` only."""
+    """Function that writes a bag of a sequence: results of `answered` frames only, nothing on topics `without`."""
 
-    def write(answered=range(FRAMES), repeated=(), waited=(), refused=()):
+    def write(answered=range(FRAMES), repeated=(), waited=(), refused=(), without=()):
         sequence = simulated_sequence(FRAMES)
         results = Results()
         messages = list(sequence_messages(sequence))
@@ -144,7 +147,8 @@ def bag(simulated_sequence, tmp_path):
         path = tmp_path / "run.mcap"
         with BagWriter(path) as writer:
             for message in messages:
-                writer.write(message)
+                if message.topic not in without:
+                    writer.write(message)
         return sequence, path
 
     return write
@@ -172,6 +176,31 @@ def test_without_contact_there_is_no_code(bag):
     codes = [s.code for s in read_run(bag()[1]).snapshots]
     assert codes[1] is None
     assert codes[2] == pytest.approx([0.6, 0.8])
+
+
+def test_what_the_recorder_leaves_out_may_be_missing(bag):
+    """Penetration maps are not among its topics, and a real run has no pose published before it is sure."""
+    record = read_run(bag(without={"/tactile/penetration", "/tactile/code", "/pose", "/diagnostics"})[1])
+    for snapshot in record.snapshots:
+        assert snapshot.penetration is None
+        assert snapshot.code is None
+        assert snapshot.estimate is None
+        assert len(snapshot.particles) == 2
+    assert record.node_ms == {}
+
+
+def test_a_real_run_has_no_truth(bag, tmp_path):
+    _, path = bag()
+    measured = tmp_path / "measured.mcap"
+    store = typestore()
+    with BagWriter(measured) as writer:
+        for message in bag_messages(path):
+            if message.topic == "/tf":
+                content = store.deserialize_cdr(message.data, message.type_name)
+                content.transforms = content.transforms[:1]
+                message = dataclasses.replace(message, data=bytes(store.serialize_cdr(content, message.type_name)))
+            writer.write(message)
+    assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
 
 
 def test_times_per_frame(bag):

@@ -1,9 +1,12 @@
 """Pictures and exported files, by the real Open3D."""
 
+import json
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from midastouch_bringup import cli
 from midastouch_bringup.inspection import require_open3d, window
@@ -66,6 +69,46 @@ def test_exported_clouds_are_what_is_drawn(open3d, run, mesh, tmp_path, clouds):
     lines = open3d.io.read_line_set(str(tmp_path / "0003" / "modes.ply"))
     np.testing.assert_allclose(np.asarray(lines.points), drawn["modes"].points, atol=1e-7)
     np.testing.assert_array_equal(np.asarray(lines.lines), drawn["modes"].lines)
+
+
+@pytest.fixture
+def result(mesh, tmp_path) -> Path:
+    """A result of evaluate with three frames, and its mesh."""
+    trimesh.Trimesh(mesh.vertices, mesh.faces).export(tmp_path / "box.ply")
+    poses = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
+    trial = {"frame": [0, 1, 2], "estimate": poses, "state": ["converged"] * 3}
+    content = {
+        "sequences": [{"sequence": "box/00", "mesh": str(tmp_path / "box.ply"), "truth": poses}],
+        "trials": [{"sequence": "box/00", "per_frame": trial}],
+    }
+    path = tmp_path / "result.json"
+    path.write_text(json.dumps(content))
+    return path
+
+
+def test_the_command_draws_and_exports(open3d, result, tmp_path, capsys):
+    folder, exported = tmp_path / "pictures", tmp_path / "exported"
+    assert cli.main(["inspect", str(result), "--save", str(folder), "--export", str(exported)]) == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["0000.png", "0001.png", "0002.png"]
+    assert sorted(path.name for path in exported.iterdir()) == ["0000", "0001", "0002", "mesh.ply"]
+    assert sorted(path.name for path in (exported / "0002").iterdir()) == ["estimate.ply", "truth.ply"]
+    assert f"{exported}: 7 files" in capsys.readouterr().out
+    assert cli.main(["inspect", str(result), "--save", str(tmp_path / "one.png"), "--at", "-1"]) == 0
+    assert (tmp_path / "one.png").read_bytes() == (folder / "0002.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--at", "3"], "has the moments 0 to 2"),
+        (["--mesh", "no_such.ply"], "no_such.ply"),
+        (["--sequence", "cup/00"], "give the --sequence to look at: box/00"),
+        (["--save", "picture.bmp"], "pictures are .png files"),
+    ],
+)
+def test_the_command_says_what_is_wrong(open3d, result, options, reason, capsys):
+    assert cli.main(["inspect", str(result), *options]) == 2
+    assert reason in capsys.readouterr().err
 
 
 def test_a_mesh_has_the_normals_that_shading_needs(open3d, mesh):
