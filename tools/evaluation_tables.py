@@ -53,7 +53,10 @@ Table = tuple[list[str], list[list[object]]]
 
 def report_path(name: str) -> Path:
     """The newest report of that name."""
-    return max((ROOT / "reports").glob(f"*/{name}.json"))
+    found = sorted((ROOT / "reports").glob(f"*/{name}.json"))
+    if not found:
+        raise FileNotFoundError(f"no reports/*/{name}.json, made by: {COMMANDS[name]}")
+    return found[-1]
 
 
 def report(name: str) -> dict:
