@@ -19,7 +19,7 @@ setup(
             for folder in ("config", "launch", "udev")
         ),
     ],
-    install_requires=["numpy", "opencv-contrib-python-headless"],
+    install_requires=["numpy", "opencv-contrib-python-headless", "PyYAML"],
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",

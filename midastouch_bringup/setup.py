@@ -30,6 +30,7 @@ setup(
         "numpy",
         "opencv-contrib-python-headless",
         "pillow",
+        "pykdtree",
         "PyYAML",
         "rosbags",
         "scikit-learn",

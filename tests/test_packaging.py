@@ -32,6 +32,14 @@ ROSDEP_KEYS = {
     "trimesh": "python3-trimesh-pip",
     "yaml": "python3-yaml",
 }
+# Imported module -> what pip calls it, where that is another name.
+DISTRIBUTIONS = {
+    "cv2": "opencv-contrib-python-headless",
+    "igl": "libigl",
+    "PIL": "pillow",
+    "sklearn": "scikit-learn",
+    "yaml": "PyYAML",
+}
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
 PIP_ONLY = {"igl", "mcap", "pykdtree", "rosbags"}
 # Extras, imported where they are used and said to be missing there.
@@ -90,6 +98,27 @@ def test_every_import_is_declared_and_every_declaration_used(package):
     declared = set(texts(manifest(package), "exec_depend")) - SYSTEM_KEYS
     imported = imported_modules(package) - PIP_ONLY - OPTIONAL
     assert {ROSDEP_KEYS.get(name, name) for name in imported} == declared
+
+
+def required(package: str) -> set[str]:
+    """What pip installs with a package."""
+    call = ast.parse((ROOT / package / "setup.py").read_text())
+    (found,) = (
+        ast.literal_eval(keyword.value)
+        for node in ast.walk(call)
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg == "install_requires"
+    )
+    return set(found)
+
+
+@pytest.mark.parametrize("package", PYTHON_PACKAGES)
+def test_pip_installs_what_is_imported(package):
+    """But ROS, which is not pip's: its packages have rosdep keys without the prefix of Python's."""
+    from_ros = set(texts(manifest(package), "exec_depend")) - {*PYTHON_PACKAGES, "midastouch_kernels"}
+    imported = imported_modules(package) - OPTIONAL - from_ros
+    assert {DISTRIBUTIONS.get(name, name) for name in imported} == required(package)
 
 
 def test_message_package_belongs_to_the_interface_group():
