@@ -53,6 +53,9 @@ OPTIONAL = {
 DISTRIBUTIONS = {
     "cv2": "opencv-contrib-python-headless",
     "PIL": "pillow",
+    "igl": "libigl",
+    "libusb_package": "libusb-package",
+    "open3d": "open3d-cpu",
     "rerun": "rerun-sdk",
     "rerun_cli": "rerun-sdk",
     "rtde_receive": "ur-rtde",

@@ -1,4 +1,4 @@
-"""What a step left out: work that a scene does not need, and input that cannot be used (DESIGN 5.5)."""
+"""What a step left out: work that a scene does not need, and input that cannot be used."""
 
 from __future__ import annotations
 
