@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 import cv2
 import numpy as np
 
+from midastouch_perception.contact import ContactDetector
 from midastouch_perception.errors import InputError
-from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
@@ -61,7 +61,7 @@ def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator
         raise InputError(f"ball of {2 * radius:g} m diameter: give it in metres, 0.0088 for 8.8 mm")
     for name, image in presses.images.items():
         difference = tdn.difference(image, presses.background)
-        felt, contact = DepthStage(tdn).process(image, presses.background)
+        felt = tdn.predict(image, presses.background, difference)
         region = _felt_contact(difference, felt, tdn.sensor)
         if presses.circles:
             scale = felt.shape[1] / image.shape[1]
@@ -70,7 +70,8 @@ def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator
             truth = _under_felt(_felt_contact(difference, felt, tdn.sensor, 0.0), radius, tdn.sensor)
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(felt, region, radius, tdn.sensor) if region.any() else None
-        yield Press(name, image, difference, felt, contact.in_contact and bool(region.any()), ideal, truth, nearest)
+        found = ContactDetector(tdn.sensor).update(felt).in_contact and bool(region.any())
+        yield Press(name, image, difference, felt, found, ideal, truth, nearest)
 
 
 def measure_presses(
