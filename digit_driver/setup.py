@@ -20,6 +20,7 @@ setup(
         ),
     ],
     install_requires=["numpy", "opencv-contrib-python-headless", "PyYAML"],
+    package_data={package: ["cameras/*.yaml"]},
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",
     maintainer_email="maintainers@example.org",

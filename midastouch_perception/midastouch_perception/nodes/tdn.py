@@ -23,7 +23,7 @@ from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.background_store import store_of
-from ..tdn.colour_layout import exposure_problem
+from ..tdn.colour_layout import exposure_problem, turned_since
 from ..tdn.fit_check import FitCheck
 from ..tdn.sensor_background import SensorBackground
 from .capture_service import CaptureService
@@ -108,7 +108,7 @@ class TdnNode(ManagedNode):
 
     def unload(self) -> None:
         """Forget the network and the background."""
-        self._stage = self._background = None
+        self._stage = self._background = self._image = None
 
     def connect(self) -> None:
         """Subscribe the images."""
@@ -129,6 +129,7 @@ class TdnNode(ManagedNode):
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
+        self._image = image
         self._observe_background(image)
         contact = self._stage.process(image, self._background.image)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
@@ -159,12 +160,16 @@ class TdnNode(ManagedNode):
         if self._sink is not None:
             self._sink(header, contact)
 
+    def _misfit(self) -> str:
+        """Why the images do not fit the no-contact image or the network; empty if they do."""
+        return self._fit.problem and (turned_since(self._image, self._background.image) or self._fit.problem)
+
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= self._fit.values
-        if problem := self._background.problem or self._fit.problem:
+        if problem := self._background.problem or self._misfit():
             return diagnostics.WARN, problem, values
         if self._background.change > self.parameters["still_threshold"]:
             return (

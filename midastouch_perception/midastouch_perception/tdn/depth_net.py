@@ -9,7 +9,7 @@ import numpy as np
 
 from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from .inputs import check_image, reduce_image
+from .inputs import check_image, contact_change, reduce_image
 
 
 class DepthNet(ABC):
@@ -36,12 +36,14 @@ class DepthNet(ABC):
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
 
-        Raises InputError on wrong size or type. The last background is kept reduced: do not write into it.
+        Less the frame's own brightness (`contact_change`). Raises InputError on wrong size or type. The last background
+        is kept reduced: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
             self._background = background, reduce_image(background)
-        return reduce_image(check_image(image, self._image_sensor, "tactile image")) - self._background[1]
+        reduced = reduce_image(check_image(image, self._image_sensor, "tactile image"))
+        return contact_change(reduced, self._background[1])
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:

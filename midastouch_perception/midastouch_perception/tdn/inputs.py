@@ -9,6 +9,8 @@ from ..errors import InputError
 from ..sensor_model import MAP_SCALE, SensorModel
 
 _GREY_LEVELS = 32.0
+_EVERY = 4  # px; as many tell the gain
+_LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
 
@@ -28,6 +30,17 @@ def reduce_image(image: np.ndarray) -> np.ndarray:
     """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
     height, width = round(image.shape[0] * MAP_SCALE), round(image.shape[1] * MAP_SCALE)
     return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+
+
+def contact_change(image: np.ndarray, background: np.ndarray) -> np.ndarray:
+    """Change (H, W, 3) float32 of an image against the no-contact image, both (H, W, 3) float32 grey levels.
+
+    Exposure and lamps change from frame to frame and turn a whole colour up or down; they are no contact, and most of
+    the image is untouched, so each colour's median ratio to the background is taken off.
+    """
+    sparse = np.s_[::_EVERY, ::_EVERY]
+    gain = np.median((image[sparse] / np.maximum(background[sparse], 1)).reshape(-1, 3), axis=0)
+    return image / np.maximum(gain, _LEAST_GAIN).astype(np.float32) - background
 
 
 def difference_input(difference: np.ndarray) -> np.ndarray:

@@ -81,7 +81,15 @@ def test_a_free_sensor_replaces_a_background_taken_in_contact(tdn, presses):
 def test_another_sensor_s_image_is_not_taken_for_a_touch(tdn, presses):
     images, free, _ = presses
     assert not shows_contact(tdn, np.roll(free, 1, axis=2), free)
-    assert not shows_contact(tdn, np.clip(images[0].astype(int) + 30, 0, 255).astype(np.uint8), free)
+    tinted = images[0] + np.linspace(-60, 60, 240)[None, :, None] * (1, -1, 0)
+    assert not shows_contact(tdn, np.clip(tinted, 0, 255).astype(np.uint8), free)
+
+
+@pytest.mark.parametrize("gain", [0.85, 1.15])
+def test_a_touch_is_one_at_another_brightness_too(tdn, presses, gain):
+    images, free, _ = presses
+    changed = [np.clip(image * gain, 0, 255).astype(np.uint8) for image in images]
+    assert np.mean([shows_contact(tdn, image, free) for image in changed]) >= 0.8
 
 
 def test_real_presses_are_no_backgrounds(shared):
