@@ -30,7 +30,10 @@ COMMANDS = {
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
-    "presses": "midastouch evaluate-presses ../shared/data/digit_real/ball_presses",
+    "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "--ball-diameter 0.0088 --px-per-mm 18.68",
+    "presses_vocdex": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
+    "--ball-diameter 0.006",
     "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds "
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz",
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
@@ -211,16 +214,24 @@ def depth() -> Table:
 
 
 def presses() -> Table:
-    """The depth network on a real sensor."""
-    one = report("presses")["summary"]
-    rows = [
-        ["felt outside contact and shadow", _percent(one["outside_share"])],
-        ["against the ball rendered where it was pressed: RMSE", f"{one['ball_rmse_mm']:.3f} mm"],
-        ["... contact IoU", f"{one['ball_iou']:.2f}"],
-        ["distance of what is felt from a sphere", f"{one['residual_mm']:.3f} mm"],
-        ["share of the image that the felt slopes explain", _percent(one["explained_share"])],
-    ]
-    return [f"median of {one['presses']} presses", "[presses]"], rows
+    """The depth network on two real sensors, against the ball under the labelled outline."""
+    rows = []
+    for name in ("presses_d20641", "presses_vocdex"):
+        content = report(name)
+        one = content["summary"]
+        rows.append(
+            [
+                f"{1e3 * content['ball_diameter']:.1f} mm, {one['presses']} times",
+                f"{one['rmse_in_circle_mm']:.2f} mm",
+                f"{one['peak_ratio']:.2f}",
+                f"{one['depth_correlation']:.2f}",
+                f"{one['felt_radius_mm']:.1f} mm",
+                f"{one['iou']:.2f}",
+                f"[{name}]",
+            ]
+        )
+    header = ["ball", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both", "radius felt"]
+    return [*header, "IoU", "report"], rows
 
 
 def checks() -> Table:
