@@ -86,7 +86,7 @@ def test_where_the_reference_is_a_finger_weighs_like_it(fingers, parts, cloud, w
     np.testing.assert_allclose(evidence.log_ratio(cloud, None)[alive], expected[alive], atol=0.05)
 
 
-def test_poses_are_carried_to_the_finger(cloud):
+def test_poses_are_transformed_to_the_finger(cloud):
     T_gel_finger = se3.exp(np.array([0.03, -0.05, 0.02, 1.0, -2.0, 0.5]))
     there = transformed(cloud, T_gel_finger, Workers(1))
     np.testing.assert_allclose(there.poses, cloud.poses @ T_gel_finger, atol=1e-6)
