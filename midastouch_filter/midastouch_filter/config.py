@@ -79,8 +79,8 @@ class FilterConfig:
     relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt penetration map, sigma")
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
 
-    # --- hindsight: other places that explain the last touches as well
-    hindsight: bool = _switch(True, "replay the last touches at rival places; needs refinement")
+    # --- fixed-lag re-evaluation: other places that explain the last touches as well
+    hindsight: bool = _switch(True, "re-evaluate the last touches at rival places; needs refinement")
     hindsight_touches: int = _number(20, 6, 200, "", "touches that are kept")
     hindsight_spacing: float = _number(0.02, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
 
@@ -117,7 +117,7 @@ class FilterConfig:
 
     @property
     def finger_error(self) -> np.ndarray:
-        """Covariance (6, 6) of a further finger's pose, given the reference's, in its own frame: m^2, rad^2."""
+        """Covariance (6, 6) of a further finger's pose, given the first one's, in its own frame: m^2, rad^2."""
         return np.diag(np.repeat([self.finger_translation, self.finger_rotation], 3) ** 2)
 
     def __post_init__(self) -> None:

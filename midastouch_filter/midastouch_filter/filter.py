@@ -119,31 +119,30 @@ class ParticleFilter:
         if self._belief is None:
             return self._reporter.nothing()
         do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
-        with self._watch.stage("motion"):
-            motion = self._propagate(odometry, in_contact)
+        self._gates.skips("no_contact", not in_contact)
+        motion = self._propagate(odometry, in_contact)
         felt = do.fingers.feel(touches, motion)
         do.refine.moved(motion, do.fingers.path, in_contact)
-        touching = not self._gates.skips("no_contact", not in_contact) and any(each.touch.in_contact for each in felt)
-        tempering = self._update(felt) if touching else 0.0
-        with self._watch.stage("modes"):
-            if not (self._belief.modes and self._gates.skips("unmoved_modes", not (motion or touching))):
-                self._belief.cluster()
+        touched = any(finger.touch.in_contact for finger in felt)
+        tempering = self._update(felt) if touched else 0.0
+        self._cluster(changed=touched or motion is not None)
         if do.refine(self._belief, felt, tempering):
             do.reweigh.trend.explained()
         return self._reporter.estimate(self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted)
 
     def _propagate(self, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
         """Equation 1; starts again after a jump. The motion, None if nothing moved."""
-        try:
-            motion = self._do.propagate(self._belief.particles, odometry, in_contact)
-        except OdometryJump as jump:
-            self._gates.refuse("odometry_jump", str(jump))
-            self._restarted = str(jump)
-            self.initialise_uniform()
-            return None
-        if motion is not None:
-            self._belief.moved(motion.path)
-        return motion
+        with self._watch.stage("motion"):
+            try:
+                motion = self._do.propagate(self._belief.particles, odometry, in_contact)
+            except OdometryJump as jump:
+                self._gates.refuse("odometry_jump", str(jump))
+                self._restarted = str(jump)
+                self.initialise_uniform()
+                return None
+            if motion is not None:
+                self._belief.moved(motion.path)
+            return motion
 
     def _update(self, felt: list[Finger]) -> float:
         """Equation 2 and resampling; the largest tempering exponent of the fingers that touch."""
@@ -162,6 +161,12 @@ class ParticleFilter:
             else:
                 self._restart(touching)
         return tempering
+
+    def _cluster(self, changed: bool) -> None:
+        """Find the modes, unless the particles are those of the last step."""
+        with self._watch.stage("modes"):
+            if not (self._belief.modes and self._gates.skips("unmoved_modes", not changed)):
+                self._belief.cluster()
 
     def _restart(self, finger: Finger) -> None:
         """No particle can explain the touch: start again, half from its best matches, half over the surface."""

@@ -1,7 +1,7 @@
 """Alignment of one pose to what several fingers of one frame feel: a sequential Bayesian update, finger by finger.
 
-The belief about the reference gel, a Gaussian, is carried to the next finger's gel by the adjoint of the transform
-between them, aligned to that finger's penetration, and carried back.
+The belief about the first gel, a Gaussian, is transformed to the next finger's gel by the adjoint of the transform
+between them, aligned to that finger's penetration map, and transformed back.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ def align_in_turn(
     finger_error: np.ndarray,
     start: np.ndarray | None = None,
 ) -> Aligned:
-    """Posterior of the reference's prior N(pose (4, 4), covariance (6, 6), own frame) given all maps of a frame.
+    """Posterior of the first finger's prior N(pose (4, 4), covariance (6, 6), own frame) given all maps of a frame.
 
-    finger_error (6, 6): covariance of a further finger's pose, given the reference's. start (4, 4): where the first
+    finger_error (6, 6): covariance of a further finger's pose, given the first one's. start (4, 4): where the first
     optimum is looked for from. The evidence is the sum of the fingers'; the fit that of the finger which fits worst:
     the pose must explain all of them.
     """

@@ -3,7 +3,7 @@
 Distance between poses, in metres: d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2 with r = 10 mm per radian, the paper's
 rotation scale. Unlike the paper's scaled log map it is continuous over SO(3) and the same for rotations about any
 axis. It is the Euclidean distance of the 12 numbers (t, r/sqrt(2) R), so a KD-tree answers it exactly; a particle
-that moved a little since the last step is followed through the neighbour graph of the book instead, which costs
+that moved a little since the last step is followed through the neighbour graph of the codebook instead, which costs
 a tenth of it.
 
 The graph's links are chosen as in DiskANN (Subramanya et al. 2019): of the entries around one, those in different
@@ -95,7 +95,7 @@ def neighbours_and_links(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     features = _features(poses)
     candidates = min(_CANDIDATES, len(poses) - 1)
     distance, index = KDTree(features).query(features, k=candidates + 1)
-    # an entry is its own nearest neighbour, unless the book holds the same pose twice
+    # an entry is its own nearest neighbour, unless the codebook holds the same pose twice
     keep = index != np.arange(len(poses))[:, None]
     keep[keep.all(axis=1), -1] = False
     index = index[keep].reshape(len(poses), candidates).astype(np.int32)

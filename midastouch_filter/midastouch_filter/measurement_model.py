@@ -3,7 +3,7 @@
 The paper weighs particles by a softmax of cosines, whose ratios never exceed e^2. Here the similarity s of the
 measured code to a codebook entry becomes a log-likelihood ratio against a random touch of the same object,
 
-    l = log((1 - outlier) exp(s / T) / mean over the book(exp(s / T)) + outlier),
+    l = log((1 - outlier) exp(s / T) / mean over the codebook(exp(s / T)) + outlier),
 
 with temperature T and outlier share fitted when the network was trained (an InfoNCE-trained similarity is such a
 ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): it speaks fully against.
@@ -23,8 +23,8 @@ from .lookup import PoseLookup
 from .particles import Particles
 from .workers import Workers
 
-_NARROWEST = 1e-5  # m; a book that holds poses twice has no distance between them to interpolate over
-_SAMPLE = 2048  # codebook entries that stand for the rest of the book while only occupied entries are scored
+_NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
+_SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 
 class MeasurementModel:
@@ -90,7 +90,7 @@ class MeasurementModel:
     def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
         """Set `log_ratio` only where particles need it.
 
-        The book's mean is then the exact sum over these entries plus a fixed sample's for the rest.
+        The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
         """
         self._scored = None
         occupied, rows = kernels.occupied_entries(particles.entries, self._lookup.neighbours, self._smoothing)

@@ -66,9 +66,9 @@ class Exploration:
         self._config = config
         self.share = 1.0
 
-    def update(self, dominant_mass: float, touch_share: float) -> None:
-        """After a touch, counted as `touch_share` of an independent one."""
-        step = 1.0 - self._RATE * touch_share
+    def update(self, dominant_mass: float, tempering: float) -> None:
+        """After a touch, counted as `tempering` of an independent one."""
+        step = 1.0 - self._RATE * tempering
         if dominant_mass >= self._config.converged_mass:
             self.share = max(self.share * step, self._config.noise_converged)
         else:

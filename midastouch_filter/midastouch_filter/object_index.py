@@ -56,7 +56,7 @@ class ObjectIndex:
 
 
 def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray]:
-    """What to keep with a codebook, for the default configuration; nothing for a book too small to be used."""
+    """What to keep with a codebook, for the default configuration; nothing for a codebook too small to be used."""
     if len(codebook.poses) < 2:
         return {}
     band = _band(FilterConfig())

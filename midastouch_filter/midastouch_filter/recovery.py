@@ -30,14 +30,14 @@ class LikelihoodTrend:
         self._config, self._worst = config, math.log(outlier)
         self.short = self.long = 0.0
 
-    def update(self, log_likelihood: float, share: float) -> None:
-        """Add one touch, counted as `share` of an independent one."""
+    def update(self, log_likelihood: float, tempering: float) -> None:
+        """Add one touch, counted as `tempering` of an independent one."""
         value = min(max(log_likelihood, 2 * self._worst), -0.5 * self._worst)
-        self.short += self._config.recovery_alpha_fast * share * (value - self.short)
-        self.long += self._config.recovery_alpha_slow * share * (value - self.long)
+        self.short += self._config.recovery_alpha_fast * tempering * (value - self.short)
+        self.long += self._config.recovery_alpha_slow * tempering * (value - self.long)
 
     def explained(self) -> None:
-        """The penetration itself fits the belief: whatever the codes say, the particles are not lost."""
+        """The penetration map itself fits the belief: whatever the codes say, the particles are not lost."""
         self.short = max(self.short, 0.0)
 
     @property

@@ -98,7 +98,7 @@ class Reevaluation:
 
     @property
     def rests(self) -> bool:
-        """Whether none is under way, and none is worth it yet because the last ones found no rival."""
+        """Whether none is under way, and another one is not worth it yet because the last ones found no rival."""
         return self._running is None and self._effort.anew <= self._since < self._patience
 
     def compare(self, modes: list[np.ndarray]) -> Comparison | None:
@@ -110,7 +110,7 @@ class Reevaluation:
         if len(modes) > 1:
             self._patience = self._effort.anew
         if self._running is None:
-            if self.rests or len(self._window) < self._effort.fewest or self._since < self._effort.anew:
+            if len(self._window) < self._effort.fewest or self._since < self._effort.anew:
                 return None
             self._since = 0
             self._running = self._run(modes)

@@ -1,9 +1,9 @@
-"""Coarse to fine: once particles form narrow modes, let the felt penetration itself place them.
+"""Coarse to fine: once particles form narrow modes, let the felt penetration map itself place them.
 
 The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
-Gaussian the penetration map has a closed-form update: `alignment.py` gives its posterior, and the mode's
-particles are moved as a whole so that they have them (a deterministic ensemble Kalman update, Bishop et al. 2001).
-It costs a dozen rendered views per mode instead of one per particle.
+Gaussian the update by a penetration map has a closed form: `alignment.py` gives the posterior mean and covariance, and
+the mode's particles are moved as a whole so that they have them (a deterministic ensemble Kalman update, Bishop et al.
+2001). It costs a dozen rendered views per mode instead of one per particle.
 """
 
 from __future__ import annotations
@@ -193,7 +193,7 @@ class Refinement:
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:
-    """The mode with the pose of this very frame: where the penetration puts the sensor, the arm's jitter included."""
+    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included."""
     turn = se3.turn(aligned.pose[:3, :3])
     return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
 

@@ -86,7 +86,7 @@ def test_where_the_reference_is_a_finger_weighs_like_it(fingers, parts, cloud, w
     np.testing.assert_allclose(evidence.log_ratio(cloud, None)[alive], expected[alive], atol=0.05)
 
 
-def test_poses_are_carried_to_the_finger(cloud):
+def test_poses_are_transformed_to_the_finger(cloud):
     T_gel_finger = se3.exp(np.array([0.03, -0.05, 0.02, 1.0, -2.0, 0.5]))
     there = transformed(cloud, T_gel_finger, Workers(1))
     np.testing.assert_allclose(there.poses, cloud.poses @ T_gel_finger, atol=1e-6)
@@ -180,6 +180,22 @@ def test_what_is_felt_again_is_not_counted_again(fingers, world):
     assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
     fingers.restart()
     assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
+
+
+def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
+    """What was felt in the air says nothing about the patch that is touched next, and the other way round."""
+    codes = world.encode(world.poses[:3])
+    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    count(felt(fingers, other=touch(place, codes[0])))
+    (free,) = felt(fingers, MOVED, other=touch(place))
+    assert free.tempering == 1.0
+    free.count()
+    (again,) = felt(fingers, MOVED, other=touch(place))
+    assert again.tempering < 0.3
+    again.count()
+    (landed,) = felt(fingers, MOVED, other=touch(place, codes[1]))
+    path = 3 * (2e-3 + 0.01 * 0.05)
+    assert landed.tempering == pytest.approx(path / CONFIG.correlation_length, rel=0.05)
 
 
 def test_a_finger_that_moves_alone_tells_something(fingers, world):

@@ -169,6 +169,15 @@ def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
     assert not uneven.reevaluation.rests
 
 
+def test_who_asks_while_it_rests_gets_an_answer_too(uneven):
+    truth = uneven.truth[-1]
+    uneven.run([np.eye(4)], [truth])
+    for _ in range(3):
+        keep(uneven.reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    assert uneven.reevaluation.rests
+    assert any(uneven.reevaluation.compare([truth]) is not None for _ in range(300))
+
+
 @pytest.mark.parametrize("lifted", [False, True])
 def test_when_contradicted_it_forgets_what_was_before_a_lift(uneven, lifted):
     truth = uneven.truth[-1]

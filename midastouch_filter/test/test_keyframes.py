@@ -1,0 +1,54 @@
+import numpy as np
+
+from midastouch_filter.keyframes import KeyframeWindow
+from midastouch_filter.touch import Measurement
+from midastouch_perception import se3
+
+STEP = se3.exp([0.01, 0, 0, 0, 0, 0.1])
+SILENT = [np.zeros(5)]
+
+
+def keep(window, number):
+    for _ in range(number):
+        window.moved(STEP, 0.02, in_contact=True)
+        window.keep([Measurement(True)], SILENT)
+
+
+def test_a_touch_is_due_at_the_start_and_after_some_path():
+    window = KeyframeWindow(4, 0.02)
+    assert window.due
+    window.keep([Measurement(True)], SILENT)
+    window.moved(STEP, 0.015, in_contact=True)
+    assert not window.due
+    window.moved(STEP, 0.015, in_contact=True)
+    assert window.due
+
+
+def test_the_oldest_keyframe_goes_and_motion_is_from_the_start():
+    window = KeyframeWindow(4, 0.02)
+    keep(window, 6)
+    assert len(window) == 4
+    np.testing.assert_allclose(window.keyframes[0].motion, np.linalg.matrix_power(STEP, 3), atol=1e-12)
+    np.testing.assert_allclose(window.motion, np.linalg.matrix_power(STEP, 6), atol=1e-12)
+
+
+def test_only_keyframes_from_before_a_lift_are_forgotten():
+    window = KeyframeWindow(8, 0.02)
+    keep(window, 3)
+    assert not window.forget_before_lift()
+    window.moved(STEP, 0.02, in_contact=False)
+    keep(window, 2)
+    motion = window.motion
+    assert window.forget_before_lift()
+    assert len(window) == 2
+    np.testing.assert_array_equal(window.motion, motion)
+    assert not window.forget_before_lift()
+
+
+def test_further_fingers_are_aligned_to_once_the_place_is_settled():
+    window = KeyframeWindow(2, 0.02)
+    blind, first, second = (Measurement(True, penetration=p) for p in (None, np.zeros(1), np.ones(1)))
+    window.keep([blind, first, second], 3 * SILENT)
+    (keyframe,) = window.keyframes
+    assert keyframe.maps(settled=False) == [first]
+    assert keyframe.maps(settled=True) == [first, second]
