@@ -94,7 +94,8 @@ def live(graph, recording: Path, folder: Path) -> tuple[list, list, list]:
         settings = {"ack_topic": "filter_status", "clock": True, "wait_for_nodes": "tdn tcn particle_filter"}
         node = replay(graph, recording / "slide.mcap", **settings)
         play(graph, node)
-        assert (node.frames_sent, node.frames_repeated, node.frames_lost) == (len(stamps), 0, 0)
+        player = node.player
+        assert (player.frames_sent, player.frames_repeated, player.frames_lost) == (len(stamps), 0, 0)
         for received, what in ((codes, "codes"), (poses, "poses"), (statuses, "answers")):
             graph.spin_until(lambda received=received: {*map(stamp_of, received)} >= {*stamps}, f"the {what}")
     answers = {stamp_of(status): status for status in statuses}
