@@ -9,7 +9,7 @@ import numpy as np
 
 from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from .inputs import SCALE, check_image, reduce_image
+from .inputs import SCALE, ContactLight, check_image, reduce_image
 
 
 class DepthNet(ABC):
@@ -22,7 +22,7 @@ class DepthNet(ABC):
         self._network = OnnxNetwork("tdn", name_or_path, threads)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.scaled(SCALE)
-        self._background: tuple[np.ndarray, np.ndarray] | None = None
+        self._background: tuple[np.ndarray, ContactLight] | None = None
 
     @property
     def network_id(self) -> str:
@@ -36,12 +36,13 @@ class DepthNet(ABC):
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
 
-        Raises InputError on wrong size or type. The last background is kept reduced: do not write into it.
+        Less the frame's own brightness (`ContactLight`). Raises InputError on wrong size or type. The last background
+        is kept reduced: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
-            self._background = background, reduce_image(background)
-        return reduce_image(check_image(image, self._image_sensor, "tactile image")) - self._background[1]
+            self._background = background, ContactLight(reduce_image(background))
+        return self._background[1].difference(reduce_image(check_image(image, self._image_sensor, "tactile image")))
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:

@@ -10,6 +10,8 @@ from ..sensor_model import SensorModel
 
 SCALE = 0.5  # the network works at half the image's resolution
 _GREY_LEVELS = 32.0
+_EVERY = 4  # px; as many tell the gain
+_LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
 
@@ -29,6 +31,23 @@ def reduce_image(image: np.ndarray) -> np.ndarray:
     """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
     height, width = round(image.shape[0] * SCALE), round(image.shape[1] * SCALE)
     return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+
+
+class ContactLight:
+    """What of an image is due to contact, for one no-contact image `background` (H, W, 3) float32 grey levels.
+
+    Exposure and lamps change from frame to frame and turn a whole colour up or down; they are no contact, and most of
+    the image is untouched, so each colour's median ratio to the background is taken off.
+    """
+
+    def __init__(self, background: np.ndarray):
+        self._background = background
+        self._sparse = 1 / np.maximum(background[::_EVERY, ::_EVERY], 1)
+
+    def difference(self, image: np.ndarray) -> np.ndarray:
+        """Change (H, W, 3) float32 by contact, of an image (H, W, 3) float32; both in grey levels."""
+        gain = np.median((image[::_EVERY, ::_EVERY] * self._sparse).reshape(-1, 3), axis=0)
+        return image / np.maximum(gain, _LEAST_GAIN).astype(np.float32) - self._background
 
 
 def difference_input(difference: np.ndarray) -> np.ndarray:
