@@ -18,6 +18,7 @@ import yaml
 from .errors import InputError
 from .files import require_file
 
+LIGHTS = ("relative", "additive")
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -26,7 +27,9 @@ class SensorModel:
     """Pin-hole camera behind a domed gel.
 
     Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
-    gel over (x, y) [m] as parameters of `sag`.
+    gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
+    share of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
+    no-contact image (a simulator that adds rendered differences to a photograph).
     """
 
     name: str
@@ -35,6 +38,7 @@ class SensorModel:
     focal: float
     gel_distance: float
     dome: tuple[tuple[str, float], ...]
+    light: str = "relative"
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> SensorModel:
@@ -55,6 +59,7 @@ class SensorModel:
                 focal=float(data["focal"]),
                 gel_distance=float(data["gel_distance"]),
                 dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
+                light=str(data.get("light", "relative")),
             )
         except (KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError) as error:
             raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
@@ -62,12 +67,15 @@ class SensorModel:
             raise InputError(f"{path}: width, height, focal and gel_distance must be positive")
         if set(dict(model.dome)) != {"radius_x", "radius_y", "semi_axis_z"}:
             raise InputError(f"{path}: dome needs radius_x, radius_y and semi_axis_z")
+        if model.light not in LIGHTS:
+            raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
         return model
 
     @cached_property
     def content_id(self) -> str:
-        """Short hash of every number in the model, recorded in codebooks and weights."""
+        """Short hash of the geometry, recorded in codebooks and weights; a codebook knows no light."""
         values = dataclasses.asdict(self)
+        del values["light"]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
     def scaled(self, factor: float) -> SensorModel:

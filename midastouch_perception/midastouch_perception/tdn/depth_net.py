@@ -36,12 +36,13 @@ class DepthNet(ABC):
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
 
-        Less the frame's own brightness (`ContactLight`). Raises InputError on wrong size or type. The last background
-        is kept reduced: do not write into it.
+        Less the frame's own brightness, and over a background of 100 if the sensor's light is relative
+        (`ContactLight`). Raises InputError on wrong size or type. The last background is kept reduced: do not write
+        into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
-            self._background = background, ContactLight(reduce_image(background))
+            self._background = background, ContactLight(reduce_image(background), self.sensor.light)
         return self._background[1].difference(reduce_image(check_image(image, self._image_sensor, "tactile image")))
 
     @abstractmethod
