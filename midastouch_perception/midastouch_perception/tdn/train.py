@@ -11,6 +11,7 @@ import torch
 from torch import nn
 
 from ..mesh import ObjectMesh
+from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange
 from ..training.export import export_onnx
@@ -18,6 +19,7 @@ from ..training.loading import rendered_batches, rendering_process
 from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from ..training.touches import shuffled, touches
+from ..training.unfolding import unfold
 from .inputs import SCALE, difference_input, geometry_input
 from .network import UNet, UNetWithEmbedding
 
@@ -31,8 +33,8 @@ CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 def training_sensors() -> list[SensorModel]:
     """The geometries trained for: mostly TACTO's, the real DIGIT's, and some in between."""
     tacto, real = SensorModel.load("digit_tacto").scaled(SCALE), SensorModel.load("digit_real").scaled(SCALE)
-    between = [dataclasses.replace(real, focal=f) for f in (150.0, 185.0, 225.0)]
-    return [tacto] * 5 + [real] * 2 + between
+    between = [dataclasses.replace(real, focal=f) for f in (170.0, 190.0, 215.0, 235.0)]
+    return [tacto] * 5 + [real] * 3 + between
 
 
 class _Batches(torch.utils.data.IterableDataset):
@@ -90,7 +92,10 @@ def train(options: TrainingOptions) -> Path:
     torch.manual_seed(options.seed)
     data = TrainingData.load(options)
     model = UNet().to(options.device, memory_format=torch.channels_last)
-    run = TrainingRun(model, options, 3e-3)
+    if options.start:
+        batch = next(iter(_Batches(data.meshes, data.backgrounds, data.ranges, options.seed)))
+        unfold(model, network_path("tdn", options.start), *batch[:2])
+    run = TrainingRun(model, options, 1e-3 if options.start else 3e-3)
     validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.seed + 1000)
     checks = list(itertools.islice(iter(validation), _CHECKS))
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.seed + 7919 * run.step)
