@@ -19,6 +19,7 @@ setup(
             for folder in ("config", "launch", "udev")
         ),
     ],
+    package_data={package: ["cameras/*.yaml"]},
     install_requires=["numpy", "opencv-contrib-python-headless"],
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",

@@ -34,7 +34,6 @@ setup(
         "scikit-learn",
         "scipy",
         "tqdm",
-        "trimesh",
     ],
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",

@@ -1,23 +1,24 @@
-"""Finds the DIGITs plugged into this machine by reading sysfs, without udev and without opening them.
+"""Finds the sensors of one camera model plugged into this machine by reading sysfs, without udev and without opening.
 
-``python -m digit_driver.discovery`` lists them.
+``python -m digit_driver.discovery [MODEL]`` lists them.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from .camera_model import CameraModel
 from .errors import DeviceError, InputError
 
-DIGIT_USB_ID = ("2833", "0209")
 SYSFS_VIDEO = Path("/sys/class/video4linux")
 DEV = Path("/dev")
 
 
 @dataclass(frozen=True)
-class UsbDigit:
+class UsbCamera:
     """One plugged-in sensor.
 
     Attributes:
@@ -38,47 +39,44 @@ class UsbDigit:
         return f"{self.serial or '(no serial)'} at USB {self.usb_path}: {nodes}"
 
 
-def find_digits(sysfs: Path = SYSFS_VIDEO, dev: Path = DEV) -> list[UsbDigit]:
-    """All DIGITs present, sorted by serial and bus address."""
+def find_cameras(model: CameraModel, sysfs: Path = SYSFS_VIDEO, dev: Path = DEV) -> list[UsbCamera]:
+    """All sensors of a model present, sorted by serial and bus address."""
     nodes_of: dict[Path, list[Path]] = {}
     for entry in sysfs.glob("video*"):
         usb = _usb_device(entry)
-        if usb is not None and _usb_id(usb) == DIGIT_USB_ID:
+        if usb is not None and _is_of(usb, model):
             nodes_of.setdefault(usb, []).append(dev / entry.name)
-    digits = [_describe(usb, nodes) for usb, nodes in nodes_of.items()]
-    return sorted(digits, key=lambda digit: (digit.serial, digit.usb_path))
+    cameras = [_describe(usb, nodes) for usb, nodes in nodes_of.items()]
+    return sorted(cameras, key=lambda camera: (camera.serial, camera.usb_path))
 
 
-def select_digit(digits: list[UsbDigit], serial: str) -> UsbDigit:
+def select_camera(model: CameraModel, cameras: list[UsbCamera], serial: str) -> UsbCamera:
     """The one sensor meant by ``serial``; an empty serial means the only one present.
 
     Raises:
         DeviceError: it is not plugged in (it may be later).
         InputError: several sensors answer to the request, so the user must say which.
     """
-    matching = [digit for digit in digits if not serial or digit.serial == serial]
+    matching = [camera for camera in cameras if not serial or camera.serial == serial]
     if len(matching) == 1:
         return matching[0]
-    listing = "; ".join(str(digit) for digit in digits)
+    listing = "; ".join(str(camera) for camera in cameras)
     if not matching:
-        wanted = f"DIGIT {serial}" if serial else "DIGIT"
-        present = f" Present: {listing}." if digits else ""
-        raise DeviceError(
-            f"no {wanted} found on USB (id {':'.join(DIGIT_USB_ID)}).{present} Check the cable; "
-            f"`lsusb -d {':'.join(DIGIT_USB_ID)}` must list it."
-        )
+        wanted = f"{model.label} {serial}" if serial else model.label
+        present = f" Present: {listing}." if cameras else ""
+        raise DeviceError(f"no {wanted} found on USB ({model.usb}).{present} Check the cable; `lsusb` must list it.")
     if serial:
         raise InputError(
-            f"serial: {len(matching)} DIGITs carry the serial {serial} ({listing}). "
+            f"serial: {len(matching)} {model.label}s carry the serial {serial} ({listing}). "
             "Set `video_device` to the one to use, e.g. a path below /dev/v4l/by-path."
         )
-    raise InputError(f"serial: {len(matching)} DIGITs are plugged in ({listing}). Set `serial` to the one to use.")
+    raise InputError(f"serial: {len(matching)} {model.label}s are plugged in ({listing}). Set `serial` to one of them.")
 
 
-def find_by_node(node: Path, digits: list[UsbDigit]) -> UsbDigit | None:
-    """The sensor that owns the given device node (links are followed), None if it is not a known DIGIT."""
+def find_by_node(node: Path, cameras: list[UsbCamera]) -> UsbCamera | None:
+    """The sensor that owns the given device node (links are followed), None if it is not one of those."""
     resolved = node.resolve()
-    return next((digit for digit in digits if resolved in [path.resolve() for path in digit.nodes]), None)
+    return next((camera for camera in cameras if resolved in [path.resolve() for path in camera.nodes]), None)
 
 
 def _usb_device(entry: Path) -> Path | None:
@@ -98,13 +96,14 @@ def _attribute(directory: Path, name: str) -> str:
         return ""
 
 
-def _usb_id(usb: Path) -> tuple[str, str]:
-    return _attribute(usb, "idVendor").lower(), _attribute(usb, "idProduct").lower()
+def _is_of(usb: Path, model: CameraModel) -> bool:
+    usb_id = _attribute(usb, "idVendor").lower(), _attribute(usb, "idProduct").lower()
+    return usb_id in model.usb_ids or bool(model.product and _attribute(usb, "product").startswith(model.product))
 
 
-def _describe(usb: Path, nodes: list[Path]) -> UsbDigit:
+def _describe(usb: Path, nodes: list[Path]) -> UsbCamera:
     revision = _attribute(usb, "bcdDevice")
-    return UsbDigit(
+    return UsbCamera(
         serial=_attribute(usb, "serial"),
         firmware=int(revision) if revision.isdecimal() else None,
         nodes=tuple(sorted(nodes, key=_number)),
@@ -118,13 +117,14 @@ def _number(node: Path) -> int:
 
 
 def main() -> int:
-    """Prints one line per sensor; exit code 1 when there is none."""
-    digits = find_digits()
-    for digit in digits:
-        print(f"{digit} (firmware {digit.firmware})")
-    if not digits:
-        print(f"no DIGIT found on USB (id {':'.join(DIGIT_USB_ID)})")
-    return 0 if digits else 1
+    """Prints one line per sensor of the model that the argument names (default digit); exit code 1 without any."""
+    model = CameraModel.load(sys.argv[1] if len(sys.argv) > 1 else "digit")
+    cameras = find_cameras(model)
+    for camera in cameras:
+        print(f"{camera} (firmware {camera.firmware})")
+    if not cameras:
+        print(f"no {model.label} found on USB ({model.usb})")
+    return 0 if cameras else 1
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ class Frame:
     """One tactile image.
 
     Attributes:
-        image: (320, 240, 3) uint8, RGB, portrait; (640, 480, 3) from a DIGIT opened at VGA.
+        image: (H, W, 3) uint8, RGB: (320, 240, 3), portrait, but for other modes and camera models.
         stamp_monotonic_ns: time of acquisition on ``CLOCK_MONOTONIC``, nanoseconds.
         sequence: number given by the source; a gap means frames were lost before they could be read.
     """
@@ -34,7 +34,7 @@ class SourceInfo:
     Attributes:
         name: what to call it in messages: device node or path.
         serial: serial number of the sensor, empty when there is none.
-        width, height: size of the portrait image, pixels.
+        width, height: size of the image, pixels.
         fps: frames per second that the source promises.
         live: true for a physical sensor, whose images are never exactly equal.
         warnings: facts about this source that the user should know, ready to print.

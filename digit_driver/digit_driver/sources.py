@@ -12,7 +12,7 @@ from .video_file import VideoFile
 
 
 def make_source(device: V4l2Settings, replay_path: str = "", fps: float = 0.0, loop: bool = True) -> FrameSource:
-    """A DIGIT if ``replay_path`` is empty, else the recording there: a folder of images or a video.
+    """A sensor if ``replay_path`` is empty, else the recording there: a folder of images or a video.
 
     Raises:
         InputError: nothing exists at ``replay_path``.

@@ -1,4 +1,4 @@
-"""A DIGIT on Video4Linux2: found by serial, streamed through the kernel's own interface.
+"""A tactile camera on Video4Linux2: found by serial, streamed through the kernel's own interface.
 
 The kernel is spoken to directly, because a capture library hides what a robot needs: which node gives images,
 the acquisition time of a buffer, the flag of a damaged buffer, and a wait that ends when asked to.
@@ -13,19 +13,17 @@ import mmap
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from . import videodev2 as v4l2
-from .discovery import UsbDigit, find_by_node, find_digits, select_digit
+from .camera_model import CameraMode, CameraModel
+from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
 from .errors import CorruptFrameError, DeviceError, InputError
 from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
 from .leds import MAX_LEVEL, packed
-from .pixels import decode, to_portrait
+from .pixels import decode
 from .system_calls import SystemCalls
-
-MODES = {"QVGA": (320, 240, (60, 30)), "VGA": (640, 480, (30, 15))}
-"""Camera width, height (landscape) and frame rates of each resolution."""
 
 FIRST_FIRMWARE_WITH_RGB = 200
 _BUFFERS = 4
@@ -37,10 +35,11 @@ class V4l2Settings:
     """How to open the sensor.
 
     Attributes:
+        camera: the kind of sensor.
         serial: of the sensor; empty for the only one present.
         video_device: device node to use instead of searching by serial; empty for searching.
-        resolution: ``QVGA`` or ``VGA``.
-        fps: 60 or 30 at QVGA, 30 or 15 at VGA.
+        resolution: name of one of the camera's modes; empty for the first.
+        fps: one of that mode's rates; 0 for the first.
         leds: brightness of red, green and blue, 0...15.
         use_buffer_timestamps: take the kernel's time of a frame; else the time of fetching it.
 
@@ -48,20 +47,25 @@ class V4l2Settings:
         InputError: resolution and frame rate do not exist together.
     """
 
+    camera: CameraModel = field(default_factory=lambda: CameraModel.load("digit"))
     serial: str = ""
     video_device: str = ""
-    resolution: str = "QVGA"
-    fps: int = 60
+    resolution: str = ""
+    fps: int = 0
     leds: tuple[int, int, int] = (MAX_LEVEL, MAX_LEVEL, MAX_LEVEL)
     use_buffer_timestamps: bool = True
 
     def __post_init__(self) -> None:
-        if self.resolution not in MODES:
-            raise InputError(f"resolution: must be one of {', '.join(MODES)}, got {self.resolution!r}")
-        rates = MODES[self.resolution][2]
-        if self.fps not in rates:
+        rates = self.mode.fps
+        if self.fps and self.fps not in rates:
             allowed = " or ".join(map(str, rates))
-            raise InputError(f"fps: a DIGIT gives {allowed} frames per second at {self.resolution}, got {self.fps}")
+            at = f" at {self.resolution}" if self.resolution else ""
+            raise InputError(f"fps: a {self.camera.label} gives {allowed} frames per second{at}, got {self.fps}")
+
+    @property
+    def mode(self) -> CameraMode:
+        """The mode that is meant."""
+        return self.camera.mode(self.resolution)
 
 
 class V4l2Digit(FrameSource):
@@ -70,7 +74,7 @@ class V4l2Digit(FrameSource):
     Args:
         settings: see there.
         system: the kernel.
-        find: lists the sensors present; asked anew at every ``open``: replugging renumbers the nodes.
+        find: lists the sensors of a model present; asked anew at every ``open``: replugging renumbers the nodes.
         clock: the host's monotonic clock.
     """
 
@@ -78,10 +82,11 @@ class V4l2Digit(FrameSource):
         self,
         settings: V4l2Settings,
         system: SystemCalls | None = None,
-        find: Callable[[], list[UsbDigit]] = find_digits,
+        find: Callable[[CameraModel], list[UsbCamera]] = find_cameras,
         clock: MonotonicClock | None = None,
     ) -> None:
-        self._settings = settings
+        self._settings, self._camera, self._mode = settings, settings.camera, settings.mode
+        self._rate = settings.fps or self._mode.fps[0]
         self._system = system or SystemCalls()
         self._find = find
         self._clock = clock or MonotonicClock()
@@ -89,8 +94,7 @@ class V4l2Digit(FrameSource):
         self._opened_serial = ""  # of the sensor that was open last
         self._leds = settings.leds
         self._firmware: int | None = None
-        self._width, self._height, _ = MODES[settings.resolution]
-        self._pixel_format = v4l2.PIX_FMT_YUYV
+        self._pixel_format = self._mode.pixel_format
         self._name = ""
         self._buffers: list[mmap.mmap] = []
         self._fd: int | None = None
@@ -114,10 +118,10 @@ class V4l2Digit(FrameSource):
             raise
         if digit:
             self._serial = self._opened_serial = digit.serial
-        if fps != self._settings.fps:
-            warnings.append(f"the camera runs at {fps:g} frames per second instead of {self._settings.fps}")
+        if fps != self._rate:
+            warnings.append(f"the camera runs at {fps:g} frames per second instead of {self._rate}")
         serial = digit.serial if digit else ""
-        return SourceInfo(self._name, serial, self._height, self._width, fps, True, tuple(warnings))
+        return SourceInfo(self._name, serial, *self._mode.output, fps, True, tuple(warnings))
 
     def read(self, timeout: float) -> Frame | None:
         fd = self._fd
@@ -141,8 +145,9 @@ class V4l2Digit(FrameSource):
         self._ioctl(v4l2.VIDIOC_QBUF, buffer, "returning a buffer")
         if damaged:
             raise CorruptFrameError(f"frame {sequence}: the camera reports a damaged transfer")
-        image = decode(data, self._pixel_format, self._width, self._height)
-        return Frame(to_portrait(image), stamp_ns, sequence)
+        mode = self._mode
+        image = decode(data, self._pixel_format, mode.width, mode.height, mode.reduction)
+        return Frame(self._camera.upright(image, mode), stamp_ns, sequence)
 
     def close(self) -> None:
         with self._lock:
@@ -159,6 +164,8 @@ class V4l2Digit(FrameSource):
 
     def set_leds(self, rgb: tuple[int, int, int]) -> None:
         """See FrameSource. Raises DeviceError if the camera is there but refuses."""
+        if not self._camera.leds:
+            return
         with self._lock:
             self._leds = rgb
             if self._fd is None:
@@ -172,14 +179,14 @@ class V4l2Digit(FrameSource):
                 if error.errno != errno.ENODEV:  # If it was unplugged, ``open`` lights it when it is back.
                     raise self._failure("setting the LEDs", error) from error
 
-    def _locate(self) -> tuple[UsbDigit | None, tuple[Path, ...]]:
+    def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...]]:
         if self._settings.video_device:
             node = Path(self._settings.video_device)
-            digit = find_by_node(node, self._find())
+            digit = find_by_node(node, self._find(self._camera))
             # A name of udev's (a link) says what is meant. A number goes to another sensor once ours is unplugged.
             if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
                 return digit, (node,)
-        digit = select_digit(self._find(), self._serial)
+        digit = select_camera(self._camera, self._find(self._camera), self._serial)
         return digit, digit.nodes
 
     def _open_capture_node(self, nodes: tuple[Path, ...]) -> tuple[int, str]:
@@ -209,26 +216,27 @@ class V4l2Digit(FrameSource):
     def _set_format(self) -> None:
         request = v4l2.Format(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
         pix = request.fmt.pix
-        pix.width, pix.height = self._width, self._height
-        pix.pixelformat, pix.field = v4l2.PIX_FMT_YUYV, v4l2.FIELD_NONE
+        wanted = self._mode.width, self._mode.height
+        pix.width, pix.height = wanted
+        pix.pixelformat, pix.field = self._mode.pixel_format, v4l2.FIELD_NONE
         self._ioctl(v4l2.VIDIOC_S_FMT, request, "setting the format")
-        if (pix.width, pix.height) != (self._width, self._height):
+        if (pix.width, pix.height) != wanted:
             raise InputError(
-                f"{self._name} offers {pix.width}x{pix.height} instead of {self._width}x{self._height}: "
-                "is it a DIGIT? Set `serial`, or `video_device` to the right node."
+                f"{self._name} offers {pix.width}x{pix.height} instead of {wanted[0]}x{wanted[1]}: "
+                f"is it a {self._camera.label}? Set `serial`, or `video_device` to the right node."
             )
         if pix.pixelformat not in (v4l2.PIX_FMT_YUYV, v4l2.PIX_FMT_MJPEG):
-            raise InputError(f"{self._name} offers neither YUYV nor MJPEG images: is it a DIGIT?")
+            raise InputError(f"{self._name} offers neither YUYV nor MJPEG images: is it a {self._camera.label}?")
         self._pixel_format = pix.pixelformat
 
     def _set_rate(self) -> float:
         """Asks for the frame rate; returns the one the camera grants."""
         request = v4l2.StreamParm(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
         period = request.parm.capture.timeperframe
-        period.numerator, period.denominator = 1, self._settings.fps
+        period.numerator, period.denominator = 1, self._rate
         self._ioctl(v4l2.VIDIOC_S_PARM, request, "setting the frame rate")
         if not period.numerator or not period.denominator:
-            return float(self._settings.fps)
+            return float(self._rate)
         return period.denominator / period.numerator
 
     def _light_up(self) -> list[str]:
@@ -237,7 +245,7 @@ class V4l2Digit(FrameSource):
             self.set_leds(self._leds)
         except DeviceError as error:
             return [str(error)]
-        if self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB:
+        if self._camera.leds and self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB:
             return [f"firmware {self._firmware} cannot set the LEDs one by one (needs {FIRST_FIRMWARE_WITH_RGB})"]
         return []
 

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from fake_kernel import FakeKernel
 
-from digit_driver.discovery import find_digits
+from digit_driver.discovery import find_cameras
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -36,5 +36,5 @@ def kernel(tmp_path: Path) -> FakeKernel:
 
 @pytest.fixture
 def find(kernel: FakeKernel):
-    """``find_digits`` on that machine."""
-    return functools.partial(find_digits, kernel.sysfs, kernel.dev)
+    """``find_cameras`` on that machine."""
+    return functools.partial(find_cameras, sysfs=kernel.sysfs, dev=kernel.dev)

@@ -33,6 +33,7 @@ class FakeDigit:
     number: int = 0
     revision: str = "0212"
     vendor: str = "2833"
+    product: str = ""
     stalled: bool = False
     damaged: bool = False
     short: bool = False
@@ -52,6 +53,7 @@ class FakeDigit:
     led_values: list[int] = field(default_factory=list)
     opened: int = 0
     requested_fps: int = 0
+    requested_format: tuple[int, int, int] = (0, 0, 0)
     sequence: int = -1
     last_stamp_ns: int = 0
 
@@ -91,8 +93,9 @@ class FakeKernel(SystemCalls):
             (node / "device").symlink_to(interface)
             (self.sysfs / node.name).symlink_to(node)
         attributes = {"idVendor": camera.vendor, "idProduct": "0209", "bcdDevice": camera.revision}
-        if camera.serial:
-            attributes["serial"] = camera.serial
+        for name in ("serial", "product"):
+            if getattr(camera, name):
+                attributes[name] = getattr(camera, name)
         for name, value in attributes.items():
             (usb / name).write_text(value + "\n")
         return camera
@@ -150,6 +153,7 @@ def _query_capabilities(descriptor: _Descriptor, capability: v4l2.Capability) ->
 
 def _set_format(descriptor: _Descriptor, request: v4l2.Format) -> None:
     camera, pix = descriptor.camera, request.fmt.pix
+    camera.requested_format = pix.width, pix.height, pix.pixelformat
     if camera.size:
         pix.width, pix.height = camera.size
     pix.pixelformat = camera.pixel_format

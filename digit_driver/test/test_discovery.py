@@ -3,19 +3,22 @@ from pathlib import Path
 import pytest
 from fake_kernel import FakeDigit
 
-from digit_driver.discovery import find_by_node, find_digits, select_digit
+from digit_driver.camera_model import CameraModel
+from digit_driver.discovery import find_by_node, find_cameras, select_camera
 from digit_driver.errors import DeviceError, InputError
+
+DIGIT = CameraModel.load("digit")
 
 
 def test_no_video_devices_at_all(tmp_path: Path) -> None:
-    assert find_digits(tmp_path / "class/video4linux") == []
+    assert find_cameras(DIGIT, tmp_path / "class/video4linux") == []
 
 
 def test_finds_digits_with_serial_firmware_and_all_nodes(kernel, find) -> None:
     kernel.plug(FakeDigit("D20002", "1-2", number=9))
     kernel.plug(FakeDigit("D20001", "2-1.3", number=0, revision="0150"))
     kernel.plug(FakeDigit("W1", "1-9", number=4, vendor="046d"))
-    first, second = find()
+    first, second = find(DIGIT)
     assert (first.serial, first.firmware, first.usb_path) == ("D20001", 150, "2-1.3")
     assert second.serial == "D20002"
     # By number, not by name: 9 comes before 10.
@@ -24,46 +27,57 @@ def test_finds_digits_with_serial_firmware_and_all_nodes(kernel, find) -> None:
 
 def test_unreadable_firmware_and_missing_serial_are_not_fatal(kernel, find) -> None:
     kernel.plug(FakeDigit("", revision="02a0"))
-    (digit,) = find()
+    (digit,) = find(DIGIT)
     assert (digit.serial, digit.firmware) == ("", None)
 
 
 def test_dangling_entry_is_ignored(kernel, find) -> None:
     (kernel.sysfs / "video7").symlink_to(kernel.root / "nowhere")
-    assert find() == []
+    assert find(DIGIT) == []
 
 
 def test_the_only_one_needs_no_serial(kernel, find) -> None:
     kernel.plug(FakeDigit())
-    assert select_digit(find(), "").serial == "D20001"
+    assert select_camera(DIGIT, find(DIGIT), "").serial == "D20001"
 
 
 def test_several_without_serial_are_refused_and_listed(kernel, find) -> None:
     kernel.plug(FakeDigit("D20001", "1-1", number=0))
     kernel.plug(FakeDigit("D20002", "1-2", number=2))
     with pytest.raises(InputError, match=r"2 DIGITs.*D20001.*D20002.*Set `serial`"):
-        select_digit(find(), "")
-    assert select_digit(find(), "D20002").usb_path == "1-2"
+        select_camera(DIGIT, find(DIGIT), "")
+    assert select_camera(DIGIT, find(DIGIT), "D20002").usb_path == "1-2"
 
 
 def test_absent_one_may_come_later_and_those_present_are_listed(kernel, find) -> None:
     with pytest.raises(DeviceError, match="no DIGIT found"):
-        select_digit(find(), "")
+        select_camera(DIGIT, find(DIGIT), "")
     kernel.plug(FakeDigit("D20001"))
     with pytest.raises(DeviceError, match=r"no DIGIT D9.*D20001"):
-        select_digit(find(), "D9")
+        select_camera(DIGIT, find(DIGIT), "D9")
 
 
 def test_two_with_one_serial_need_a_device_node(kernel, find) -> None:
     kernel.plug(FakeDigit("D1", "1-1", number=0))
     kernel.plug(FakeDigit("D1", "1-2", number=2))
     with pytest.raises(InputError, match="video_device"):
-        select_digit(find(), "D1")
+        select_camera(DIGIT, find(DIGIT), "D1")
 
 
 def test_sensor_of_a_node_is_found_through_links(kernel, find, tmp_path: Path) -> None:
     kernel.plug(FakeDigit("D1", number=4))
     link = tmp_path / "digit_D1"
     link.symlink_to("/dev/video4")
-    assert find_by_node(link, find()).serial == "D1"
-    assert find_by_node(Path("/dev/video0"), find()) is None
+    assert find_by_node(link, find(DIGIT)).serial == "D1"
+    assert find_by_node(Path("/dev/video0"), find(DIGIT)) is None
+
+
+def test_a_camera_may_be_told_by_its_product_name(kernel, find) -> None:
+    kernel.plug(FakeDigit("D20001", "1-1", number=0))
+    kernel.plug(FakeDigit("28GHEJZ8", "1-2", number=2, vendor="1234", product="GelSight Mini R0B 28GH-EJZ8"))
+    kernel.plug(FakeDigit("W1", "1-3", number=4, vendor="1234", product="Integrated Webcam"))
+    mini = CameraModel.load("gelsight_mini")
+    assert [camera.serial for camera in find(mini)] == ["28GHEJZ8"]
+    assert [camera.serial for camera in find(DIGIT)] == ["D20001"]
+    with pytest.raises(DeviceError, match=r"no GelSight Mini X found on USB \(name 'GelSight Mini \.\.\.'\)"):
+        select_camera(mini, find(mini), "X")

@@ -4,7 +4,8 @@ import time
 
 import pytest
 
-from digit_driver.discovery import find_digits
+from digit_driver.camera_model import CameraModel
+from digit_driver.discovery import find_cameras
 from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
 
 pytestmark = pytest.mark.hardware
@@ -12,14 +13,14 @@ pytestmark = pytest.mark.hardware
 
 @pytest.fixture
 def digit():
-    (first, *_) = find_digits()
+    (first, *_) = find_cameras(CameraModel.load("digit"))
     device = V4l2Digit(V4l2Settings(serial=first.serial))
     yield device
     device.close()
 
 
 def test_a_sensor_is_found_with_its_serial() -> None:
-    assert find_digits()[0].serial.startswith("D")
+    assert find_cameras(CameraModel.load("digit"))[0].serial.startswith("D")
 
 
 def test_sixty_frames_a_second_with_steady_kernel_stamps(digit) -> None:

@@ -4,7 +4,7 @@ import pytest
 from fake_kernel import picture
 
 from digit_driver.errors import CorruptFrameError, InputError
-from digit_driver.pixels import decode, recorded_portrait, to_portrait
+from digit_driver.pixels import decode, recorded_portrait
 from digit_driver.videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 
 
@@ -15,15 +15,20 @@ def jpeg(width: int = 320, height: int = 240) -> bytes:
 
 
 @pytest.mark.parametrize(("data", "kind"), [(picture(0), PIX_FMT_YUYV), (jpeg(), PIX_FMT_MJPEG)])
-def test_portrait_is_turned_counter_clockwise_and_rgb(data, kind) -> None:
-    image = to_portrait(decode(data, kind, 320, 240))
-    assert image.shape == (320, 240, 3)
-    assert image.flags.c_contiguous
-    # The landscape image's red top right quarter comes to lie at the top left.
+def test_images_are_rgb_as_the_camera_has_them(data, kind) -> None:
+    image = decode(data, kind, 320, 240)
+    assert image.shape == (240, 320, 3)
     red = image[..., 0].astype(int) - image[..., 2] > 50
-    assert red[5:155, 5:115].all()
-    assert not red[165:].any()
-    assert not red[:, 125:].any()
+    assert red[5:115, 165:].all()
+    assert not red[125:].any()
+    assert not red[:, :155].any()
+
+
+@pytest.mark.parametrize("reduction", [2, 4, 8])
+def test_a_jpeg_may_be_reduced_while_it_is_decoded(reduction) -> None:
+    image = decode(jpeg(642, 482), PIX_FMT_MJPEG, 642, 482, reduction)
+    assert image.shape == (-(-482 // reduction), -(-642 // reduction), 3)
+    assert image[5, -5, 0] > 200 > 50 > image[-5, 5, 0]
 
 
 def test_yuyv_of_wrong_length_is_corrupt() -> None:

@@ -1,10 +1,13 @@
 import errno
 import threading
 
+import cv2
+import numpy as np
 import pytest
 from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
+from digit_driver.camera_model import CameraModel
 from digit_driver.errors import CorruptFrameError, DeviceError, InputError
 from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
 
@@ -43,6 +46,32 @@ def test_streams_portrait_frames_with_the_kernels_time(kernel, device) -> None:
     assert frames[-1].stamp_monotonic_ns == camera.last_stamp_ns
     assert frames[0].image.shape == (320, 240, 3)
     assert frames[0].image.mean() < frames[9].image.mean()
+
+
+def mini_picture() -> bytes:
+    """A JPEG of 3280 x 2464: white where the GelSight Mini's gel is not seen, red in the gel's top right quarter."""
+    image = np.full((2464, 3280, 3), 255, np.uint8)
+    image[352:2112, 469:2811] = 40
+    image[352:1232, 1640:2811] = (0, 0, 250)
+    return cv2.imencode(".jpg", image)[1].tobytes()
+
+
+def test_a_gelsight_mini_gives_portrait_images_of_its_gel(kernel, device) -> None:
+    kernel.plug(FakeDigit("D20001", "1-1", number=0))
+    mini = FakeDigit("28GHEJZ8", "1-2", number=2, vendor="1234", product="GelSight Mini R0B 28GH-EJZ8")
+    mini.pixel_format, mini.picture = v4l2.PIX_FMT_MJPEG, mini_picture()
+    kernel.plug(mini)
+    sensor = device(camera=CameraModel.load("gelsight_mini"))
+    info = sensor.open()
+    assert (info.name, info.serial, info.width, info.height, info.fps) == ("/dev/video2", "28GHEJZ8", 240, 320, 25)
+    assert info.warnings == ()
+    assert mini.requested_format == (3280, 2464, v4l2.PIX_FMT_MJPEG)
+    image = sensor.read(1.0).image
+    assert image.shape == (320, 240, 3)
+    assert image[5:155, 5:115, 0].min() > 180
+    assert image[165:-3, 3:-3].max() < 80, "nothing beyond the gel"
+    sensor.set_leds((1, 2, 3))
+    assert mini.led_values == [], "its lights cannot be set"
 
 
 def test_vga(kernel, device) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.datasets.ycb_slide import load_sequence
+from midastouch_bringup.datasets import load_sequence
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics

@@ -87,6 +87,10 @@ class SensorModel:
             focal=self.focal * factor,
         )
 
+    def at_scale(self, pixels_per_metre: float) -> SensorModel:
+        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells."""
+        return dataclasses.replace(self, focal=pixels_per_metre * self.gel_distance)
+
     def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.
 
@@ -107,8 +111,20 @@ class SensorModel:
     @cached_property
     def gel_depth(self) -> np.ndarray:
         """Depth (H, W) float64 [m] of the undeformed gel along the camera axis, seen through each pixel."""
-        tangent_x, tangent_y = self.rays
-        depth = np.full((self.height, self.width), self.gel_distance)
+        return self._depth_along(*self.rays)
+
+    def gel_points(self, pixels: np.ndarray) -> np.ndarray:
+        """Points (N, 3) m of the undeformed gel, gel frame, seen at (N, 2) pixel coordinates (column, row).
+
+        The centre of the first pixel is (0.5, 0.5); pixels may lie beyond the image.
+        """
+        u, v = np.asarray(pixels, float).T
+        tangent_x, tangent_y = (u - self.width / 2) / self.focal, (self.height / 2 - v) / self.focal
+        depth = self._depth_along(tangent_x, tangent_y)
+        return np.column_stack([tangent_x * depth, tangent_y * depth, self.gel_distance - depth])
+
+    def _depth_along(self, tangent_x: np.ndarray, tangent_y: np.ndarray) -> np.ndarray:
+        depth = np.full(np.shape(tangent_x), self.gel_distance)
         # contraction: the sag's slope times the ray's tangent is below 0.3 everywhere in view
         for _ in range(60):
             depth = self.gel_distance - self.sag(depth * tangent_x, depth * tangent_y)

@@ -6,7 +6,13 @@ import pytest
 
 from midastouch_perception import sensor_model
 from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.simulation.optics import TactoOptics
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tdn import load_tdn
 
 
 def test_tacto_gel_has_the_known_depths(sensor):
@@ -29,6 +35,45 @@ def test_real_digit_sees_a_smaller_patch():
     assert 1e-3 / (real.gel_distance / real.focal) == pytest.approx(18.5, abs=0.1)
     assert real.sag(0.0065, 0.0) == pytest.approx(1e-3, abs=2e-4)
     assert real.sag(0.0, 0.009) == pytest.approx(1e-3, abs=3e-4)
+
+
+def test_a_gelsight_mini_is_flat_and_of_the_published_scale():
+    mini = SensorModel.load("gelsight_mini")
+    assert (mini.width, mini.height) == (240, 320)
+    assert 1e3 * mini.pixel_size == pytest.approx(0.0634, rel=1e-3)
+    assert np.ptp(mini.gel_depth) < 1e-6
+    np.testing.assert_allclose(mini.gel_depth, mini.gel_distance, atol=1e-6)
+
+
+def test_the_network_feels_a_ball_on_a_gelsight_mini():
+    """Its geometry is one that the network can use; its light is another matter."""
+    mini = SensorModel.load("gelsight_mini")
+    mesh = ObjectMesh.load(bundled_objects()["ball"])
+    rng = np.random.default_rng(0)
+    sampling = ContactSampling(press=(0.6e-3, 1.2e-3), free_share=0.0)
+    poses = sample_contact_poses(mesh, 3, rng, mini, sampling)
+    background = np.full((320, 240, 3), (120, 110, 130), np.uint8)
+    optics, tdn = TactoOptics(mini), load_tdn("fast", mini)
+    for truth, normals in zip(*PenetrationRenderer(mesh, mini).render_with_normals(poses), strict=True):
+        felt = tdn.predict(optics.image(truth, background, rng, normals), background) > 3e-5
+        touched = truth[::2, ::2] > 3e-5
+        assert (felt & touched).sum() / (felt | touched).sum() > 0.85
+
+
+def test_at_scale_sets_what_a_pixel_is():
+    real = SensorModel.load("digit_real").at_scale(18680)
+    assert 1 / real.pixel_size == pytest.approx(18680)
+    assert real.gel_distance == SensorModel.load("digit_real").gel_distance
+
+
+def test_gel_points_are_those_seen_through_the_pixels(sensor):
+    points = sensor.gel_points(np.array([[0.5, 0.5], [120, 160], [-20, 160]]))
+    depth, (tangent_x, tangent_y) = sensor.gel_depth, sensor.rays
+    expected = [tangent_x[0, 0] * depth[0, 0], tangent_y[0, 0] * depth[0, 0], sensor.gel_distance - depth[0, 0]]
+    np.testing.assert_allclose(points[0], expected, atol=1e-12)
+    np.testing.assert_allclose(points[1], 0, atol=1e-12)
+    assert points[2, 0] < points[0, 0], "beyond the image, too"
+    np.testing.assert_allclose(points[:, 2], sensor.sag(points[:, 0], points[:, 1]), atol=1e-9)
 
 
 def test_scaled_keeps_the_view(sensor):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from ..camera_model import CameraModel
 from ..errors import InputError
 from ..frame_source import PORTRAIT_SHAPE, FrameSource
 from ..leds import scaled_levels
 from ..reader import ReaderTiming
 from ..sources import make_source
-from ..v4l2_device import MODES, V4l2Settings
+from ..v4l2_device import V4l2Settings
 from .parameters import Value
 
 
@@ -19,6 +20,7 @@ def leds(values: dict[str, Value]) -> tuple[int, int, int]:
 def source(values: dict[str, Value]) -> FrameSource:
     """The source that is meant, not yet open. Raises InputError for a combination that does not exist."""
     device = V4l2Settings(
+        camera=CameraModel.load(values["camera_model"]),
         serial=values["serial"],
         video_device=values["video_device"],
         resolution=values["resolution"],
@@ -30,9 +32,10 @@ def source(values: dict[str, Value]) -> FrameSource:
 
 
 def image_size(values: dict[str, Value]) -> tuple[int, int]:
-    """Width and height of the portrait image that this source gives, pixels."""
-    height, width = PORTRAIT_SHAPE[:2] if values["replay_path"] else MODES[values["resolution"]][:2]
-    return width, height
+    """Width and height of the image that this source gives, pixels."""
+    if values["replay_path"]:
+        return PORTRAIT_SHAPE[1::-1]
+    return CameraModel.load(values["camera_model"]).mode(values["resolution"]).output
 
 
 def timing(values: dict[str, Value]) -> ReaderTiming:

@@ -18,17 +18,34 @@ def add_parser(subparsers) -> None:
         "midastouch download ycb-mesh 025_mug 035_power_drill",
         "ycb-mesh NAME...: 16k-face scans (CC BY 4.0), one PLY each. ycb-slide sim|real|backgrounds...: recordings\n"
         "(MIT), with gdown. A broken download goes on where it stopped. The sum of each file is kept in SHA256SUMS\n"
-        "and compared the next time, as its publishers give none.",
+        "and compared the next time, as its publishers give none. tactile-tracking: where NormalFlow's recordings\n"
+        "with a GelSight Mini lie, and what to do with them; nothing is downloaded.",
     )
-    parser.add_argument("what", choices=("ycb-mesh", "ycb-slide"), help="which collection")
-    parser.add_argument("names", nargs="+", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")
+    parser.add_argument("what", choices=("ycb-mesh", "ycb-slide", "tactile-tracking"), help="which collection")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder (default out/ycb, out/ycb_slide)")
     parser.add_argument("--mirror", metavar="URL", help="take ycb-mesh from a copy of the server's data folder")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from midastouch_perception.errors import InputError
+
+    if args.what == "tactile-tracking":
+        return _tactile_tracking()
+    if not args.names:
+        raise InputError(f"download {args.what}: name what to download; see midastouch download --help")
     return {"ycb-mesh": _meshes, "ycb-slide": _slides}[args.what](args)
+
+
+def _tactile_tracking() -> int:
+    print(
+        "TactileTracking (Huang, Kaess, Yuan, 2024; MIT): 12 objects, 7 trials each, a GelSight Mini under motion\n"
+        "capture, at https://huggingface.co/datasets/joehjhuang/TactileTracking\n"
+        "Unpack it and give the folder of a trial, such as avocado0, to midastouch evaluate or replay, with\n"
+        "--sensor gelsight_mini and a mesh in the gel frame of the trial's first image: the recordings have none."
+    )
+    return 0
 
 
 def _meshes(args: argparse.Namespace) -> int:

@@ -19,7 +19,14 @@ def add_parser(subparsers) -> None:
         "Every frame is processed, in order, without ROS. Mesh and codebook are found by the object's name\n"
         "after `midastouch build-codebook`, or given.",
     )
-    parser.add_argument("sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders")
+    parser.add_argument(
+        "sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders, or trials of TactileTracking"
+    )
+    parser.add_argument(
+        "--real",
+        action="store_true",
+        help="as the paper on real slides of YCB-Slide: beta 0.5, sensor digit_real; its figures beside ours",
+    )
     parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
     parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<object>.npz")
     parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
@@ -29,11 +36,12 @@ def add_parser(subparsers) -> None:
         default="paper",
         help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
     )
-    parser.add_argument("--beta", type=arguments.positive, default=1.0, help="width of `--init paper` (default 1)")
+    parser.add_argument("--beta", type=arguments.positive, help="width of `--init paper` (default 1, with --real 0.5)")
     parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
     parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
     arguments.add_network_options(parser)
+    parser.set_defaults(sensor=None)  # --real has another default
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
@@ -44,16 +52,21 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
     from ..evaluation.protocol import Protocol, run_sequence
+    from ..evaluation.real_table import BETA, PAPER_REAL, real_table, require_real
     from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
+    from ..evaluation.table import text_table
     from ..progress import progress_bar
 
     config = load_filter_config(args.config)
-    protocol = Protocol(args.init, args.beta, args.seeds, args.stride, args.max_frames)
+    beta = args.beta or (BETA if args.real else 1.0)
+    protocol = Protocol(args.init, beta, args.seeds, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
     sequences = [load_sequence(path) for path in args.sequences]
-    networks = Networks.load(args.tdn, args.tcn, args.sensor)
+    if args.real:
+        require_real(sequences)
+    networks = Networks.load(args.tdn, args.tcn, args.sensor or ("digit_real" if args.real else "digit_tacto"))
     work = []
     for sequence in sequences:
         work.append((sequence, *arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)))
@@ -75,7 +88,11 @@ def run(args: argparse.Namespace) -> int:
             result["sequences"].append(description)
             result["trials"] += trials
     result["summary"] = summarise_trials(result["trials"])
+    if args.real:
+        result["paper_real"] = PAPER_REAL
     if args.json:
         write_compact_json(args.json, result)
     print(summary_table(result["summary"]))
+    if args.real:
+        print(f"\n{text_table(*real_table(result['summary']))}")
     return 0

@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tdn import load_tdn
     from midastouch_perception.training.backgrounds import load_backgrounds
 
-    from ..evaluation.check_quality import CheckQuality, imaginary_sensors, layout_quality
+    from ..evaluation.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
     from ..evaluation.check_tables import check_tables
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json, write_json
@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> int:
             "machine": machine_info(),
             "fit_check": quality.fit(),
             "no_contact_image": layout_quality(backgrounds),
+            "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
         }

@@ -13,13 +13,22 @@ def add_parser(subparsers) -> None:
         subparsers,
         "evaluate-presses",
         run,
-        "check the depth network on real presses of a ball, whose penetration nobody knows",
-        "midastouch evaluate-presses ../shared/data/digit_real/ball_presses --json out/presses.json",
-        "A sphere is fitted to what the network feels in each press: is it one ball in all of them, equally\n"
-        "curved in all directions, with a round outline, and nothing felt elsewhere?",
+        "check the depth network on real presses of a ball of known size",
+        "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 --ball-diameter 0.0088 "
+        "--px-per-mm 18.68 --json out/presses.json",
+        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is told from the\n"
+        "presses) and labelled contact circles, circles.csv with the columns frame,center_x_px,center_y_px,radius_px.\n"
+        "The outline of a contact, labelled or else felt, tells how deep a ball of that size was pressed; the felt\n"
+        "relief is compared with that ball.",
     )
-    parser.add_argument("folder", metavar="DIR", help="images of presses and their no-contact image, background.png")
+    parser.add_argument("folder", metavar="DIR", help="images of presses")
+    parser.add_argument(
+        "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
+    )
     parser.add_argument("--sensor", default="digit_real", help="sensor model (default digit_real)")
+    parser.add_argument(
+        "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
+    )
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
@@ -31,17 +40,23 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
+    from ..datasets.ball_presses import load_ball_presses
     from ..evaluation.machine import machine_info
-    from ..evaluation.press_quality import load_presses, measure_presses
+    from ..evaluation.press_quality import measure_presses
     from ..evaluation.result_file import to_json, write_json
     from ..progress import progress_bar
 
-    presses, background = load_presses(args.folder)
-    tdn = load_tdn(args.tdn, SensorModel.load(args.sensor))
-    with progress_bar(total=len(presses), unit="press") as bar:
-        rows, summary = measure_presses(tdn, presses, background, bar.update)
+    presses = load_ball_presses(args.folder)
+    sensor = SensorModel.load(args.sensor)
+    if args.px_per_mm:
+        sensor = sensor.at_scale(1e3 * args.px_per_mm)
+    tdn = load_tdn(args.tdn, sensor)
+    with progress_bar(total=len(presses.images), unit="press") as bar:
+        rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update)
     result = {
         "folder": str(Path(args.folder).resolve()),
+        "ball_diameter": args.ball_diameter,
+        "px_per_mm": args.px_per_mm,
         "tdn": args.tdn,
         "network": tdn.network_id,
         "sensor": args.sensor,
@@ -52,26 +67,35 @@ def run(args: argparse.Namespace) -> int:
     result = to_json(result)
     if args.json:
         write_json(args.json, result)
-    print(_table(result["summary"]))
+    print(_table(result))
     return 0
 
 
-def _table(summary: dict) -> str:
+def _table(result: dict) -> str:
     from ..evaluation.table import number, text_table
 
-    spread = summary["radius_spread"]
+    summary = result["summary"]
+    truth = "labelled circle" if summary["labelled"] else "felt outline"
     rows = [
         ["presses", summary["presses"]],
         ["contact found", f"{100 * summary['found_share']:.0f} %"],
         ["relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"],
-        ["radius of the ball, median", f"{number(summary['radius_mm'], 2)} mm"],
-        ["its spread over the presses", "-" if spread is None else f"{100 * spread:.0f} %"],
-        ["distance from the sphere, RMS", f"{number(summary['residual_mm'], 3)} mm"],
-        ["smaller over larger curvature", number(summary["curvature_ratio"], 2)],
+        [f"RMSE to the ball under the {truth}, inside", f"{number(summary['rmse_in_circle_mm'], 2)} mm"],
+        ["deepest felt over deepest of that ball", number(summary["peak_ratio"], 2)],
+        ["correlation of both over the presses", number(summary["depth_correlation"], 2)],
+        [f"contact's IoU with it; centre off by ({truth})", _pair(summary, "iou_ideal", "centre_mm")],
+        ["IoU with the nearest ball of that size", number(summary["iou"], 2)],
+        [
+            f"radius of the ball felt, {500 * result['ball_diameter']:g} mm in truth",
+            f"{number(summary['felt_radius_mm'], 1)} mm",
+        ],
         ["roundness of the outline", number(summary["roundness"], 2)],
         ["penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"],
-        ["image explained by the relief", f"{100 * (summary['explained_share'] or 0):.0f} %"],
-        ["against the ball rendered: RMSE, all pixels", f"{number(summary['ball_rmse_mm'], 3)} mm"],
-        ["against the ball rendered: IoU of contact", number(summary["ball_iou"], 2)],
     ]
     return text_table(["median over presses", "value"], rows)
+
+
+def _pair(summary: dict, share: str, distance: str) -> str:
+    from ..evaluation.table import number
+
+    return f"{number(summary[share], 2)}; {number(summary[distance], 2)} mm"

@@ -1,7 +1,7 @@
-"""YCB-Slide sequences: reading (simulated and real layout) and writing."""
+"""Recorded slides: reading (YCB-Slide, simulated and real; TactileTracking) and writing."""
 
+from .loading import load_sequence
 from .sequence import Sequence
 from .writer import write_sequence
-from .ycb_slide import load_sequence
 
 __all__ = ["Sequence", "load_sequence", "write_sequence"]

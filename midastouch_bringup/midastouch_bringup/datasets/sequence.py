@@ -23,7 +23,7 @@ class Sequence:
         path: the folder it was read from.
         name: the last two parts of that path, such as `035_power_drill/00`.
         object_name: name of the object touched.
-        layout: `simulated` or `real`.
+        layout: `simulated`, `real` or `tactile_tracking`.
         image_paths: one file per frame.
         stamps_ns: (N,) int64, increasing, nanoseconds; never 0, which ROS reads as "no time".
         poses_true: (N, 4, 4) T_obj_gel from ground truth.
@@ -69,6 +69,21 @@ class Sequence:
         """True penetration map (320, 240) float32, metres, of frame `i`; None if it is not known."""
         source = self.penetration_sources.get(i)
         return None if source is None else source()
+
+
+@dataclass(frozen=True)
+class VideoSequence(Sequence):
+    """A sequence whose images came out of one video. images: (320, 240, 3) uint8 RGB each; no `image_paths`."""
+
+    images: tuple[np.ndarray, ...] = field(default=(), repr=False)
+
+    @property
+    def n_frames(self) -> int:
+        return len(self.images)
+
+    def image(self, i: int) -> np.ndarray:
+        """Tactile image of frame `i`: (320, 240, 3) uint8 RGB."""
+        return self.images[i]
 
 
 def read_image(path: Path) -> np.ndarray:

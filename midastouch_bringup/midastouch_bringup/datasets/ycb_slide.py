@@ -1,4 +1,4 @@
-"""Read YCB-Slide sequences, simulated or real; which of the two is told by the folder's content.
+"""Read YCB-Slide sequences, simulated or real.
 
 Both readers of the dataset that its authors publish were the source of the format; poses are rows
 [x y z qx qy qz qw] in metres.
@@ -39,27 +39,13 @@ PENETRATION_FILE = "penetration_truth.npz"
 BACKGROUND_FILE = "background.png"
 
 
-def load_sequence(path: str | Path) -> Sequence:
-    """The sequence in folder `path`.
-
-    Raises InputError if the folder is neither layout, if files are missing, damaged or disagree in number, or
-    if a pickle asks for foreign classes.
-    """
-    path = Path(path)
-    if not path.is_dir():
-        raise InputError(f"{path}: no such sequence folder; check the path")
-    if (path / "tactile_data.pkl").is_file():
-        return _load_simulated(path)
-    if (path / "synced_data.npy").is_file():
-        return _load_real(path)
-    raise InputError(
-        f"{path}: not a YCB-Slide sequence (neither tactile_data.pkl nor synced_data.npy); "
-        "give the folder of one slide, such as sim/035_power_drill/00 or real/035_power_drill/dataset_0"
-    )
+SIMULATED_FILE, REAL_FILE = "tactile_data.pkl", "synced_data.npy"
+"""The file by which each layout is told."""
 
 
-def _load_simulated(path: Path) -> Sequence:
-    file = path / "tactile_data.pkl"
+def load_simulated(path: Path) -> Sequence:
+    """The simulated slide in folder `path`; raises as `load_sequence`."""
+    file = path / SIMULATED_FILE
     data = _require_keys(restricted_pickle.load(file), ("gelposes", "gelposes_meas"), file)
     true, measured = _transforms(data["gelposes"], file), _transforms(data["gelposes_meas"], file)
     if len(true) != len(measured):
@@ -144,8 +130,9 @@ def _dome_height() -> np.ndarray:
     return sensor.gel_distance - sensor.gel_depth
 
 
-def _load_real(path: Path) -> Sequence:
-    file = path / "synced_data.npy"
+def load_real(path: Path) -> Sequence:
+    """The real slide in folder `path`; raises as `load_sequence`."""
+    file = path / REAL_FILE
     data = _require_keys(restricted_pickle.load_npy(file), ("poses", "timestamps", "digit_frames"), file)
     tracked = _require_keys(data["poses"], ("DIGIT",), file)
     objects = [str(key) for key in tracked if key != "DIGIT"]

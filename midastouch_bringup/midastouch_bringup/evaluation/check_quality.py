@@ -21,7 +21,13 @@ from midastouch_perception.simulation.randomisation import RandomisationRange, R
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import shows_contact
-from midastouch_perception.tdn.colour_layout import ORIENTATIONS, image_problem, mean_layout
+from midastouch_perception.tdn.colour_layout import (
+    ORIENTATIONS,
+    image_problem,
+    mean_layout,
+    misorientation,
+    turned_since,
+)
 from midastouch_perception.tdn.fit_check import FitCheck
 
 TOUCHES = 6
@@ -100,7 +106,7 @@ class CheckQuality:
 
     def __init__(self, tdn: DepthNet):
         self._tdn = tdn
-        self._scores: dict[str, list[tuple[float, float, bool]]] = {}
+        self._scores: dict[str, list[tuple[float, float, bool, bool]]] = {}
         self._light: dict[str, list[tuple[float, bool]]] = {}
         self._free: dict[float, list[bool]] = {gain: [] for gain in WARM_UP}
         self._warming: list[bool] = []
@@ -130,13 +136,15 @@ class CheckQuality:
             self._captures.setdefault(name, []).append(shows_contact(self._tdn, candidate, present))
 
     def fit(self) -> dict[str, dict]:
-        """By case: alarms (share of sensors), and per figure the area under the ROC curve against the right ones."""
+        """By case: alarms and those that name a turn or swap (shares of sensors), and per figure the area under the ROC
+        curve against the right ones."""
         right = np.array([score[:2] for score in self._scores["right"]])
         out = {}
         for name, scores in self._scores.items():
             figures = np.array([score[:2] for score in scores])
             out[name] = {
-                "alarms": float(np.mean([alarm for *_, alarm in scores])),
+                "alarms": float(np.mean([alarm for *_, alarm, _ in scores])),
+                "named_turned": float(np.mean([turned for *_, turned in scores])),
                 "quietest_tenth": float(np.nanmedian(figures[:, 0])),
                 "explained_share": float(np.nanmedian(figures[:, 1])),
                 "auc_quietest_tenth": roc_area(figures[:, 0], right[:, 0]),
@@ -172,7 +180,9 @@ class CheckQuality:
         for image in images:
             stage.process(image, background)
         figures = [np.nan if value is None else value for value in (check.quiet, check.explained)]
-        self._scores.setdefault(name, []).append((*figures, bool(check.problem)))
+        alarm = bool(check.problem)
+        turned = alarm and bool(turned_since(images[-1], background))
+        self._scores.setdefault(name, []).append((*figures, alarm, turned))
 
     def _felt(self, image: np.ndarray, background: np.ndarray) -> bool:
         return DepthStage(self._tdn).process(image, background)[1].in_contact
@@ -192,8 +202,22 @@ def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
     wrong = {"right": lambda image: image, **ORIENTATIONS, "black": np.zeros_like}
     wrong["saturated"] = lambda image: _bytes(image * 2.5)
     refused: dict[str, list[bool]] = {name: [] for name in wrong}
-    for i, image in enumerate(backgrounds):
-        layout = mean_layout(np.delete(backgrounds, i, axis=0))
+    for image, layout in _each_against_the_others(backgrounds):
         for name, make in wrong.items():
             refused[name].append(bool(image_problem(np.ascontiguousarray(make(image)), layout)))
     return {name: float(np.mean(alarms)) for name, alarms in refused.items()}
+
+
+def causes_named(backgrounds: np.ndarray) -> dict[str, float]:
+    """Share of real no-contact images (B, H, W, 3) uint8, turned or swapped, of which the right cause is named."""
+    named: dict[str, list[bool]] = {name: [] for name in ORIENTATIONS}
+    for image, layout in _each_against_the_others(backgrounds):
+        for name, make in ORIENTATIONS.items():
+            named[name].append(misorientation(np.ascontiguousarray(make(image)), layout) == name)
+    return {name: float(np.mean(right)) for name, right in named.items()}
+
+
+def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Every image and the mean layout of the others."""
+    for i, image in enumerate(backgrounds):
+        yield image, mean_layout(np.delete(backgrounds, i, axis=0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .table import number
 
-_FIT = ("alarms", "quietest_tenth", "auc_quietest_tenth", "explained_share", "auc_explained_share")
+_FIT = ("alarms", "named_turned", "quietest_tenth", "auc_quietest_tenth", "explained_share", "auc_explained_share")
 
 
 def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
@@ -19,10 +19,15 @@ def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
         [f"{100 * c['brighter']:g} % brighter", number(c["false_contacts"], 2)] for c in result["contact"]["false"]
     ]
     false.append(["getting 10 % brighter, slowly", number(result["contact"]["false_while_warming"], 2)])
-    header = ["fit check, simulated sensors", "alarms", "quietest tenth", "ROC area", "explained share", "ROC area"]
+    header = ["fit check, simulated sensors", "alarms", "named turned", "quietest tenth", "ROC area"]
+    header += ["explained share", "ROC area"]
+    causes = [
+        [name, number(share, 2), number(result["cause_named"].get(name), 2)]
+        for name, share in result["no_contact_image"].items()
+    ]
     return [
         (header, fit),
-        (["no-contact image, real, each against the others", "refused"], _shares(result["no_contact_image"])),
+        (["no-contact image, real, each against the others", "refused", "cause named"], causes),
         (["capture of a background", "share"], _shares(result["capture"])),
         (["light touches", "touches", "missed"], missed),
         (["no contact, brightness against the background", "false contacts"], false),

@@ -1,58 +1,87 @@
-"""Presses of a ball on a real sensor: is what the depth network feels the cap of one sphere?
+"""Presses of a ball of known size on a real sensor: how deep, how round and where is what the depth network feels?
 
-Nobody knows the true penetration of a real press. But the relief of a ball has one curvature in all directions, the
-same in every press, bulges towards the camera, ends in a round outline, and leaves the rest of the gel alone.
-Only the contact (penetration) is felt; the surface of the ball is the undeformed, domed gel raised by it.
+What should be felt is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
+somebody labelled, or else the one that is felt, which says nothing of the felt depth. So the truth never comes from the
+depth that is judged. (Gel sinks in around a ball: the true depth lies between one and two caps.)
+
+Only the shape is judged by what fits best: `felt_radius_mm` of the free sphere, `iou` with the nearest cap of the true
+radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap under the outline cannot reach 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+import dataclasses
+from collections.abc import Callable, Iterator
 
 import cv2
 import numpy as np
-import trimesh
 
-from midastouch_perception import se3
 from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import DepthNet
-from midastouch_perception.tdn.fit_check import explained_share
 
-from ..datasets.sequence import read_image
+from ..datasets.ball_presses import BallPresses, Circle
+from .ball_cap import ball_penetration, centre_under, circle_outline, mask_outline, misfit, nearest_cap
 from .depth_quality import CONTACT_THRESHOLD
 from .sphere_fit import fit_sphere, principal_curvatures
 
-BACKGROUND = "background.png"
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
 _HALO = 0.5e-3  # m around what is visible
 _CORE = 0.5  # of the deepest penetration: the rim is smeared by the gel, which cannot follow it
-_FEWEST = 40  # px a core needs for a fit
+_FEWEST = 40  # px a core needs for a fit, and an outline
+_OUTLINE_MISFIT = 0.15e-3  # m by which a labelled circle may miss the ball
+_LARGEST_BALL = 0.1  # m
 
 
-def load_presses(folder: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Images (320, 240, 3) uint8 RGB of the presses by file name, repeated ones once, and the no-contact image.
-
-    Raises InputError for a folder without `background.png` or without presses, and for unreadable images.
+@dataclasses.dataclass(frozen=True)
+class Press:
+    """One press as felt. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; felt and ideal
+    (h, w) m; ideal is None where neither a label nor an outline tells it; found, the pipeline's contact decision;
+    truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the felt relief, or None.
     """
-    folder = Path(folder)
-    if not (folder / BACKGROUND).is_file():
-        raise InputError(f"{folder}: no {BACKGROUND} in it; name a folder of presses with their no-contact image")
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg") and p.name != BACKGROUND)
-    presses, seen = {}, set()
-    for path in paths:
-        image = read_image(path)
-        if image.tobytes() not in seen:
-            seen.add(image.tobytes())
-            presses[path.name] = image
-    if not presses:
-        raise InputError(f"{folder}: no presses (PNG or JPEG) beside {BACKGROUND}")
-    return presses, read_image(folder / BACKGROUND)
+
+    name: str
+    image: np.ndarray
+    difference: np.ndarray
+    felt: np.ndarray
+    found: bool
+    ideal: np.ndarray | None
+    truth: np.ndarray | None
+    nearest: np.ndarray | None
+
+
+def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator[Press]:
+    """Every press with what should be felt of a ball of `radius` m.
+
+    Raises InputError if that is no radius of a ball, or smaller than a labelled circle.
+    """
+    if not 0 < radius <= _LARGEST_BALL / 2:
+        raise InputError(f"ball of {2 * radius:g} m diameter: give it in metres, 0.0088 for 8.8 mm")
+    for name, image in presses.images.items():
+        difference = tdn.difference(image, presses.background)
+        felt, contact = DepthStage(tdn).process(image, presses.background)
+        region = _felt_contact(difference, felt, tdn.sensor)
+        if presses.circles:
+            scale = felt.shape[1] / image.shape[1]
+            truth = _under_circle(name, presses.circles[name], scale, radius, tdn.sensor)
+        else:
+            truth = _under_felt(_felt_contact(difference, felt, tdn.sensor, 0.0), radius, tdn.sensor)
+        ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
+        nearest = nearest_cap(felt, region, radius, tdn.sensor) if region.any() else None
+        yield Press(name, image, difference, felt, contact.in_contact and bool(region.any()), ideal, truth, nearest)
+
+
+def measure_presses(
+    tdn: DepthNet, presses: BallPresses, radius: float, progress: Callable[[int], object] = lambda presses: None
+) -> tuple[list[dict], dict]:
+    """Figures of every press and their summary: the `presses` and `summary` of the `evaluate-presses` JSON."""
+    rows = []
+    for press in feel_presses(tdn, presses, radius):
+        rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
+        progress(1)
+    return rows, _summary(rows, labelled=presses.circles is not None)
 
 
 def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
@@ -66,119 +95,122 @@ def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
     return cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=reach) > 0
 
 
-def measure_presses(
-    tdn: DepthNet,
-    presses: dict[str, np.ndarray],
-    background: np.ndarray,
-    progress: Callable[[int], object] = lambda presses: None,
-) -> tuple[list[dict], dict]:
-    """Figures of every press and their summary: the `presses` and `summary` of the `evaluate-presses` JSON."""
-    rows, cores, maps = [], [], []
-    for name, image in presses.items():
-        difference = tdn.difference(image, background)
-        penetration, contact = DepthStage(tdn).process(image, background)
-        row, core = _describe(difference, penetration, contact.in_contact, tdn.sensor)
-        rows.append({"image": name, **row})
-        cores.append(core)
-        maps.append(penetration)
-        progress(1)
-    radii = [row["radius_mm"] for row in rows if row["radius_mm"] is not None]
-    radius = float(np.median(radii)) * 1e-3 if radii else None
-    if radius:
-        renderer = ball_renderer(radius, tdn.sensor)
-        for row, core, penetration in zip(rows, cores, maps, strict=True):
-            if core is not None:
-                row |= _against_ball(fit_sphere(core, radius).centre, renderer, penetration)
-    return rows, _summary(rows, radius)
+def _felt_contact(
+    difference: np.ndarray, felt: np.ndarray, sensor: SensorModel, above: float = CONTACT_THRESHOLD
+) -> np.ndarray:
+    """Where (H, W) bool a relief goes above so many metres, in one region and where something is seen."""
+    return _largest_region((felt > above) & visible_contact(difference, sensor))
 
 
-def ball_renderer(radius: float, sensor: SensorModel) -> PenetrationRenderer:
-    """Renders a ball of `radius` m about the origin; `render_ball` places it."""
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    return PenetrationRenderer(ObjectMesh.from_arrays(ball.vertices, ball.faces, "ball"), sensor)
+def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor: SensorModel) -> np.ndarray:
+    """The ball's centre (3,) m under a circle labelled in an image with 1 / scale as many pixels a side as the map."""
+    outline = circle_outline(circle, scale, sensor)
+    centre = centre_under(outline, radius)
+    if misfit(outline, centre, radius) > _OUTLINE_MISFIT:
+        raise InputError(
+            f"{name}: a ball of {2e3 * radius:g} mm diameter leaves no contact as wide as its circle, "
+            f"{2e3 * circle[2] * scale * sensor.pixel_size:.1f} mm; check --ball-diameter, --px-per-mm and the label"
+        )
+    return centre
 
 
-def render_ball(renderer: PenetrationRenderer, centre: np.ndarray) -> np.ndarray:
-    """Penetration (H, W) m of the ball with its centre (3,) m in the gel frame."""
-    return renderer.render(se3.make(np.eye(3), -np.asarray(centre, float))[None])[0]
+def _under_felt(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
+    """The ball's centre (3,) m under the outline that is felt; None if that is too short to tell."""
+    outline = mask_outline(region, sensor)
+    return centre_under(outline, radius) if len(outline) >= _FEWEST else None
 
 
-def _describe(
-    difference: np.ndarray, penetration: np.ndarray, found: bool, sensor: SensorModel
-) -> tuple[dict, np.ndarray | None]:
-    """Figures of one press, and the points (N, 3) m of the contact's core if it is worth a fit."""
-    visible = visible_contact(difference, sensor)
-    total = float(penetration.sum())
-    contact = _largest_region((penetration >= CONTACT_THRESHOLD) & visible)
+def _describe(press: Press, radius: float, sensor: SensorModel) -> dict:
+    visible = visible_contact(press.difference, sensor)
+    contact = _felt_contact(press.difference, press.felt, sensor)
+    total = float(press.felt.sum())
+    felt_radius, bulges = _felt_ball(press.felt, contact, sensor)
     row = {
-        "found": bool(found and contact.any()),
-        "deepest_mm": 1e3 * float(penetration.max()),
-        "area_mm2": 1e6 * float(contact.sum()) * sensor.pixel_area,
+        "found": press.found,
+        "bulges": bulges,
+        "felt_peak_mm": 1e3 * float(press.felt.max()),
+        "felt_radius_mm": None if felt_radius is None else 1e3 * felt_radius,
         "roundness": _roundness(contact),
-        "outside_share": float(penetration[~visible].sum()) / total if total else 0.0,
-        "explained_share": explained_share(difference, penetration),
-        "radius_mm": None,
-        "residual_mm": None,
-        "curvature_ratio": None,
-        "bulges": False,
+        "outside_share": float(press.felt[~visible].sum()) / total if total else 0.0,
+        "iou": 0.0,
+        "ideal_peak_mm": None,
+        "peak_ratio": None,
+        "rmse_in_circle_mm": None,
+        "iou_ideal": None,
+        "centre_mm": None,
     }
-    inside = np.where(contact, penetration, 0)
+    if press.nearest is not None:
+        row["iou"] = _iou(press.felt, ball_penetration(press.nearest, radius, sensor))
+    if press.ideal is not None:
+        row |= _against_ideal(press)
+    return row
+
+
+def _against_ideal(press: Press) -> dict:
+    inside = press.ideal > 0
+    out = {
+        "ideal_peak_mm": 1e3 * float(press.ideal.max()),
+        "peak_ratio": float(press.felt.max() / press.ideal.max()),
+        "rmse_in_circle_mm": 1e3 * float(np.sqrt(np.mean((press.felt - press.ideal)[inside] ** 2))),
+        "iou_ideal": _iou(press.felt, press.ideal),
+    }
+    if press.nearest is not None:
+        out["centre_mm"] = 1e3 * float(np.linalg.norm((press.nearest - press.truth)[:2]))
+    return out
+
+
+def _felt_ball(felt: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tuple[float | None, bool]:
+    """Radius [m] of the sphere nearest to the core of a contact, None if it is none; whether the core bulges."""
+    inside = np.where(contact, felt, 0)
     core = _largest_region(inside > _CORE * inside.max()) if contact.any() else contact
     if core.sum() < _FEWEST:
-        return row, None
-    points = cloud_from_penetration(penetration, core, sensor).astype(float)
-    low, high = principal_curvatures(points)
-    row["bulges"] = bool(low > 0)
-    if not row["bulges"]:
-        return row, None
-    sphere = fit_sphere(points)
-    row |= {
-        "radius_mm": 1e3 * sphere.radius,
-        "residual_mm": 1e3 * sphere.residual,
-        "curvature_ratio": float(low / high),
-    }
-    return row, points
+        return None, False
+    points = cloud_from_penetration(felt, core, sensor).astype(float)
+    bulges = bool(principal_curvatures(points)[0] > 0)
+    return (fit_sphere(points).radius if bulges else None), bulges
 
 
-def _against_ball(centre: np.ndarray, renderer: PenetrationRenderer, penetration: np.ndarray) -> dict:
-    rendered = render_ball(renderer, centre)
-    felt, there = penetration >= CONTACT_THRESHOLD, rendered >= CONTACT_THRESHOLD
-    return {
-        "ball_centre_mm": (1e3 * centre).tolist(),
-        "ball_iou": float((felt & there).sum() / max((felt | there).sum(), 1)),
-        "ball_rmse_mm": 1e3 * float(np.sqrt(np.mean((penetration - rendered) ** 2))),
-    }
+def _iou(felt: np.ndarray, cap: np.ndarray) -> float:
+    """Intersection over union of two contacts (H, W) m."""
+    claimed, there = felt >= CONTACT_THRESHOLD, cap >= CONTACT_THRESHOLD
+    return float((claimed & there).sum() / max((claimed | there).sum(), 1))
 
 
-def _summary(rows: list[dict], radius: float | None) -> dict:
-    """Shares over all presses, medians over those that have the figure, spread of the radius."""
+def _summary(rows: list[dict], labelled: bool) -> dict:
+    """Shares over all presses, medians over those that have the figure, correlation over those with a true depth."""
 
     def median(key: str) -> float:
-        values = [row[key] for row in rows if row.get(key) is not None]
+        values = [row[key] for row in rows if row[key] is not None]
         return float(np.median(values)) if values else float("nan")
 
-    radii = np.array([row["radius_mm"] for row in rows if row["radius_mm"] is not None])
+    known = [row for row in rows if row["ideal_peak_mm"] is not None]
     return {
         "presses": len(rows),
+        "labelled": labelled,
         "found_share": float(np.mean([row["found"] for row in rows])),
         "bulges_share": float(np.mean([row["bulges"] for row in rows])),
-        "radius_mm": 1e3 * radius if radius else None,
-        "radius_spread": float(radii.std() / radii.mean()) if len(radii) else float("nan"),
+        "depth_correlation": _correlation([(row["ideal_peak_mm"], row["felt_peak_mm"]) for row in known]),
         **{
             key: median(key)
             for key in (
-                "residual_mm",
-                "curvature_ratio",
+                "rmse_in_circle_mm",
+                "peak_ratio",
+                "felt_radius_mm",
+                "iou",
+                "iou_ideal",
+                "centre_mm",
                 "roundness",
                 "outside_share",
-                "explained_share",
-                "deepest_mm",
-                "area_mm2",
-                "ball_iou",
-                "ball_rmse_mm",
             )
         },
     }
+
+
+def _correlation(pairs: list[tuple[float, float]]) -> float:
+    """Pearson's correlation of pressed and felt peak; nan where fewer than three or one side never changes."""
+    if len(pairs) < 3 or (np.ptp(pairs, axis=0) == 0).any():
+        return float("nan")
+    return float(np.corrcoef(np.transpose(pairs))[0, 1])
 
 
 def _roundness(mask: np.ndarray) -> float:

@@ -10,66 +10,63 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
-from ..evaluation.press_quality import ball_renderer, load_presses, render_ball
+from ..datasets.ball_presses import load_ball_presses
+from ..evaluation.press_quality import Press, feel_presses
 from ..evaluation.table import number
 from .figures import save
 from .page import Page
-from .press_figure import PressPicture, press_figure, radius_figure
+from .press_figure import depth_figure, press_figure
 
 _SHOWN = 12
-_HEADER = ["network", "presses", "found", "bulging", "radius mm", "spread", "residual mm", "curvature ratio"]
-_HEADER += ["roundness", "felt outside", "explained", "RMSE to ball mm", "IoU with ball"]
+_HEADER = ["folder", "network", "ball mm", "presses", "found", "bulging", "RMSE in circle mm", "peak ratio"]
+_HEADER += ["depth correlation", "radius felt mm", "IoU nearest", "IoU ideal", "centre mm", "roundness", "felt outside"]
 
 
 def press_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Table, scatter of the fits, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
+    """Table, felt over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
     page.heading("Real presses of a ball")
     page.note(
-        "Nobody knows the true penetration. The relief of a ball has one radius in all presses and directions "
-        "(curvature ratio 1), bulges towards the camera, and is felt nowhere outside contact and shadow."
+        "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
+        "where nobody labelled the felt outline. A good network has peak ratio and correlation near 1, and feels the "
+        "true radius."
     )
     page.table(_HEADER, [_row(content) for content in contents])
     for i, content in enumerate(contents):
-        page.picture(save(radius_figure(content["presses"]), folder / f"press_fits_{i}.png"), "Fits over the presses")
+        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Felt over the presses")
         try:
-            pictures = _pictures(content)
+            shown = _felt_again(content)
         except InputError as error:
             page.note(f"no pictures of the presses: {error}")
             continue
-        page.picture(save(press_figure(pictures), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
+        page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
 
 
 def _row(content: dict) -> list[object]:
     s = content["summary"]
     return [
+        Path(content["folder"]).name,
         content["network"],
+        number(1e3 * content["ball_diameter"], 1),
         s["presses"],
         number(s["found_share"], 2),
         number(s["bulges_share"], 2),
-        number(s["radius_mm"], 2),
-        number(s["radius_spread"], 2),
-        number(s["residual_mm"], 3),
-        *(number(s[k], 2) for k in ("curvature_ratio", "roundness", "outside_share", "explained_share")),
-        number(s["ball_rmse_mm"], 3),
-        number(s["ball_iou"], 2),
+        number(s["rmse_in_circle_mm"], 2),
+        number(s["peak_ratio"], 2),
+        number(s["depth_correlation"], 2),
+        number(s["felt_radius_mm"], 1),
+        *(number(s[k], 2) for k in ("iou", "iou_ideal", "centre_mm", "roundness", "outside_share")),
     ]
 
 
-def _pictures(content: dict) -> list[PressPicture]:
-    """Felt once more with the network of the result; InputError if that or the images are not there any more."""
-    tdn = load_tdn(content["tdn"], SensorModel.load(content["sensor"]))
+def _felt_again(content: dict) -> list[Press]:
+    """Some presses with the network of the result; InputError if that or the images are not there any more."""
+    sensor = SensorModel.load(content["sensor"])
+    if content["px_per_mm"]:
+        sensor = sensor.at_scale(1e3 * content["px_per_mm"])
+    tdn = load_tdn(content["tdn"], sensor)
     if tdn.network_id != content["network"]:
         raise InputError(f"the network is now {tdn.network_id}; run midastouch evaluate-presses again")
-    images, background = load_presses(content["folder"])
-    rows = [row for row in content["presses"] if row["image"] in images]
-    radius = content["summary"]["radius_mm"]
-    renderer = ball_renderer(1e-3 * radius, tdn.sensor) if radius else None
-    pictures = []
-    for k in np.unique(np.linspace(0, len(rows) - 1, _SHOWN).round().astype(int)):
-        row, image = rows[k], images[rows[k]["image"]]
-        centre = row.get("ball_centre_mm")
-        fitted = render_ball(renderer, 1e-3 * np.array(centre)) if renderer and centre else None
-        difference = tdn.difference(image, background)
-        felt = tdn.predict(image, background, difference)
-        pictures.append(PressPicture(row["image"], image, difference, felt, fitted))
-    return pictures
+    presses = load_ball_presses(content["folder"])
+    names = list(presses.images)
+    some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
+    return list(feel_presses(tdn, presses.only([names[k] for k in some]), content["ball_diameter"] / 2))

@@ -15,6 +15,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
 
+from ..evaluation.real_table import real_table
 from ..evaluation.table import number
 from .accuracy import accuracy_section
 from .checks import check_section
@@ -85,6 +86,8 @@ def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
             f"stride {config['stride']}; networks {config['networks']['tdn']}, {config['networks']['tcn']}"
         )
         page.table(*_trial_table(content["summary"]))
+        if "paper_real" in content:
+            page.table(*real_table(content["summary"]))
     trials = [trial for content in contents for trial in content["trials"]]
     page.picture(save(final_error_figure(trials), folder / "final_errors.png"), "Final errors over all trials")
     for number_of_file, content in enumerate(contents):

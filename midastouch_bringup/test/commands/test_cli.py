@@ -46,7 +46,7 @@ def test_every_option_is_explained(name):
     [
         (["evaluate", "no/such/seq"], "no/such/seq: no such sequence folder"),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
-        (["evaluate-presses", "no/such/folder"], "no/such/folder: no background.png"),
+        (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: no such folder"),
         (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 readable no-contact images"),
         (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: no such mesh file, nor a bundled object"),
         (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),

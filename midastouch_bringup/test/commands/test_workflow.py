@@ -57,6 +57,21 @@ def test_evaluate_is_the_same_every_time(run):
     assert first == second
 
 
+def test_real_slides_beside_the_paper_s(run, real_sequence_folder):
+    path, _ = real_sequence_folder(n=9)
+    options = ("--mesh", "eyebolt", "--codebook", "out/codebooks/eyebolt.npz", "--sensor", "digit_tacto")
+    output, result = run(
+        "evaluate", str(path), "--real", *options, "--seeds", "1", "--config", "small.yaml", "--json", "real.json"
+    )
+    assert result["config"]["beta"] == 0.5
+    assert result["paper_real"]["e_trans_mm"] == 19.7
+    paper, ours = (line.split() for line in output.splitlines() if line.startswith(("paper", "ours")))
+    assert paper[1:4] == ["500", "19.7", "21.5"]
+    assert float(ours[2]) == pytest.approx(result["summary"]["e_trans_mm"]["mean"], abs=0.051)
+    run("report", "real.json", "--out", "real_report")
+    assert "19.7" in Path("real_report/index.html").read_text()
+
+
 def test_evaluate_tdn(run):
     output, result = run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")
     (sequence,) = result["sequences"]
@@ -140,6 +155,8 @@ def test_to_bag_writes_what_replay_can_play(run, workspace):
     [
         (["evaluate", "eyebolt/00", "--mesh", "ball"], "built for the mesh 'eyebolt', not for this 'ball'"),
         (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "sensor"),
+        (["evaluate", "eyebolt/00", "--real"], "eyebolt/00: not a real slide of YCB-Slide"),
+        (["download", "ycb-mesh"], "name what to download"),
         (["evaluate", "eyebolt/00", "--tdn", "slow"], "tdn network 'slow' is not known"),
         (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),

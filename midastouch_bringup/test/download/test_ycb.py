@@ -130,3 +130,10 @@ def test_a_failing_gdown_and_none_at_all_are_said(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with pytest.raises(InputError, match="pip install gdown"):
         download_part("sim", tmp_path / "slides")
+
+
+def test_it_is_said_where_the_recordings_of_a_gelsight_mini_are(capsys):
+    assert cli.main(["download", "tactile-tracking"]) == 0
+    said = capsys.readouterr().out
+    assert "https://huggingface.co/datasets/joehjhuang/TactileTracking" in said
+    assert "--sensor gelsight_mini" in said

@@ -6,6 +6,7 @@ from midastouch_bringup.evaluation.check_quality import (
     TOUCHES,
     CheckQuality,
     ImaginarySensor,
+    causes_named,
     imaginary_sensors,
     layout_quality,
     roc_area,
@@ -119,4 +120,9 @@ def test_layouts_of_real_sensors(shared):
     refused = layout_quality(images)
     assert refused.pop("right") < 0.1
     assert refused.pop("mirrored top to bottom") > 0.6  # blue alone tells it
+    # some sensors are lit as others are that stand on their head with red and blue swapped
+    assert refused.pop("mirrored top to bottom and with red and blue swapped") > 0.5
     assert min(refused.values()) > 0.9
+    named = causes_named(images)
+    assert min(named.values()) >= 0.5
+    assert np.mean(list(named.values())) > 0.75

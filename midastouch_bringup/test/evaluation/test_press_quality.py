@@ -2,13 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.press_quality import (
-    ball_renderer,
-    load_presses,
-    measure_presses,
-    render_ball,
-    visible_contact,
-)
+from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
+from midastouch_bringup.evaluation.ball_cap import ball_penetration
+from midastouch_bringup.evaluation.press_quality import measure_presses, visible_contact
 from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
@@ -38,33 +34,90 @@ class FakeTdn:
 
 @pytest.fixture(scope="module")
 def presses(sensor):
-    """Images of a ball of 4 mm pressed 0.6 ... 1.2 mm deep."""
-    renderer = ball_renderer(RADIUS, sensor)
+    """A ball of 4 mm pressed 0.6 ... 1.2 mm deep, without labels."""
     images = {}
     for i in range(7):
         x, y, depth = 1e-3 * (i - 3), 5e-4 * i, 6e-4 + 1e-4 * i
-        penetration = render_ball(renderer, np.array([x, y, sensor.sag(x, y) + depth - RADIUS]))
+        penetration = ball_penetration([x, y, sensor.sag(x, y) + depth - RADIUS], RADIUS, sensor)
         image = FREE.copy()
         image[..., 0] += np.rint(cv2.resize(penetration, (240, 320), interpolation=cv2.INTER_NEAREST) * 1e5).astype(
             np.uint8
         )
         images[f"{i}.png"] = image
-    return images
+    return BallPresses(images, FREE, None)
 
 
-def test_a_true_ball_is_recognised(sensor, presses):
-    rows, summary = measure_presses(FakeTdn(sensor), presses, FREE)
-    assert [row["image"] for row in rows] == list(presses)
+@pytest.fixture(scope="module")
+def labelled(presses):
+    """The same with circles by hand: centre and radius of every contact."""
+    circles = {}
+    for name, image in presses.images.items():
+        rows, columns = np.nonzero(image[..., 0] > 100)
+        circles[name] = (columns.mean(), rows.mean(), float(np.sqrt(len(rows) / np.pi)))
+    return BallPresses(presses.images, FREE, circles)
+
+
+def summary_of(sensor, presses, felt=lambda penetration: penetration):
+    return measure_presses(FakeTdn(sensor, felt), presses, RADIUS)[1]
+
+
+@pytest.mark.parametrize("kind", ["presses", "labelled"])
+def test_what_is_right_is_found_right(sensor, kind, request):
+    presses = request.getfixturevalue(kind)
+    rows, summary = measure_presses(FakeTdn(sensor), presses, RADIUS)
+    assert [row["image"] for row in rows] == list(presses.images)
     assert summary["presses"] == 7
+    assert summary["labelled"] == (kind == "labelled")
     assert summary["found_share"] == summary["bulges_share"] == 1
-    assert summary["radius_mm"] == pytest.approx(4, rel=0.05)
-    assert summary["radius_spread"] < 0.05
-    assert summary["residual_mm"] < 0.01
-    assert summary["curvature_ratio"] > 0.9
+    assert summary["peak_ratio"] == pytest.approx(1, abs=0.05)
+    assert summary["rmse_in_circle_mm"] < 0.05
+    assert summary["depth_correlation"] > 0.98
+    assert summary["felt_radius_mm"] == pytest.approx(4, rel=0.03)
+    assert summary["iou"] > 0.95
+    assert summary["iou_ideal"] > 0.9
+    assert summary["centre_mm"] < 0.06
     assert summary["roundness"] > 0.85
     assert summary["outside_share"] < 0.02
-    assert summary["ball_rmse_mm"] < 0.01
-    assert summary["ball_iou"] > 0.95
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.5])
+@pytest.mark.parametrize("kind", ["presses", "labelled"])
+def test_a_depth_that_is_scaled_is_reported_so(sensor, kind, factor, request):
+    """What a comparison with a sphere fitted to the felt depth cannot see; labels or not."""
+    summary = summary_of(sensor, request.getfixturevalue(kind), lambda penetration: factor * penetration)
+    assert summary["peak_ratio"] == pytest.approx(factor, rel=0.05)
+    # curvatures scale with the depth; what is added to the relief of the gel is scaled, the dome itself is not
+    dome = np.mean([1 / dict(sensor.dome)[key] for key in ("radius_x", "radius_y")])
+    curvature = factor / RADIUS + (factor - 1) * dome
+    assert summary["felt_radius_mm"] == pytest.approx(1e3 / curvature, rel=0.1)
+    assert summary["rmse_in_circle_mm"] == pytest.approx(0.5 * abs(1 - factor), rel=0.3)
+    assert summary["depth_correlation"] > 0.97
+
+
+def test_a_depth_that_never_changes_or_falls(sensor, labelled):
+    def same(penetration):
+        return penetration * np.float32(6e-4) / max(penetration.max(), 1e-9)
+
+    def falling(penetration):
+        return penetration * np.float32((1.8e-3 - penetration.max()) / max(penetration.max(), 1e-9))
+
+    assert np.isnan(summary_of(sensor, labelled, lambda p: np.where(p > 0, np.float32(5e-4), 0))["depth_correlation"])
+    assert summary_of(sensor, labelled, falling)["depth_correlation"] < -0.98
+    _, ratio = (summary_of(sensor, labelled, same)[key] for key in ("felt_radius_mm", "peak_ratio"))
+    assert ratio == pytest.approx(0.6 / 0.9, rel=0.05)
+
+
+def test_a_contact_felt_aside(sensor, labelled):
+    summary = summary_of(sensor, labelled, lambda penetration: np.roll(penetration, 5, axis=1))
+    assert summary["centre_mm"] == pytest.approx(5e3 * sensor.pixel_size, abs=0.1)
+    assert summary["iou_ideal"] < 0.85
+    assert summary["iou"] > 0.95, "the shape is still right"
+
+
+def test_a_wrong_size_is_seen_without_labels(sensor, presses):
+    _, summary = measure_presses(FakeTdn(sensor), presses, 1.5 * RADIUS)
+    assert summary["peak_ratio"] > 1.4
+    assert summary["felt_radius_mm"] == pytest.approx(4, rel=0.03)
 
 
 def test_what_is_felt_elsewhere_is_counted(sensor, presses):
@@ -73,10 +126,10 @@ def test_what_is_felt_elsewhere_is_counted(sensor, presses):
         out[140:155, 5:40] += 4e-4
         return out
 
-    _, summary = measure_presses(FakeTdn(sensor, haunted), presses, FREE)
+    summary = summary_of(sensor, presses, haunted)
     assert 0.1 < summary["outside_share"] < 0.9
-    assert summary["ball_iou"] < 0.8
-    assert summary["radius_mm"] == pytest.approx(4, rel=0.05), "the ball itself is still seen"
+    assert summary["iou"] < 0.8
+    assert summary["felt_radius_mm"] == pytest.approx(4, rel=0.05), "the ball itself is still seen"
 
 
 def test_a_dent_does_not_bulge(sensor, presses):
@@ -85,16 +138,31 @@ def test_a_dent_does_not_bulge(sensor, presses):
     def inverted(penetration):
         return np.where(penetration > 0, penetration.max() * 1.5 - penetration, 0).astype(np.float32)
 
-    rows, summary = measure_presses(FakeTdn(sensor, inverted), presses, FREE)
+    rows, summary = measure_presses(FakeTdn(sensor, inverted), presses, RADIUS)
     assert summary["bulges_share"] < 0.3
-    assert all(row["radius_mm"] is None for row in rows if not row["bulges"])
+    assert all(row["felt_radius_mm"] is None for row in rows if not row["bulges"])
 
 
-def test_nothing_felt(sensor, presses):
-    rows, summary = measure_presses(FakeTdn(sensor, np.zeros_like), presses, FREE)
-    assert summary["found_share"] == 0
-    assert summary["radius_mm"] is None
+@pytest.mark.parametrize("kind", ["presses", "labelled"])
+def test_nothing_felt(sensor, kind, request):
+    rows, summary = measure_presses(FakeTdn(sensor, np.zeros_like), request.getfixturevalue(kind), RADIUS)
+    assert summary["found_share"] == summary["iou"] == 0
     assert rows[0]["roundness"] == 0
+    assert np.isnan(summary["felt_radius_mm"])
+    if kind == "labelled":
+        assert summary["peak_ratio"] == 0, "a press that is not felt counts"
+        assert summary["rmse_in_circle_mm"] > 0.3
+
+
+@pytest.mark.parametrize("radius", [0, -1e-3, 4.4, float("nan")])
+def test_a_radius_that_is_none(sensor, presses, radius):
+    with pytest.raises(InputError, match="give it in metres"):
+        measure_presses(FakeTdn(sensor), presses, radius)
+
+
+def test_a_ball_too_small_for_its_labels(sensor, labelled):
+    with pytest.raises(InputError, match=r"leaves no contact as wide as its circle.*--ball-diameter"):
+        measure_presses(FakeTdn(sensor), labelled, 1.5e-3)
 
 
 def test_visible_contact_is_the_largest_change(sensor):
@@ -108,31 +176,19 @@ def test_visible_contact_is_the_largest_change(sensor):
     assert not visible_contact(np.zeros_like(difference), sensor).any()
 
 
-def test_folders(tmp_path, presses):
-    with pytest.raises(InputError, match=r"no background\.png"):
-        load_presses(tmp_path)
-    cv2.imwrite(str(tmp_path / "background.png"), FREE)
-    with pytest.raises(InputError, match="no presses"):
-        load_presses(tmp_path)
-    first = presses["0.png"]
-    for name in ("a.png", "b.png"):
-        cv2.imwrite(str(tmp_path / name), first[:, :, ::-1])
-    images, background = load_presses(tmp_path)
-    assert list(images) == ["a.png"], "the same image twice is one press"
-    np.testing.assert_array_equal(images["a.png"], first)
-    np.testing.assert_array_equal(background, FREE)
-
-
-def test_real_presses(shared):
-    """What must hold whatever the network: every press is found, bulges, and is nearly a sphere."""
+@pytest.mark.parametrize(("name", "radius", "scale"), [("d20641", 4.4e-3, 18680), ("vocdex", 3e-3, 18500)])
+def test_real_presses(shared, name, radius, scale):
+    """What must hold whatever the network: presses are found and bulge, and the ideal caps are those of the labels."""
     from midastouch_perception.tdn import load_tdn
 
-    images, background = load_presses(shared / "data/digit_real/ball_presses")
-    assert len(images) == 41
-    some = dict(list(images.items())[::6])
-    _, summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real")), some, background)
+    presses = load_ball_presses(shared / f"data/digit_real/sphere_presses_{name}")
+    some = presses.only(list(presses.images)[::5])
+    tdn = load_tdn("fast", SensorModel.load("digit_real").at_scale(scale))
+    rows, summary = measure_presses(tdn, some, radius)
+    assert summary["labelled"]
     assert summary["found_share"] == 1
-    assert summary["bulges_share"] > 0.8
-    assert 2 < summary["radius_mm"] < 12
-    assert summary["residual_mm"] < 0.1
-    assert summary["explained_share"] > 0.5
+    assert summary["bulges_share"] > 0.6
+    for row in rows:
+        wide = some.circles[row["image"]][2] / scale
+        flat = 1e3 * (radius - np.sqrt(radius**2 - wide**2))
+        assert 0.93 < row["ideal_peak_mm"] / flat < 1.1, "dome and perspective change a cap little"

@@ -2,7 +2,7 @@ from midastouch_bringup.report.results_page import write_results_page
 
 
 def test_every_table_is_on_the_page(tmp_path):
-    case = {"alarms": 0.25, "quietest_tenth": 1.5, "explained_share": 0.75}
+    case = {"alarms": 0.25, "named_turned": 0.67, "quietest_tenth": 1.5, "explained_share": 0.75}
     case |= {"auc_quietest_tenth": 0.5, "auc_explained_share": None}
     touches = [{"from_mm": 0.05, "to_mm": 0.1, "touches": 7, "missed": 0.14}]
     result = {
@@ -12,6 +12,7 @@ def test_every_table_is_on_the_page(tmp_path):
         "no_contact_images": 24,
         "fit_check": {"right": case},
         "no_contact_image": {"upside down": 1.0},
+        "cause_named": {"upside down": 0.83},
         "capture": {"a touch refused": 0.98},
         "contact": {
             "missed": {"wire": touches},
@@ -25,6 +26,8 @@ def test_every_table_is_on_the_page(tmp_path):
         "0.25",
         "upside down",
         "0.98",
+        "0.83",
+        "0.67",
         "wire, 0.05 to 0.10 mm deep",
         "0.14",
         "2 % brighter",

@@ -2,7 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.press_quality import load_presses, measure_presses
+from midastouch_bringup.datasets.ball_presses import load_ball_presses
+from midastouch_bringup.evaluation.press_quality import measure_presses
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.report.page import Page
 from midastouch_bringup.report.presses import press_section
@@ -23,9 +24,10 @@ def result(tmp_path) -> dict:
         change = np.stack([bump * (columns - 120), bump * (160 + 9 * i - rows), bump * 15], axis=-1)
         cv2.imwrite(str(folder / f"{i}.png"), np.clip(free + 3 * change, 0, 255).astype(np.uint8))
     tdn = load_tdn("fast", SensorModel.load("digit_real"))
-    presses, summary = measure_presses(tdn, *load_presses(folder))
-    content = {"folder": folder, "tdn": "fast", "network": tdn.network_id, "sensor": "digit_real"}
-    return to_json({**content, "presses": presses, "summary": summary})
+    presses, summary = measure_presses(tdn, load_ball_presses(folder), 4e-3)
+    content = {"folder": str(folder), "ball_diameter": 8e-3, "px_per_mm": 18.7, "sensor": "digit_real"}
+    network = {"tdn": "fast", "network": tdn.network_id}
+    return to_json({**content, **network, "presses": presses, "summary": summary})
 
 
 def write(result, folder) -> str:
@@ -34,10 +36,10 @@ def write(result, folder) -> str:
     return page.write(folder / "index.html").read_text()
 
 
-def test_the_section_shows_presses_and_fits(result, tmp_path):
+def test_the_section_shows_presses_and_depths(result, tmp_path):
     content = write(result, tmp_path)
     assert result["network"] in content
-    for picture in ("press_fits_0.png", "presses_0.png"):
+    for picture in ("press_depths_0.png", "presses_0.png"):
         assert f'src="{picture}"' in content
         assert (tmp_path / picture).stat().st_size > 5000
 

@@ -16,7 +16,7 @@ from slide import PATIENT, SECOND, filter_parameters, image_at, tdn_parameters, 
 from tf2_msgs.msg import TFMessage
 
 from digit_driver import sources
-from digit_driver.discovery import find_digits
+from digit_driver.discovery import find_cameras
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Digit
 from midastouch_bringup.nodes.all_in_one import make_nodes
@@ -35,7 +35,7 @@ def test_a_sensor_that_is_unplugged(graph, slide, minutes, figures, monkeypatch,
     seconds, timeout = (5.0, 2.0) if minutes else (0.5, 0.3)
     monkeypatch.setattr(fake_kernel, "FRAME_PERIOD_S", 1 / 60)
     kernel = fake_kernel.FakeKernel(tmp_path)
-    find = functools.partial(find_digits, kernel.sysfs, kernel.dev)
+    find = functools.partial(find_cameras, sysfs=kernel.sysfs, dev=kernel.dev)
     monkeypatch.setattr(sources, "V4l2Digit", functools.partial(V4l2Digit, system=kernel, find=find))
     camera = kernel.plug(fake_kernel.FakeDigit("D20001"))
 

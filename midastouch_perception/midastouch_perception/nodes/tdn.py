@@ -24,7 +24,7 @@ from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
-from ..tdn.colour_layout import exposure_problem, image_problem, shipped_layout
+from ..tdn.colour_layout import exposure_problem, image_problem, shipped_layout, turned_since
 from ..tdn.fit_check import FitCheck
 from ..tdn.inputs import SCALE
 from .background import BackgroundCapture, RunningBackground, read_background
@@ -116,7 +116,7 @@ class TdnNode(ManagedNode):
 
     def unload(self) -> None:
         """Forget the network and the background."""
-        self._depth = self._stage = self._background = self._running = None
+        self._depth = self._stage = self._background = self._running = self._image = None
 
     def connect(self) -> None:
         """Subscribe the images."""
@@ -155,6 +155,7 @@ class TdnNode(ManagedNode):
         except InputError as error:
             self.diagnostics.problem("bad_images", f"image_raw: {error}")
             return
+        self._image = image
         self._observe_background(image)
         depth = self._stage.process(image, self._background)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), depth)
@@ -222,12 +223,16 @@ class TdnNode(ManagedNode):
         kept = self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"
         self._captured.set_result((True, kept))
 
+    def _misfit(self) -> str:
+        """Why the images do not fit the no-contact image or the network; empty if they do."""
+        return self._fit.problem and (turned_since(self._image, self._background) or self._fit.problem)
+
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background_source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= self._fit.values
-        if problem := self._background_problem or self._fit.problem:
+        if problem := self._background_problem or self._misfit():
             return diagnostics.WARN, problem, values
         if self._running is not None and self._running.change > self.parameters["still_threshold"]:
             return (

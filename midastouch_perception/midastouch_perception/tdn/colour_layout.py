@@ -19,17 +19,23 @@ from ..files import atomic_path
 _FILE = Path(__file__).parent / "no_contact_layout.npz"
 _GRID = (16, 12)  # rows, columns
 _MARGIN = 0.15  # by which another orientation must match better to be believed
+_MARGIN_OF_TWO = 0.4  # the same for two mistakes at once: some sensors are lit so
 _LEAST = 0.2  # correlation below which no layout is recognised: some DIGITs are lit otherwise
+_SAME_SENSOR = 0.8  # correlation of an image with its sensor's no-contact image, whatever touches it
 _DARK, _BRIGHT = 12.0, 250.0  # grey levels
 _CLIPPED_SHARE = 0.05
 
-ORIENTATIONS = {
+_SWAPPED = "with red and blue swapped"
+_TURNS = {
     "upside down": lambda image: image[::-1, ::-1],
     "mirrored left to right": lambda image: image[:, ::-1],
     "mirrored top to bottom": lambda image: image[::-1],
-    "with red and blue swapped": lambda image: image[..., ::-1],
-    "upside down and with red and blue swapped": lambda image: image[::-1, ::-1, ::-1],
 }
+_SWAPPED_TURNS = {
+    f"{name} and {_SWAPPED}": lambda image, turn=turn: turn(image)[..., ::-1] for name, turn in _TURNS.items()
+}
+
+ORIENTATIONS = {**_TURNS, _SWAPPED: lambda image: image[..., ::-1], **_SWAPPED_TURNS}
 """What can be wrong with an image (H, W, 3), as a function that undoes it (and makes it)."""
 
 
@@ -74,13 +80,41 @@ def image_problem(image: np.ndarray, layout: np.ndarray) -> str:
     """
     if problem := exposure_problem(image, _CLIPPED_SHARE):
         return f"the no-contact image is {problem}"
+    if wrong := misorientation(image, layout):
+        return f"the images look {wrong}; {_mend(wrong)}"
+    return ""
+
+
+def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST) -> str:
+    """Which of `ORIENTATIONS` an image (H, W, 3) uint8 RGB looks like; empty if it looks upright.
+
+    layout (16, 12, 3), as it should be; least, correlation with it below which the image is not recognised.
+    """
     found = colour_layout(image)
     upright = float((found * layout).sum())
     fits = {name: float((found * undo(layout)).sum()) for name, undo in ORIENTATIONS.items()}
     best = max(fits, key=fits.get)
-    if fits[best] > max(upright + _MARGIN, _LEAST):
-        return f"the images look {best}; check the driver's rotation and encoding"
+    margin = _MARGIN_OF_TWO if best in _SWAPPED_TURNS else _MARGIN
+    return best if fits[best] > max(upright + margin, least) else ""
+
+
+def turned_since(image: np.ndarray, background: np.ndarray) -> str:
+    """How an image is turned or swapped against its own no-contact image, both (H, W, 3) uint8 RGB, and the mend; empty
+    if it is not.
+
+    A touch changes where an image has which colour far less than any of `ORIENTATIONS`, or another sensor, does.
+    """
+    if wrong := misorientation(image, colour_layout(background), _SAME_SENSOR):
+        return (
+            f"the images look {wrong} against the no-contact image; {_mend(wrong)}, or if that is wanted lift the "
+            "finger and call capture_background"
+        )
     return ""
+
+
+def _mend(wrong: str) -> str:
+    settings = [name for name, seen in (("rotation", wrong != _SWAPPED), ("encoding", _SWAPPED in wrong)) if seen]
+    return f"check the driver's {' and '.join(settings)}"
 
 
 def main() -> None:

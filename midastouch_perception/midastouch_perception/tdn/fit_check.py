@@ -2,8 +2,8 @@
 
 Two figures of each difference image, both cheap:
 
-- *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact. If not, the
-  background is another sensor's, another day's, or turned.
+- *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact, but for the
+  frame's brightness, which the difference is free of. If not, the background is another sensor's or turned.
 - *explained share*: light falls on a bump as the bump's slopes say. If the slopes of the felt relief do not explain
   the image by some linear optics, the network has felt something that is not there.
 
@@ -20,7 +20,7 @@ import numpy as np
 
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
 _FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
-QUIET_LIMIT = 4.0  # grey levels
+QUIET_LIMIT = 5.0  # grey levels
 EXPLAINED_LIMIT = 0.5
 
 
@@ -110,13 +110,13 @@ class FitCheck:
         if self.quiet is not None and self.quiet > QUIET_LIMIT:
             return (
                 f"no part of the image is as in the no-contact image (off by {self.quiet:.0f} grey levels): it is "
-                "another sensor's, or the light has changed; lift the finger and call capture_background"
+                "another sensor's or another gel's, or light falls in from outside; lift the finger and call "
+                "capture_background"
             )
         if self.explained is not None and self.explained < EXPLAINED_LIMIT:
             return (
-                f"the felt relief explains {100 * self.explained:.0f} % of what the images show: this sensor does not "
-                "look like those the network was trained for, its images are turned or have red and blue swapped, or "
-                "its no-contact image shows a contact; check the driver's encoding and rotation, then lift the finger "
-                "and call capture_background"
+                f"the felt relief explains {100 * self.explained:.0f} % of what the images show: the no-contact image "
+                "shows a contact (lift the finger and call capture_background), or this sensor is lit unlike those the "
+                "network was trained for (press a ball and run midastouch calibrate)"
             )
         return ""

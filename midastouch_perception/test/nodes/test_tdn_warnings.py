@@ -64,10 +64,9 @@ def test_images_that_show_nothing_are_no_contact_and_no_background(graph, depth,
 
 
 def lit_gel() -> np.ndarray:
-    """Untouched gel (320, 240, 3) lit red from the left, green from the right."""
-    x = np.linspace(-1, 1, 240)
-    row = np.stack([90 - 40 * x, 90 + 40 * x, np.full(240, 80)], axis=1)
-    return np.tile(row, (320, 1, 1)).astype(np.uint8)
+    """Untouched gel (320, 240, 3) lit red from the left, green from the right, blue from below."""
+    y, x = np.mgrid[-1:1:320j, -1:1:240j]
+    return np.stack([90 - 40 * x, 90 + 40 * x, 80 + 20 * y], axis=-1).astype(np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -86,12 +85,26 @@ def test_a_wrong_background_is_named_in_the_diagnostics(graph, depth, tmp_path, 
     assert said in warned()[0]
 
 
-def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, background):
+def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, tmp_path):
     """With the real network: the fit check looks at every fifth image, and five of them must have been bad."""
-    graph.add(TdnNode, {**REPLAY, "background": background})
+    path = tmp_path / "background.png"
+    cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
+    other = cv2.resize(np.rot90(lit_gel()), (240, 320))
+    graph.add(TdnNode, {**REPLAY, "background": str(path)})
     images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
     for stamp in range(25):
-        images.publish(image_msg(BACKGROUND + np.uint8(30 + stamp), stamp + 1))
+        images.publish(image_msg(other + np.uint8(stamp % 3), stamp + 1))
     graph.spin_until(lambda: warned())
     assert "no part of the image" in warned()[0]
     assert "capture_background" in warned()[0]
+
+
+def test_images_turned_since_the_background_are_named_in_the_diagnostics(graph, tmp_path):
+    path = tmp_path / "background.png"
+    cv2.imwrite(str(path), lit_gel()[:, :, ::-1])
+    graph.add(TdnNode, {**REPLAY, "background": str(path)})
+    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
+    for stamp in range(25):
+        images.publish(image_msg(lit_gel()[:, ::-1] + np.uint8(stamp % 3), stamp + 1))
+    graph.spin_until(lambda: any("against" in text for text in warned()))
+    assert "look mirrored left to right against the no-contact image" in next(t for t in warned() if "against" in t)

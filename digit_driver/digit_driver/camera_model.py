@@ -1,0 +1,167 @@
+"""One kind of tactile camera as data: how to find it, how to open it, how its image becomes the published one.
+
+Any USB camera that the kernel's driver for UVC knows can be one: write a YAML file like those in `cameras/`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import yaml
+
+from .errors import InputError
+from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
+
+_FOLDER = Path(__file__).parent / "cameras"
+_MEND = f"compare with {_FOLDER / 'digit.yaml'}"
+_FORMATS = {"YUYV": PIX_FMT_YUYV, "MJPG": PIX_FMT_MJPEG}
+_ROTATIONS = {0: None, 90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
+_KEYS = {"label", "usb_ids", "product", "rotation", "leds", "modes"}
+_MODE_KEYS = {"width", "height", "fps", "format", "crop", "output"}
+
+
+@dataclass(frozen=True)
+class CameraMode:
+    """One resolution of a camera.
+
+    Attributes:
+        width, height: of the camera's image, pixels.
+        fps: frame rates, the default first.
+        pixel_format: to ask for, ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``; the other one is taken if the camera insists.
+        crop: column, row, width, height of the part that is used, pixels of the camera's image.
+        output: width and height of the published image, pixels: the part that is used, turned and scaled.
+    """
+
+    width: int
+    height: int
+    fps: tuple[int, ...]
+    pixel_format: int
+    crop: tuple[int, int, int, int]
+    output: tuple[int, int]
+
+    @property
+    def reduction(self) -> int:
+        """By how much (1, 2, 4, 8) a JPEG may be reduced while it is decoded without losing what is published."""
+        across = min(self.crop[2:]) / min(self.output), max(self.crop[2:]) / max(self.output)
+        return max(factor for factor in (1, 2, 4, 8) if factor == 1 or factor <= min(across))
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """Attributes:
+    label: what to call such a sensor.
+    usb_ids: (vendor, product) of its USB device, four hexadecimal digits each.
+    product: how the USB device's product name begins, for cameras that are told by it; empty: not by it.
+    rotation: degrees counter-clockwise from the camera's image to the published one.
+    leds: whether their brightness is set as on a DIGIT.
+    modes: by name, the default first.
+    """
+
+    label: str
+    usb_ids: tuple[tuple[str, str], ...]
+    product: str
+    rotation: int
+    leds: bool
+    modes: dict[str, CameraMode]
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> CameraModel:
+        """A shipped model by name (`digit`, `gelsight_mini`) or a YAML file of the same form by path.
+
+        Raises:
+            InputError: there is none, or it is not one; says which line is missing or wrong.
+        """
+        path = _FOLDER / f"{name_or_path}.yaml"
+        if not path.is_file():
+            path = Path(name_or_path).expanduser()
+            if path.suffix != ".yaml" or not path.is_file():
+                known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
+                raise InputError(f"camera_model: {name_or_path} is not known; use {known} or the path of a .yaml file")
+        try:
+            content = yaml.safe_load(path.read_text(encoding="utf-8"))
+            return _parsed(content)
+        except KeyError as error:
+            raise InputError(f"camera_model: {path} has no {error.args[0]}; {_MEND}") from error
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"camera_model: {path}: {error}; {_MEND}") from error
+
+    @property
+    def usb(self) -> str:
+        """How it is known on USB, for messages."""
+        ids = ", ".join(":".join(pair) for pair in self.usb_ids)
+        return " or ".join(filter(None, (ids and f"id {ids}", self.product and f"name '{self.product} ...'")))
+
+    def mode(self, name: str) -> CameraMode:
+        """The mode of that name, the default for an empty one. Raises InputError if there is none."""
+        name = name or next(iter(self.modes))
+        if name not in self.modes:
+            raise InputError(f"resolution: a {self.label} has {', '.join(self.modes)}, got {name!r}")
+        return self.modes[name]
+
+    def upright(self, image: np.ndarray, mode: CameraMode) -> np.ndarray:
+        """The published image of a camera image (H, W, 3) uint8 that may be reduced: cropped, turned, scaled."""
+        scale = image.shape[1] / mode.width
+        column, row, width, height = (round(value * scale) for value in mode.crop)
+        part = image[row : row + height, column : column + width]
+        turn = _ROTATIONS[self.rotation]
+        turned = part if turn is None else cv2.rotate(part, turn)
+        if turned.shape[1::-1] == mode.output:
+            return np.ascontiguousarray(turned)
+        return cv2.resize(turned, mode.output, interpolation=cv2.INTER_AREA)
+
+
+def _parsed(content: dict) -> CameraModel:
+    _refuse_others(content, _KEYS)
+    rotation = content.get("rotation", 0)
+    if rotation not in _ROTATIONS:
+        raise ValueError(f"rotation must be one of {', '.join(map(str, _ROTATIONS))} degrees, got {rotation}")
+    ids = tuple(_usb_id(text) for text in content.get("usb_ids", ()))
+    product = str(content.get("product", ""))
+    if not ids and not product:
+        raise ValueError("neither usb_ids nor product: nothing tells the sensor from other cameras")
+    modes = {str(name): _mode(mode, rotation) for name, mode in content["modes"].items()}
+    if not modes:
+        raise ValueError("modes is empty")
+    return CameraModel(str(content["label"]), ids, product, rotation, bool(content.get("leds", False)), modes)
+
+
+def _usb_id(text: str) -> tuple[str, str]:
+    found = re.fullmatch(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})", str(text))
+    if not found:
+        raise ValueError(f"usb_ids: '{text}' is not vendor:product in hexadecimal digits, in quotes")
+    return found[1].lower(), found[2].lower()
+
+
+def _mode(values: dict, rotation: int) -> CameraMode:
+    _refuse_others(values, _MODE_KEYS)
+    width, height = _whole(values["width"], "width"), _whole(values["height"], "height")
+    rates = tuple(_whole(rate, "fps") for rate in values["fps"])
+    if not rates:
+        raise ValueError("fps is empty")
+    kind = values.get("format", "YUYV")
+    if kind not in _FORMATS:
+        raise ValueError(f"format must be one of {', '.join(_FORMATS)}, got {kind}")
+    crop = tuple(int(value) for value in values.get("crop", (0, 0, width, height)))
+    column, row, wide, high = crop
+    if min(column, row) < 0 or min(wide, high) < 1 or column + wide > width or row + high > height:
+        raise ValueError(f"crop {list(crop)} (column, row, width, height) leaves the image of {width}x{height}")
+    turned = (high, wide) if rotation in (90, 270) else (wide, high)
+    output = tuple(_whole(value, "output") for value in values.get("output", turned))
+    if len(output) != 2:
+        raise ValueError(f"output {list(output)} is not a width and a height")
+    return CameraMode(width, height, rates, _FORMATS[kind], crop, output)
+
+
+def _whole(value: object, name: str) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        raise ValueError(f"{name}: {value!r} is not a whole number above 0")
+    return value
+
+
+def _refuse_others(values: dict, known: set[str]) -> None:
+    if other := sorted(set(values) - known):
+        raise ValueError(f"unknown: {', '.join(other)}; there are {', '.join(sorted(known))}")

@@ -1,0 +1,136 @@
+"""A folder of presses of one ball on one sensor: images, the no-contact image, labelled contact circles."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.tdn import estimate_background
+
+from .sequence import read_image
+
+BACKGROUND, CIRCLES = "background.png", "circles.csv"
+_COLUMNS = ("frame", "center_x_px", "center_y_px", "radius_px")
+_AROUND = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
+_VISIBLE = 15.0  # grey levels: a change the eye sees too
+_NEVER_FREE = 0.02  # of the image: so little is filled in from around it
+
+Circle = tuple[float, float, float]
+"""Column and row of the centre, radius [px]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class BallPresses:
+    """Attributes: images (320, 240, 3) uint8 RGB by file name, repeated ones once; background (320, 240, 3) uint8 RGB;
+    circles, the labelled contact of every image by file name, None if nobody labelled them.
+    """
+
+    images: dict[str, np.ndarray]
+    background: np.ndarray
+    circles: dict[str, Circle] | None
+
+    def only(self, names: list[str]) -> BallPresses:
+        """These of the presses, with the background that all of them gave."""
+        circles = self.circles and {name: self.circles[name] for name in names}
+        return BallPresses({name: self.images[name] for name in names}, self.background, circles)
+
+
+def load_ball_presses(folder: str | Path) -> BallPresses:
+    """Read PNG and JPEG images, `background.png` and `circles.csv` of a folder.
+
+    Without `background.png` it is the median over the presses with their contacts masked out. Raises InputError for a
+    folder without presses, unreadable images, and labels that do not fit the images.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; name a folder of presses of a ball")
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg") and p.name != BACKGROUND)
+    images, seen = {}, set()
+    for path in paths:
+        image = read_image(path)
+        if image.tobytes() not in seen:
+            seen.add(image.tobytes())
+            images[path.name] = image
+    if not images:
+        raise InputError(f"{folder}: no presses (PNG or JPEG) in it; name a folder of presses of a ball")
+    circles = _read_circles(folder / CIRCLES, images, {path.name for path in paths})
+    if (folder / BACKGROUND).is_file():
+        return BallPresses(images, read_image(folder / BACKGROUND), circles)
+    contacts = _labelled(images, circles) if circles else _visible(images)
+    return BallPresses(images, _masked_median(folder, images, contacts), circles)
+
+
+def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) -> dict[str, Circle] | None:
+    if not file.is_file():
+        return None
+    names = {Path(name).stem: name for name in known}
+    circles: dict[str, Circle] = {}
+    with file.open(newline="") as lines:
+        reader = csv.DictReader(lines)
+        missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
+        if missing:
+            raise InputError(f"{file}: no column {', '.join(missing)}; need {','.join(_COLUMNS)}")
+        for row in reader:
+            circle = _circle(row)
+            if circle is None:
+                raise InputError(f"{file}, line {reader.line_num}: not a circle: three numbers, the radius above 0")
+            name = names.get(Path(row["frame"]).stem)
+            if name is None:
+                raise InputError(f"{file}, line {reader.line_num}: no image of frame {row['frame']}; remove the line")
+            # who labels again appends: the last line counts
+            circles[name] = circle
+    for name, image in images.items():
+        if name not in circles:
+            raise InputError(f"{file}: no circle of {name}; label every press, or remove the file to use none")
+        column, row, radius = circles[name]
+        height, width = image.shape[:2]
+        if math.hypot(max(-column, 0, column - width), max(-row, 0, row - height)) >= radius:
+            raise InputError(f"{file}: circle of {name} lies outside the image of {width} x {height}; label it anew")
+    return {name: circles[name] for name in images}
+
+
+def _circle(row: dict) -> Circle | None:
+    try:
+        column, line, radius = (float(row[key]) for key in _COLUMNS[1:])
+    except (TypeError, ValueError):
+        return None
+    return (column, line, radius) if np.isfinite([column, line, radius]).all() and radius > 0 else None
+
+
+def _labelled(images: dict[str, np.ndarray], circles: dict[str, Circle]) -> list[np.ndarray]:
+    contacts = []
+    for name, image in images.items():
+        column, row, radius = circles[name]
+        rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
+        contacts.append(np.hypot(columns - column, rows - row) < _AROUND * radius)
+    return contacts
+
+
+def _visible(images: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """Where each image differs from the plain median, which may still show contacts where presses are many."""
+    median = estimate_background(list(images.values())).astype(np.float32)
+    contacts = []
+    for image in images.values():
+        change = np.abs(cv2.GaussianBlur(image - median, (0, 0), 3)).max(axis=2) > _VISIBLE
+        contacts.append(cv2.dilate(change.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=10) > 0)
+    return contacts
+
+
+def _masked_median(folder: Path, images: dict[str, np.ndarray], contacts: list[np.ndarray]) -> np.ndarray:
+    """The no-contact image (H, W, 3) uint8: each pixel's median over the images whose contact leaves it free."""
+    stack = np.ma.array(np.stack(list(images.values())))
+    stack.mask = np.broadcast_to(np.stack(contacts)[..., None], stack.shape)
+    median = np.ma.median(stack, axis=0)
+    never = np.ma.getmaskarray(median).any(axis=2)
+    if never.mean() > _NEVER_FREE:
+        raise InputError(
+            f"{folder}: {100 * never.mean():.0f} % of the gel is pressed in every image, so the no-contact image "
+            f"cannot be told from them; put one there as {BACKGROUND}"
+        )
+    return cv2.inpaint(np.rint(median.filled(0)).astype(np.uint8), never.astype(np.uint8), 3, cv2.INPAINT_TELEA)

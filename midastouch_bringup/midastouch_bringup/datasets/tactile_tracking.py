@@ -1,0 +1,88 @@
+"""Read trials of TactileTracking, the recordings of NormalFlow (Huang, Kaess, Yuan, RA-L 2024).
+
+A GelSight Mini on fixed objects, under motion capture. A trial is a folder named by object and number (`avocado0`) that
+holds `gelsight.avi` and `true_start_T_currs.npy`, beside third-person video and maps derived from the images, which are
+not read. Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
+rpl-cmu/normalflow_experiment).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from midastouch_perception import se3
+from midastouch_perception.errors import InputError
+from midastouch_perception.files import require_file
+
+from . import restricted_pickle
+from .sequence import IMAGE_SHAPE, VideoSequence
+
+VIDEO_FILE, POSE_FILE = "gelsight.avi", "true_start_T_currs.npy"
+_SECOND = 1_000_000_000
+_RATES = (1.0, 240.0)  # Hz a recording can have
+_ROTATION_ERROR = 1e-3
+
+# The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
+# of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
+_SENSOR_FROM_GEL = se3.make(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]), np.zeros(3))
+
+
+def load_trial(path: Path) -> VideoSequence:
+    """The trial in folder `path`; its object frame is the gel frame of the first image, as the recording has no mesh.
+
+    Raises InputError for files that are missing, damaged or disagree in number.
+    """
+    images, rate = _video(path / VIDEO_FILE)
+    poses = _poses(path / POSE_FILE)
+    if len(poses) != len(images):
+        raise InputError(
+            f"{path / POSE_FILE}: {len(poses)} poses for {len(images)} images of {VIDEO_FILE}; get the trial again"
+        )
+    poses = se3.inverse(_SENSOR_FROM_GEL[None]) @ poses @ _SENSOR_FROM_GEL
+    return VideoSequence(
+        path=path,
+        object_name=re.sub(r"\d+$", "", path.resolve().name),
+        layout="tactile_tracking",
+        image_paths=(),
+        stamps_ns=_SECOND + np.round(np.arange(len(poses)) * (_SECOND / rate)).astype(np.int64),
+        poses_true=poses,
+        poses_measured=poses,
+        images=images,
+    )
+
+
+def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
+    """Images of a video, (320, 240, 3) uint8 RGB each, and its nominal rate [Hz]: there are no stamps."""
+    capture = cv2.VideoCapture(str(require_file(path, "tactile video")))
+    rate, images = capture.get(cv2.CAP_PROP_FPS), []
+    while (read := capture.read())[0]:
+        images.append(_portrait(read[1]))
+    capture.release()
+    if not images:
+        raise InputError(f"{path}: no readable image in it; get the file again")
+    if not _RATES[0] <= rate <= _RATES[1]:
+        raise InputError(f"{path}: {rate:g} images a second cannot be; get the file again")
+    return tuple(images), rate
+
+
+def _portrait(image: np.ndarray) -> np.ndarray:
+    height, width, _ = IMAGE_SHAPE
+    turned = cv2.rotate(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), cv2.ROTATE_90_COUNTERCLOCKWISE)
+    return turned if turned.shape == IMAGE_SHAPE else cv2.resize(turned, (width, height), interpolation=cv2.INTER_AREA)
+
+
+def _poses(file: Path) -> np.ndarray:
+    """T_start_sensor (N, 4, 4) float64, metres."""
+    poses = np.asarray(restricted_pickle.load_npy(require_file(file, "poses")))
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or poses.dtype.kind != "f":
+        raise InputError(f"{file}: poses of shape {poses.shape} and type {poses.dtype}, expected (N, 4, 4) numbers")
+    poses = poses.astype(float)
+    rotations = poses[:, :3, :3]
+    finite = np.isfinite(poses).all()
+    if not finite or np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
+        raise InputError(f"{file}: holds what is no pose; get the file again")
+    return poses

@@ -1,0 +1,85 @@
+import cv2
+import numpy as np
+import pytest
+
+from midastouch_bringup.datasets.ball_presses import load_ball_presses
+from midastouch_perception.errors import InputError
+
+HEADER = "frame,center_x_px,center_y_px,radius_px\n"
+PLACES = [(60, 80), (180, 80), (120, 160), (60, 240), (180, 240)]
+
+
+def free_image() -> np.ndarray:
+    rows, columns = np.mgrid[:320, :240]
+    return np.stack([60 + columns // 4, 60 + rows // 5, np.full_like(rows, 90)], axis=-1).astype(np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Five presses, each of them a disc of radius 30 px elsewhere."""
+    for i, place in enumerate(PLACES):
+        image = cv2.circle(free_image(), place, 30, (200, 30, 160), -1)
+        cv2.imwrite(str(tmp_path / f"{i:04d}.png"), image[:, :, ::-1])
+    return tmp_path
+
+
+def write_circles(folder, extra=""):
+    rows = "".join(f"{i:04d},{x},{y},30\n" for i, (x, y) in enumerate(PLACES))
+    (folder / "circles.csv").write_text(HEADER + rows + extra)
+
+
+def test_images_background_and_circles(folder):
+    cv2.imwrite(str(folder / "background.png"), free_image()[:, :, ::-1])
+    cv2.imwrite(str(folder / "0005.png"), cv2.imread(str(folder / "0000.png")))
+    write_circles(folder, "0003,61,241,31\n")
+    presses = load_ball_presses(folder)
+    assert list(presses.images) == [f"{i:04d}.png" for i in range(5)], "the same image twice is one press"
+    np.testing.assert_array_equal(presses.background, free_image())
+    assert presses.circles["0001.png"] == (180, 80, 30)
+    assert presses.circles["0003.png"] == (61, 241, 31), "who labels again appends"
+    some = presses.only(["0002.png"])
+    assert list(some.images) == list(some.circles) == ["0002.png"]
+    assert some.background is presses.background
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_without_background_it_is_told_from_the_presses(folder, labelled):
+    if labelled:
+        write_circles(folder)
+    presses = load_ball_presses(folder)
+    assert (presses.circles is not None) == labelled
+    np.testing.assert_allclose(presses.background.astype(int), free_image(), atol=1)
+
+
+def test_a_place_pressed_in_every_image_has_no_background(folder):
+    (folder / "circles.csv").write_text(HEADER + "".join(f"{i:04d},120,160,90\n" for i in range(5)))
+    with pytest.raises(InputError, match=r"pressed in every image.*background\.png"):
+        load_ball_presses(folder)
+
+
+def test_folders_without_presses(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        load_ball_presses(tmp_path / "none")
+    cv2.imwrite(str(tmp_path / "background.png"), free_image())
+    with pytest.raises(InputError, match="no presses"):
+        load_ball_presses(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        ("frame,x,y,r\n0000,1,2,3\n", "no column center_x_px, center_y_px, radius_px"),
+        ("", "no column frame"),
+        (HEADER + "0000,60,80,thirty\n", "line 2: not a circle"),
+        (HEADER + "0000,60,80\n", "line 2: not a circle"),
+        (HEADER + "0000,60,80,-3\n", "line 2: not a circle"),
+        (HEADER + "0000,nan,80,3\n", "line 2: not a circle"),
+        (HEADER + "0009,60,80,30\n", "line 2: no image of frame 0009"),
+        (HEADER + "0000,60,80,30\n", "no circle of 0001.png"),
+        (HEADER + "".join(f"000{i},300,80,30\n" for i in range(5)), "0000.png lies outside the image"),
+    ],
+)
+def test_labels_that_do_not_fit(folder, content, problem):
+    (folder / "circles.csv").write_text(content)
+    with pytest.raises(InputError, match=problem):
+        load_ball_presses(folder)

@@ -1,0 +1,55 @@
+"""The page on other sensors, against the code: its examples are read, its commands exist."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import yaml
+
+from digit_driver.camera_model import CameraModel
+from digit_driver.nodes.parameters import PARAMETERS
+from midastouch_bringup.cli import build_parser
+from midastouch_bringup.ros.launch_arguments import ARGUMENTS
+from midastouch_perception.sensor_model import SensorModel
+
+PAGE = (Path(__file__).resolve().parent.parent / "docs" / "other_sensors.md").read_text()
+BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, flags=re.M | re.S)
+LINES = [line for language, block in BLOCKS if not language for line in block.splitlines()]
+
+
+@pytest.fixture
+def examples(tmp_path) -> dict[str, Path]:
+    """The YAML files of the page by the name in their first line."""
+    found = {}
+    for block in (block for language, block in BLOCKS if language == "yaml"):
+        path = tmp_path / block.splitlines()[0].removeprefix("# ")
+        path.write_text(block)
+        found[path.name] = path
+    return found
+
+
+def test_both_examples_are_what_they_say(examples):
+    camera = CameraModel.load(examples["my_touch_camera.yaml"])
+    assert (camera.label, camera.mode("").output) == ("MyTouch", (240, 320))
+    sensor = SensorModel.load(examples["my_touch.yaml"])
+    assert (sensor.width, sensor.height) == camera.mode("").output
+    _, _, width, height = camera.mode("").crop
+    assert width / height == pytest.approx(320 / 240), "square pixels"
+
+
+def test_the_parameters_of_the_overlay_exist(examples):
+    overlay = yaml.safe_load(examples["mini.yaml"].read_text())
+    assert overlay["digit_driver"]["ros__parameters"].keys() <= {parameter.name for parameter in PARAMETERS}
+    for node in ("tdn", "tcn"):
+        assert SensorModel.load(overlay[node]["ros__parameters"]["sensor_model"]).name == "gelsight_mini"
+
+
+def test_its_commands_exist():
+    assert len(LINES) > 2
+    for program, *words in (shlex.split(line) for line in LINES):
+        if program == "midastouch":
+            build_parser().parse_args(words)
+        else:
+            assert program == "ros2"
+            assert {word.partition(":=")[0] for word in words if ":=" in word} <= ARGUMENTS.keys()
