@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+PACKAGES = ["digit_driver", "midastouch_kernels", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 # The two folders of a package that may know ROS: nodes, and the glue that several nodes share.
 ROS_FOLDERS = {"nodes", "ros"}
 ROS = re.compile(
@@ -22,6 +22,12 @@ LEARNING = re.compile(r"(torch|torchvision|onnx|onnxruntime|onnxscript|openvino|
 def core_files(package: str) -> list[Path]:
     top = ROOT / package / package
     return [p for p in sorted(top.rglob("*.py")) if not ROS_FOLDERS & set(p.relative_to(top).parts)]
+
+
+def ring_files(package: str) -> list[Path]:
+    """What is in a package's two folders that may know ROS."""
+    top = ROOT / package / package
+    return [p for p in sorted(top.rglob("*.py")) if ROS_FOLDERS & set(p.relative_to(top).parts)]
 
 
 def imports(path: Path) -> list[tuple[int, str]]:
@@ -48,6 +54,22 @@ def offences(package: str, forbidden: re.Pattern) -> list[str]:
 def test_core_imports_no_ros(package):
     assert core_files(package)
     assert offences(package, ROS) == []
+
+
+def needs_ros(path: Path) -> bool:
+    """Whether a module imports ROS, or a module of those two folders, or what it is told to when it runs."""
+    named = [module for _, module in imports(path)]
+    if any(ROS.match(module) or ROS_FOLDERS & set(module.split(".")) or module == "importlib" for module in named):
+        return True
+    relative = [n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.ImportFrom) and n.level]
+    sources = [path.parents[n.level - 1].joinpath(*(n.module or "").split(".")) for n in relative]
+    return any(ROS_FOLDERS & set(source.relative_to(ROOT).parts) for source in sources)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_what_needs_no_ros_is_outside_of_its_folders(package):
+    modules = [path for path in ring_files(package) if path.name != "__init__.py"]
+    assert [str(path.relative_to(ROOT)) for path in modules if not needs_ros(path)] == []
 
 
 def test_filter_imports_no_deep_learning_framework():

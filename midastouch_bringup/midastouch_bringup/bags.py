@@ -35,9 +35,11 @@ from midastouch_filter.transforms import (
     Insertion,
     TransformBuffer,
     TransformError,
+    ancestors,
 )
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import naming
+from midastouch_perception.message_arrays import rgb_from_msg, stamp_ns, xyzquat_from_msg
 
 from .datasets import Sequence
 from .messages import (
@@ -301,14 +303,12 @@ def _all_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[Trans
             content = store.deserialize_cdr(message.data, message.type_name)
         static = message.topic == TF_STATIC_TOPIC
         for item in content.transforms:
-            stamp = item.header.stamp.sec * 1_000_000_000 + item.header.stamp.nanosec
+            stamp = stamp_ns(item.header.stamp)
             parent, child = item.header.frame_id.lstrip("/"), item.child_frame_id.lstrip("/")
             track = tracks.setdefault(child, _Track())
-            t, q = item.transform.translation, item.transform.rotation
-            values = np.array([t.x, t.y, t.z, q.x, q.y, q.z, q.w])
             target = unused if not static and track.too_late(stamp) else buffer
             try:
-                outcome = target.insert(parent, child, stamp, values, static)
+                outcome = target.insert(parent, child, stamp, xyzquat_from_msg(item.transform), static)
             except TransformError as error:
                 refused = str(error)
                 continue
@@ -316,7 +316,7 @@ def _all_transforms(path: Path, asked: Iterable[tuple[str, str]]) -> tuple[Trans
             if not static:
                 track.add(stamp, target is buffer and outcome is not Insertion.DUPLICATE)
     for target, source in asked:
-        for child in sorted(tracks.keys() & (_ancestors(target, parents) ^ _ancestors(source, parents))):
+        for child in sorted(tracks.keys() & _between(target, source, parents)):
             _report(path, child, tracks[child])
     return buffer, refused
 
@@ -335,12 +335,9 @@ def _report(path: Path, frame: str, track: _Track) -> None:
         )
 
 
-def _ancestors(frame: str, parents: Mapping[str, str]) -> set[str]:
-    """A frame and all above it."""
-    chain = {frame}
-    while (frame := parents.get(frame, frame)) not in chain:
-        chain.add(frame)
-    return chain
+def _between(target: str, source: str, parents: Mapping[str, str]) -> set[str]:
+    """The frames whose transforms lie on the way from one frame to the other."""
+    return set(ancestors(target, parents.get)) ^ set(ancestors(source, parents.get))
 
 
 def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
@@ -358,21 +355,18 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
     with readable(path):
         content = typestore().deserialize_cdr(message.data, message.type_name)
     what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
-    if message.type_name == COMPRESSED_TYPE:
-        pixels = cv2.imdecode(np.asarray(content.data), cv2.IMREAD_COLOR_RGB)
-        if pixels is None:
-            raise InputError(f"{what} cannot be decompressed; record it again")
-    elif message.type_name == IMAGE_TYPE and content.encoding in ("rgb8", "bgr8"):
-        if content.step < 3 * content.width or content.data.size != content.step * content.height:
-            raise InputError(f"{what} has {content.data.size} bytes for its size; record it again")
-        rows = content.data.reshape(content.height, content.step)[:, : 3 * content.width]
-        pixels = rows.reshape(content.height, content.width, 3)
-        pixels = pixels[..., ::-1] if content.encoding == "bgr8" else pixels
-    else:
-        kind = content.encoding if message.type_name == IMAGE_TYPE else message.type_name
-        raise InputError(f"{what} is {kind}; record rgb8, bgr8 or compressed images")
-    if pixels.shape != (320, 240, 3):
-        raise InputError(
-            f"{what} is {pixels.shape[1]} x {pixels.shape[0]}, expected a portrait DIGIT image of 240 x 320"
-        )
-    return np.ascontiguousarray(pixels)
+    if message.type_name not in (IMAGE_TYPE, COMPRESSED_TYPE):
+        raise InputError(f"{what} is {message.type_name}; record images")
+    try:
+        return _rgb(content, 320, 240) if message.type_name == COMPRESSED_TYPE else rgb_from_msg(content, 320, 240)
+    except InputError as error:
+        raise InputError(f"{what}: {error}; record it again") from error
+
+
+def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
+    pixels = cv2.imdecode(np.asarray(compressed.data), cv2.IMREAD_COLOR_RGB)
+    if pixels is None:
+        raise InputError("it cannot be decompressed")
+    if pixels.shape != (height, width, 3):
+        raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")
+    return pixels

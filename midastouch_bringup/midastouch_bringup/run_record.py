@@ -8,8 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import (
+    covariance_from_msg,
+    image_from_msg,
+    pose_from_msg,
+    poses_from_msgs,
+)
 
 from .bags import bag_messages, read_bag
 from .messages import header_stamp_ns, typestore
@@ -54,11 +59,11 @@ def read_run(path: str | Path) -> RunRecord:
                 frame=len(seen) - 1,
                 time=1e-9 * (stamp - start),
                 truth=frame.object_from_gel_true,
-                particles=_poses(results[PARTICLES][stamp].poses),
+                particles=poses_from_msgs(results[PARTICLES][stamp].poses),
                 modes=[_hypothesis(mode) for mode in results[MODES][stamp].modes],
-                estimate=None if pose is None else _poses([pose.pose.pose])[0],
+                estimate=None if pose is None else pose_from_msg(pose.pose.pose),
                 image=frame.image,
-                penetration=_map(results[PENETRATION][stamp]),
+                penetration=image_from_msg(results[PENETRATION][stamp]),
                 code=_code(results[CODE].get(stamp)),
                 state=status.state,
             )
@@ -84,30 +89,9 @@ def _answers(path: str | Path) -> dict[int, object]:
     return answers
 
 
-def _poses(poses: list) -> np.ndarray:
-    rows = [
-        (
-            p.position.x,
-            p.position.y,
-            p.position.z,
-            p.orientation.x,
-            p.orientation.y,
-            p.orientation.z,
-            p.orientation.w,
-        )
-        for p in poses
-    ]
-    return se3.from_xyzquat(np.array(rows).reshape(-1, 7))
-
-
 def _hypothesis(mode: object) -> Hypothesis:
-    covariance = np.array(mode.pose.covariance).reshape(6, 6)
-    return Hypothesis(float(mode.weight), _poses([mode.pose.pose])[0], covariance)
-
-
-def _map(image: object) -> np.ndarray:
-    rows = np.asarray(image.data).view(np.float32).reshape(image.height, image.step // 4)
-    return rows[:, : image.width]
+    pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
+    return Hypothesis(float(mode.weight), pose, covariance)
 
 
 def _code(message: object | None) -> np.ndarray | None:

@@ -202,11 +202,11 @@ def test_bgr_padded_and_compressed_images(tmp_path):
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        (image(SECOND, encoding="mono16"), "mono16; record rgb8"),
-        (image(SECOND, step=100), "bytes for its size"),
-        (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240, expected a portrait"),
+        (image(SECOND, encoding="mono16"), "mono16' is not colour"),
+        (image(SECOND, step=100), "but holds"),
+        (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240 pixels, expected 240 x 320; rotate it"),
         (Message("/image_raw", "sensor_msgs/msg/Image", SECOND, b"\0\1"), "cannot be read as a bag"),
-        (tf(SECOND, STILL, topic="/image_raw"), "has a pose|TFMessage; record rgb8"),
+        (tf(SECOND, STILL, topic="/image_raw"), "has a pose|TFMessage; record images"),
     ],
 )
 def test_images_that_are_none_are_refused(tmp_path, bad, message):

@@ -19,7 +19,6 @@ from .mesh import ObjectMesh
 from .sensor_model import SensorModel
 from .simulation.renderer import PenetrationRenderer
 from .tcn.inference import TactileCodeNet
-from .tdn.inputs import SCALE
 
 CHUNK = 256
 """Poses that are rendered, encoded and kept together; the result must not depend on how they are shared out."""
@@ -69,7 +68,7 @@ class CodebookBuild:
             self._poses = codebook_poses(self._mesh, size, self._sensor, np.random.default_rng(seed))
             self._codes = np.empty((size, self._tcn.dim), np.float32)
             self._finished = np.zeros(-(-size // CHUNK), bool)
-        renderer = PenetrationRenderer(self._mesh, self._sensor.scaled(SCALE))
+        renderer = PenetrationRenderer(self._mesh, self._sensor.for_maps)
         waiting: deque = deque()
 
         def collect() -> None:

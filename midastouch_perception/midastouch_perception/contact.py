@@ -1,4 +1,4 @@
-"""Is the sensor touching anything? Decided on the penetration map, with hysteresis."""
+"""What touches the sensor, decided on the penetration map, with hysteresis."""
 
 from __future__ import annotations
 
@@ -8,14 +8,35 @@ import numpy as np
 
 from .sensor_model import SensorModel
 
+# Metres. Far below what the depth network can tell apart, far above what a cloud's float32 loses.
+_STEP = np.float32(1e-6)
+
+
+def in_steps(penetration: np.ndarray) -> np.ndarray:
+    """Penetration [m] rounded to 1 um: exactly the same whether it is held as a map or went through a cloud.
+
+    Without it the two would differ in the last bit, which a particle filter turns into another random run.
+    """
+    return np.rint(penetration / _STEP) * _STEP
+
 
 @dataclasses.dataclass(frozen=True)
 class Contact:
-    """Attributes: in_contact; area_m2, of the touched gel; mask (H, W) bool, touched pixels."""
+    """Attributes: penetration (H, W) float32 m in steps of 1 um, 0 where nothing touches; area_m2, of the touched gel,
+    0 without contact."""
 
-    in_contact: bool
+    penetration: np.ndarray
     area_m2: float
-    mask: np.ndarray
+
+    @classmethod
+    def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
+        """The contact with this penetration map; sensor: at the map's resolution."""
+        return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area))
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether anything touches."""
+        return self.area_m2 > 0
 
 
 class ContactDetector:
@@ -26,17 +47,21 @@ class ContactDetector:
     """
 
     def __init__(self, sensor: SensorModel, begin: float = 1.5e-6, end: float = 0.8e-6, depth: float = 3e-5):
-        self._pixel_area = sensor.pixel_area
+        self._sensor = sensor
         self._begin, self._end, self._depth = begin, end, depth
         self._touching = False
 
     def update(self, penetration: np.ndarray) -> Contact:
-        """The contact seen in one penetration map (H, W) m."""
-        mask = penetration > self._depth
-        area = float(np.count_nonzero(mask) * self._pixel_area)
-        self._touching = area >= (self._end if self._touching else self._begin)
-        return Contact(self._touching, area, mask)
+        """The contact in one penetration map (H, W) m of the depth network."""
+        touched = np.where(penetration > self._depth, penetration, np.float32(0))
+        contact = Contact.of(in_steps(touched), self._sensor)
+        self._touching = contact.area_m2 >= (self._end if self._touching else self._begin)
+        return contact if self._touching else self._nothing()
 
-    def free(self) -> None:
-        """Note a frame that was seen to be free of contact by other means."""
+    def free(self) -> Contact:
+        """A frame that was seen to be free of contact by other means."""
         self._touching = False
+        return self._nothing()
+
+    def _nothing(self) -> Contact:
+        return Contact(np.zeros((self._sensor.height, self._sensor.width), np.float32), 0.0)

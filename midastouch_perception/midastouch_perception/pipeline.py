@@ -1,4 +1,10 @@
-"""From a tactile image to what the filter needs, one frame at a time."""
+"""From a tactile image to what the filter needs, one frame at a time: the one path of nodes and evaluation.
+
+    image, background -> DepthStage -> Contact -> CodeStage -> Touch
+
+A contact's penetration map is what a cloud carries, to the last bit (`pointcloud`), so that it makes no difference
+where one stage ends and the next begins: in one process, or on two sides of a topic.
+"""
 
 from __future__ import annotations
 
@@ -16,95 +22,113 @@ from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
+_QUIET = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
 
 @dataclasses.dataclass(frozen=True)
 class Touch:
-    """One perceived frame.
+    """One perceived frame: contact; code (D,) float32, L2-normalised, or None without contact; network_id, of the code
+    network."""
 
-    Attributes: in_contact; area_m2; code (D,) float32 or None without contact; penetration (160, 120) float32 m;
-    network_id of the code; ms, wall time of the stages tdn and tcn.
-    """
-
-    in_contact: bool
-    area_m2: float
+    contact: Contact
     code: np.ndarray | None
-    penetration: np.ndarray
     network_id: str
-    ms: dict[str, float]
 
 
 class DepthStage:
-    """Image -> penetration and contact. Frames that do not differ from the background skip the network, and teach the
-    stage how the light drifts.
+    """Image and background -> contact.
 
-    Args: tdn; contact, default for the network's sensor; quiet, largest block-mean difference [grey levels] to the
-    background that still counts as none; fit, a check that is shown what the network makes of the images.
-    Attributes: skipped, number of frames the gate kept from the network.
+    An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
+    teaches the stage how the light drifts.
+
+    Args: tdn; fit, a check that is shown what the network makes of the images. Attributes: skipped, frames by the gate
+    that spared them the network.
     """
 
-    def __init__(
-        self,
-        tdn: DepthNet,
-        contact: ContactDetector | None = None,
-        quiet: float = 1.2,
-        fit: FitCheck | None = None,
-    ):
-        self.tdn, self._fit = tdn, fit
-        self._contact = contact or ContactDetector(tdn.sensor)
-        self._quiet = quiet
-        self._background: np.ndarray | None = None
+    def __init__(self, tdn: DepthNet, fit: FitCheck | None = None):
+        self._tdn, self._fit = tdn, fit
+        self._detector = ContactDetector(tdn.sensor)
         self._drift = LightDrift()
-        self.skipped = 0
+        self._image: np.ndarray | None = None
+        self._background: np.ndarray | None = None
+        self._last: Contact | None = None
+        self.skipped = {"image_unchanged": 0, "no_contact": 0}
 
-    def process(self, image: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, Contact]:
-        """Penetration (160, 120) float32 m and the contact in one image; InputError for a bad image."""
-        changed = self.tdn.difference(image, background)
-        if background is not self._background:
-            self._background, self._drift = background, LightDrift()
-        difference = self._drift.correct(changed)
-        shape = difference.shape[:2]
-        blocks = cv2.resize(difference, (shape[1] // _BLOCK, shape[0] // _BLOCK), interpolation=cv2.INTER_AREA)
-        if np.abs(blocks).max() < self._quiet:
-            self.skipped += 1
-            self._contact.free()
-            self._drift.learn(changed)
-            return np.zeros(shape, np.float32), Contact(False, 0.0, np.zeros(shape, bool))
-        penetration = self.tdn.predict(image, background, difference)
-        if self._fit is not None:
-            self._fit.observe(difference, penetration)
-        contact = self._contact.update(penetration)
+    def process(self, image: np.ndarray, background: np.ndarray) -> Contact:
+        """The contact in one image; both (320, 240, 3) uint8 RGB. InputError for a bad image.
+
+        The last image is kept to be compared with the next one: do not write into it.
+        """
+        same_background = background is self._background
+        if same_background and self._last is not None and np.array_equal(image, self._image):
+            self.skipped["image_unchanged"] += 1
+            return self._last
+        changed = self._tdn.difference(image, background)
+        if not same_background:
+            self._drift = LightDrift()
+        contact = self._contact(image, background, changed)
         if not contact.in_contact:
             self._drift.learn(changed)
-        return penetration, contact
+        self._image, self._background, self._last = image, background, contact
+        return contact
+
+    def _contact(self, image: np.ndarray, background: np.ndarray, changed: np.ndarray) -> Contact:
+        difference = self._drift.correct(changed)
+        height, width = difference.shape[:2]
+        blocks = cv2.resize(difference, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+        if np.abs(blocks).max() < _QUIET:
+            self.skipped["no_contact"] += 1
+            return self._detector.free()
+        penetration = self._tdn.predict(image, background, difference)
+        if self._fit is not None:
+            self._fit.observe(difference, penetration)
+        return self._detector.update(penetration)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
         """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""
-        return shows_contact(self.tdn, candidate, background)
+        return shows_contact(self._tdn, candidate, background)
+
+
+class CodeStage:
+    """Contact -> touch with its code. No contact and an unchanged map cost nothing but their test.
+
+    Attributes: skipped, frames by the gate that spared them the network.
+    """
+
+    def __init__(self, tcn: TactileCodeNet):
+        self._tcn = tcn
+        self._penetration: np.ndarray | None = None
+        self._code: np.ndarray | None = None
+        self.skipped = {"no_contact": 0, "cloud_unchanged": 0}
+
+    def process(self, contact: Contact) -> Touch:
+        """One frame; the map has the resolution of the network's sensor."""
+        if not contact.in_contact:
+            self.skipped["no_contact"] += 1
+            return Touch(contact, None, self._tcn.network_id)
+        if self._penetration is not None and np.array_equal(contact.penetration, self._penetration):
+            self.skipped["cloud_unchanged"] += 1
+        else:
+            self._code = np.asarray(self._tcn.encode(contact.penetration), np.float32)
+            self._penetration = contact.penetration
+        return Touch(contact, self._code, self._tcn.network_id)
 
 
 class TouchPipeline:
-    """Image -> penetration -> contact -> code, as one object for offline runs and the all-in-one node.
+    """Both stages as one object, for runs without ROS.
 
-    Args: depth, the first stage; tcn; clock, monotonic seconds, for the times per stage.
+    Args: clock, monotonic seconds. Attributes: ms, wall time of the stages tdn and tcn in the last frame.
     """
 
-    def __init__(self, depth: DepthStage, tcn: TactileCodeNet, clock: Callable[[], float]):
-        self.depth, self.tcn, self._clock = depth, tcn, clock
+    def __init__(self, tdn: DepthNet, tcn: TactileCodeNet, clock: Callable[[], float]):
+        self._depth, self._code, self._clock = DepthStage(tdn), CodeStage(tcn), clock
+        self.ms: dict[str, float] = {}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
         """One frame; InputError for a bad image."""
         start = self._clock()
-        penetration, contact = self.depth.process(image, background)
+        contact = self._depth.process(image, background)
         middle = self._clock()
-        # what the code network sees is what the contact cloud carries: touched pixels only
-        code = self.tcn.encode(np.where(contact.mask, penetration, 0)) if contact.in_contact else None
-        end = self._clock()
-        return Touch(
-            contact.in_contact,
-            contact.area_m2,
-            code,
-            penetration,
-            self.tcn.network_id,
-            {"tdn": 1e3 * (middle - start), "tcn": 1e3 * (end - middle)},
-        )
+        touch = self._code.process(contact)
+        self.ms = {"tdn": 1e3 * (middle - start), "tcn": 1e3 * (self._clock() - middle)}
+        return touch

@@ -1,9 +1,10 @@
-"""Penetration map <-> contact points in the gel frame: one point a touched pixel, without loss."""
+"""Penetration map <-> contact points in the gel frame: one point a touched pixel, without loss for maps in steps."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from .contact import in_steps
 from .errors import InputError
 from .sensor_model import SensorModel
 
@@ -17,7 +18,7 @@ def cloud_from_penetration(penetration: np.ndarray, mask: np.ndarray, sensor: Se
 
 
 def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarray:
-    """Penetration map (H, W) float32 m of contact points (K, 3), the inverse of `cloud_from_penetration`.
+    """Penetration map (H, W) float32 m of contact points (K, 3), the inverse of `cloud_from_penetration`, in steps.
 
     Points outside the image are dropped. Raises InputError for other shapes and non-finite points.
     """
@@ -35,4 +36,4 @@ def penetration_from_cloud(points: np.ndarray, sensor: SensorModel) -> np.ndarra
     inside = ahead & (u >= 0) & (u < sensor.width) & (v >= 0) & (v < sensor.height)
     u, v = u[inside], v[inside]
     penetration[v, u] = np.maximum(sensor.gel_depth[v, u] - depth[inside], 0)
-    return penetration
+    return in_steps(penetration)

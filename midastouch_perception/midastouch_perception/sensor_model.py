@@ -18,6 +18,9 @@ import yaml
 from .errors import InputError
 from .files import require_file
 
+MAP_SCALE = 0.5
+"""Resolution of penetration maps as a share of the image's: that of the depth network."""
+
 LIGHTS = ("relative", "additive")
 _FOLDER = Path(__file__).parent / "sensor_models"
 
@@ -90,6 +93,11 @@ class SensorModel:
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
         """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells."""
         return dataclasses.replace(self, focal=pixels_per_metre * self.gel_distance)
+
+    @cached_property
+    def for_maps(self) -> SensorModel:
+        """The same sensor at the resolution of penetration maps."""
+        return self.scaled(MAP_SCALE)
 
     def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.

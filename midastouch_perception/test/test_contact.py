@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.contact import ContactDetector
+from midastouch_perception.contact import Contact, ContactDetector, in_steps
 
 
 @pytest.fixture
@@ -25,7 +25,21 @@ def test_hysteresis(detector, sensor):
 def test_area_is_metric(detector, sensor):
     contact = detector.update(patch(1000))
     assert contact.area_m2 == pytest.approx(1000 * (2 * 0.022 / sensor.focal) ** 2)
-    assert contact.mask.sum() == 1000
+    assert np.count_nonzero(contact.penetration) == 1000
+
+
+def test_shallow_pixels_are_no_part_of_a_contact(detector, sensor):
+    penetration = patch(1000)
+    penetration[100:] = 2e-5
+    contact = detector.update(penetration)
+    np.testing.assert_array_equal(contact.penetration, in_steps(patch(1000)))
+    assert contact.area_m2 == Contact.of(contact.penetration, sensor.scaled(0.5)).area_m2
+
+
+def test_without_contact_there_is_no_penetration(detector):
+    contact = detector.update(patch(10))
+    assert (contact.in_contact, contact.area_m2) == (False, 0)
+    assert not contact.penetration.any()
 
 
 def test_shallow_pixels_do_not_count(detector):

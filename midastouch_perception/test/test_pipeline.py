@@ -1,8 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
+from midastouch_perception.contact import Contact
 from midastouch_perception.errors import InputError
-from midastouch_perception.pipeline import DepthStage, TouchPipeline
+from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
+from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -27,12 +31,12 @@ def touches(tool, sensor):
 @pytest.fixture
 def pipeline():
     ticks = iter(range(10**6))
-    return TouchPipeline(DepthStage(load_tdn("fast")), load_tcn("fast"), lambda: float(next(ticks)))
+    return TouchPipeline(load_tdn("fast"), load_tcn("fast"), lambda: float(next(ticks)))
 
 
 def test_depth_is_recovered(touches, pipeline):
     images, background, truth = touches
-    predicted = np.stack([pipeline.process(image, background).penetration for image in images])
+    predicted = np.stack([pipeline.process(image, background).contact.penetration for image in images])
     half = truth.reshape(len(truth), 160, 2, 120, 2).mean(axis=(2, 4))
     assert np.sqrt(((predicted - half) ** 2).mean()) < 0.2e-3
     both, either = ((predicted > 0) & (half > 0)).sum(), ((predicted > 0) | (half > 0)).sum()
@@ -42,24 +46,59 @@ def test_depth_is_recovered(touches, pipeline):
 def test_a_touch_has_a_unit_code_and_an_area(touches, pipeline):
     images, background, truth = touches
     touch = pipeline.process(images[0], background)
-    assert touch.in_contact
+    assert touch.contact.in_contact
     assert np.linalg.norm(touch.code) == pytest.approx(1, abs=1e-5)
-    assert touch.network_id == pipeline.tcn.network_id
-    area = (truth[0] > 0).sum() * pipeline.tcn.sensor.pixel_area / 4
-    assert touch.area_m2 == pytest.approx(area, rel=0.3)
-    assert touch.ms == {"tdn": 1000.0, "tcn": 1000.0}
+    tcn = load_tcn("fast")
+    assert touch.network_id == tcn.network_id
+    area = (truth[0] > 0).sum() * tcn.sensor.pixel_area / 4
+    assert touch.contact.area_m2 == pytest.approx(area, rel=0.3)
+    assert pipeline.ms == {"tdn": 1000.0, "tcn": 1000.0}
 
 
 def test_the_background_itself_is_no_contact_and_skips_the_network(touches, pipeline):
     _, background, _ = touches
     rng = np.random.default_rng(1)
     noisy = np.clip(background + rng.normal(0, 2, background.shape), 0, 255).astype(np.uint8)
-    touch = pipeline.process(noisy, background)
-    assert not touch.in_contact
-    assert touch.code is None
-    assert touch.area_m2 == 0
-    assert not touch.penetration.any()
-    assert pipeline.depth.skipped == 1
+    stage = DepthStage(load_tdn("fast"))
+    contact = stage.process(noisy, background)
+    assert (contact.in_contact, contact.area_m2) == (False, 0)
+    assert not contact.penetration.any()
+    assert stage.skipped == {"image_unchanged": 0, "no_contact": 1}
+    assert pipeline.process(noisy, background).code is None
+
+
+def test_an_unchanged_image_reuses_the_contact(touches):
+    images, background, _ = touches
+    stage = DepthStage(load_tdn("fast"))
+    first = stage.process(images[0], background)
+    assert stage.process(images[0].copy(), background) is first
+    assert stage.skipped["image_unchanged"] == 1
+    assert stage.process(images[1], background) is not first
+    assert stage.process(images[1], background.copy()) is not first
+    assert stage.skipped["image_unchanged"] == 1, "another image or another background is computed"
+
+
+def test_the_way_through_a_cloud_changes_no_bit(touches, sensor):
+    images, background, _ = touches
+    small = sensor.scaled(0.5)
+    contact = DepthStage(load_tdn("fast")).process(images[0], background)
+    cloud = cloud_from_penetration(contact.penetration, contact.penetration > 0, small)
+    again = Contact.of(penetration_from_cloud(cloud, small), small)
+    np.testing.assert_array_equal(again.penetration, contact.penetration)
+    assert again.area_m2 == contact.area_m2
+
+
+def test_the_code_network_runs_for_new_contacts_only(touches):
+    images, background, _ = touches
+    depth, stage = DepthStage(load_tdn("fast")), CodeStage(load_tcn("fast"))
+    assert stage.process(depth.process(background, background)).code is None
+    contact = depth.process(images[0], background)
+    first = stage.process(contact)
+    again = stage.process(dataclasses.replace(contact, penetration=contact.penetration.copy()))
+    np.testing.assert_array_equal(first.code, again.code)
+    assert stage.skipped == {"no_contact": 1, "cloud_unchanged": 1}
+    other = stage.process(depth.process(images[1], background))
+    assert (other.code != first.code).any()
 
 
 @pytest.mark.parametrize(
@@ -86,5 +125,5 @@ def test_wrong_background_is_named(touches, pipeline):
 @pytest.mark.parametrize("level", [0, 255])
 def test_black_and_white_images_stay_finite(touches, pipeline, level):
     touch = pipeline.process(np.full((320, 240, 3), level, np.uint8), touches[1])
-    assert np.isfinite(touch.penetration).all()
+    assert np.isfinite(touch.contact.penetration).all()
     assert touch.code is None or np.isfinite(touch.code).all()

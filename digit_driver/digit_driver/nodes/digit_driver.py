@@ -19,9 +19,10 @@ from ..calibration import Calibration, load_calibration
 from ..errors import DeviceError, InputError
 from ..frame_source import Frame, FrameSource
 from ..reader import FrameReader, ReaderState, ReaderStatus
+from ..ros import spin
+from ..ros.lifecycle import RobustLifecycleNode
 from ..stream_monitor import StreamMonitor
-from . import messages, settings, spin
-from .lifecycle import RobustLifecycleNode
+from . import messages, settings
 from .parameters import PARAMETERS, declare, refuse_unknown
 
 IMAGE_QOS = QoSProfile(depth=2)
@@ -185,6 +186,11 @@ class DigitDriver(RobustLifecycleNode):
             response.success, response.message = False, str(error)
         return response
 
+    @property
+    def gave_up(self) -> bool:
+        """Whether the node cannot go on by itself; ``failure`` says why."""
+        return bool(self.failure)
+
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         new = self._values | {change.name: change.value for change in changes}
         try:
@@ -205,7 +211,10 @@ class DigitDriver(RobustLifecycleNode):
 
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
-    return spin.run(DigitDriver, args)
+    try:
+        return spin.run(lambda: [DigitDriver()], args)
+    except InputError:  # which the node has logged
+        return 2
 
 
 if __name__ == "__main__":

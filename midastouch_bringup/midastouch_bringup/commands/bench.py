@@ -38,10 +38,10 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..evaluation.benchmark import Benchmark, peak_rss_mb
     from ..evaluation.machine import machine_info
+    from ..evaluation.node_start import node_start
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.setup import Networks
     from ..progress import progress_bar
-    from ..ros.node_start import node_start
     from ..ros.pose_age import pose_age
     from ..slide_simulation import cached_slide
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
@@ -24,7 +25,6 @@ from .lookup_speed import lookup_speed
 from .paper_networks import paper_network_times
 from .setup import Networks, sequence_background
 from .timing import Stopwatch, summarise, time_calls
-from .trial import measure
 
 COUNTS = (50_000, 10_000, 1_000)
 _FINE_STAGES = ("refinement", "hindsight")
@@ -76,7 +76,7 @@ class Benchmark:
 
     def _measurements(self, images: list[np.ndarray]) -> list[Measurement]:
         pipeline = self._networks.pipeline()
-        return [measure(pipeline.process(image, self._background)) for image in images]
+        return [measurement_of(pipeline.process(image, self._background)) for image in images]
 
     def _steps(self, count: int, touches: list[Measurement]) -> Stopwatch:
         particle_filter = self._filter(count, refinement=False)
@@ -131,7 +131,7 @@ class Benchmark:
         for i, image in enumerate(self._images):
             with stopwatch:
                 touch = pipeline.process(image, self._background)
-                estimate = particle_filter.step(self._odometry(i), measure(touch))
+                estimate = particle_filter.step(self._odometry(i), measurement_of(touch))
             states.append(estimate.status.state)
         stopwatch.drop(2)
         return stopwatch, states[2:]

@@ -125,7 +125,7 @@ class CheckQuality:
             felt.append(self._felt(_bytes(own.free * (1 + gain)), own.background))
         stage = DepthStage(self._tdn)
         for gain in np.linspace(WARM_UP[0], WARM_UP[-1], _WARM_UP_FRAMES):
-            contact = stage.process(_bytes(own.free * (1 + gain)), own.background)[1]
+            contact = stage.process(_bytes(own.free * (1 + gain)), own.background)
             self._warming.append(contact.in_contact)
         for name, candidate, present in (
             ("a touch refused", own.touches[0], own.background),
@@ -185,7 +185,7 @@ class CheckQuality:
         self._scores.setdefault(name, []).append((*figures, alarm, turned))
 
     def _felt(self, image: np.ndarray, background: np.ndarray) -> bool:
-        return DepthStage(self._tdn).process(image, background)[1].in_contact
+        return DepthStage(self._tdn).process(image, background).in_contact
 
 
 def roc_area(high: np.ndarray, low: np.ndarray) -> float:

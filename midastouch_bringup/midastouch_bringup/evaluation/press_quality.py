@@ -61,7 +61,8 @@ def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator
         raise InputError(f"ball of {2 * radius:g} m diameter: give it in metres, 0.0088 for 8.8 mm")
     for name, image in presses.images.items():
         difference = tdn.difference(image, presses.background)
-        felt, contact = DepthStage(tdn).process(image, presses.background)
+        contact = DepthStage(tdn).process(image, presses.background)
+        felt = contact.penetration
         region = _felt_contact(difference, felt, tdn.sensor)
         if presses.circles:
             scale = felt.shape[1] / image.shape[1]

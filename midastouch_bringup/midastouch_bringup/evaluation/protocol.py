@@ -10,13 +10,14 @@ import numpy as np
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 
 from ..datasets import Sequence
 from .setup import Networks, sequence_background
-from .trial import AnyFilter, TrialFrame, measure, run_trial
+from .trial import AnyFilter, TrialFrame, run_trial
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,8 +66,8 @@ def run_sequence(
     def frames() -> Iterator[TrialFrame]:
         pipeline = networks.pipeline()
         for i, image in zip(indices, images, strict=True):
-            touch = pipeline.process(image, background)
-            yield TrialFrame(i, measure(touch), touch.ms, sequence.poses_measured[i], sequence.poses_true[i])
+            felt = measurement_of(pipeline.process(image, background))
+            yield TrialFrame(i, felt, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
 
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
 

@@ -12,7 +12,7 @@ import yaml
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
-from midastouch_perception.pipeline import DepthStage, TouchPipeline
+from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
@@ -39,7 +39,7 @@ class Networks:
 
     def pipeline(self) -> TouchPipeline:
         """A pipeline without memory of earlier frames."""
-        return TouchPipeline(DepthStage(self.tdn), self.tcn, time.perf_counter)
+        return TouchPipeline(self.tdn, self.tcn, time.perf_counter)
 
     def describe(self) -> dict[str, str]:
         """Ids for the JSON files."""

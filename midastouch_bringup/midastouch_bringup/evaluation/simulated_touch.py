@@ -21,7 +21,6 @@ from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.randomisation import RandomSensor
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
-from midastouch_perception.tdn.inputs import SCALE
 from midastouch_perception.training.backgrounds import load_backgrounds
 
 from ..slide_simulation import no_contact_image
@@ -47,7 +46,7 @@ class Lighting:
     @classmethod
     def load(cls, kind: str, folder: str | Path | None, sensor: SensorModel) -> Lighting:
         """With those images of `folder` that no training sees; InputError if there are too few in it."""
-        small = sensor.scaled(SCALE)
+        small = sensor.for_maps
         return cls(kind, load_backgrounds(folder, small.height, small.width)[1] if folder else None)
 
     def draw_background(self, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
@@ -80,7 +79,7 @@ class TouchSimulator:
     def __init__(self, mesh: ObjectMesh, networks: Networks, lighting: Lighting):
         self.mesh = mesh
         self._tdn, self._lighting = networks.tdn, lighting
-        self._sensor = networks.sensor.scaled(SCALE)
+        self._sensor = networks.sensor.for_maps
         self._renderer = PenetrationRenderer(mesh, self._sensor)
         self._tacto = TactoOptics(self._sensor)
 
@@ -93,8 +92,8 @@ class TouchSimulator:
             seen = self._see(difference, images)
             # each touch is a sensor's first: nothing of an earlier one may help to feel it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
-            masks = np.stack([contact.mask for contact in contacts])
-            yield Percepts(difference, np.where(masks, seen, 0), np.array([c.in_contact for c in contacts]))
+            felt = np.array([contact.in_contact for contact in contacts])
+            yield Percepts(difference, np.stack([contact.penetration for contact in contacts]), felt)
 
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator

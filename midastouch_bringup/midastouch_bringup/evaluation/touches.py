@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_filter.filter import Measurement
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 
 from ..datasets import Sequence
 from .setup import Networks, sequence_background
-from .trial import TrialFrame, measure
+from .trial import TrialFrame
 
 _WARM_UP_FRAMES = 3
 _STAGES = ("tdn", "tcn")
@@ -39,9 +40,11 @@ class Touches:
         for image in images[:_WARM_UP_FRAMES]:
             pipeline.process(image, background)
         pipeline = networks.pipeline()
-        touches = [pipeline.process(image, background) for image in images]
-        ms = np.array([[touch.ms.get(stage, 0.0) for stage in _STAGES] for touch in touches])
-        return cls([measure(t) for t in touches], ms, made_from(sequence, networks) | {"background": source})
+        felt, ms = [], np.zeros((len(images), len(_STAGES)))
+        for image, row in zip(images, ms, strict=True):
+            felt.append(measurement_of(pipeline.process(image, background)))
+            row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
+        return cls(felt, ms, made_from(sequence, networks) | {"background": source})
 
     def save(self, path: Path) -> None:
         """Write one `.npz`."""

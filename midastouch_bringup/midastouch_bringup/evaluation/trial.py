@@ -11,10 +11,8 @@ import numpy as np
 
 from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
 from midastouch_filter.paper_filter import PaperFilter
-from midastouch_filter.refinement import reduced_relief
 from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
-from midastouch_perception.pipeline import Touch
 
 from .calibration import Coverage
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
@@ -46,12 +44,6 @@ class TrialFrame:
 
 
 Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
-
-
-def measure(touch: Touch) -> Measurement:
-    """What the filter is told of a touch."""
-    relief = reduced_relief(touch.penetration) if touch.in_contact else None
-    return Measurement(touch.in_contact, touch.code, touch.area_m2, touch.network_id, relief)
 
 
 def run_trial(

@@ -9,25 +9,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
 
-from midastouch_filter.filter import Measurement
-from midastouch_filter.nodes.localiser import LoadedObject, load_object
+from midastouch_filter.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.refinement import reduced_relief
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception.errors import InputError
-from midastouch_perception.nodes.stages import Code
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.pipeline import DepthStage, Touch
 from midastouch_perception.ros import spin
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.tcn import TactileCodeNet
-
-_LOOK_S = 0.5
 
 
 def make_nodes(
@@ -43,15 +38,11 @@ def make_nodes(
     options = options or {}
     running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
 
-    def on_code(header: Header, code: Code) -> None:
-        measurement = Measurement(False, network_id=code.network_id)
-        if code.in_contact:
-            relief = reduced_relief(code.penetration)
-            measurement = Measurement(True, code.values, code.area_m2, code.network_id, relief)
-        running.on_code(stamp_ns(header.stamp), measurement)
+    def on_touch(header: Header, touch: Touch) -> None:
+        running.on_code(stamp_ns(header.stamp), measurement_of(touch))
 
-    encoder = TcnNode(tcn=tcn, sink=on_code, subscribe=False, **options.get("tcn", {}))
-    return [TdnNode(depth=depth, sink=encoder.on_depth, **options.get("tdn", {})), encoder, running]
+    encoder = TcnNode(tcn=tcn, sink=on_touch, subscribe=False, **options.get("tcn", {}))
+    return [TdnNode(depth=depth, sink=encoder.on_contact, **options.get("tdn", {})), encoder, running]
 
 
 def make_driver() -> Node:
@@ -60,13 +51,9 @@ def make_driver() -> Node:
     from digit_driver.nodes.digit_driver import DigitDriver
 
     try:
-        driver = DigitDriver()
+        return DigitDriver()
     except DriverInputError as error:
         raise InputError(str(error)) from error
-    # in a process of its own a driver that gives up ends it; the others must not go on blind
-    steady = Clock(clock_type=ClockType.STEADY_TIME)
-    driver.create_timer(_LOOK_S, lambda: spin.stop() if driver.failure else None, clock=steady)
-    return driver
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -78,14 +65,7 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--driver", action="store_true", help="run digit_driver in this process, too")
     chosen = parser.parse_args(remove_ros_args(args)[1:])
-    drivers: list[Node] = []
-
-    def make() -> list[Node]:
-        if chosen.driver:
-            drivers.append(make_driver())
-        return [*drivers, *make_nodes()]
-
-    return spin.run(make, args) or int(any(driver.failure for driver in drivers))
+    return spin.run(lambda: [*([make_driver()] if chosen.driver else []), *make_nodes()], args)
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ from vision_msgs.msg import Detection3DArray
 
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import covariance_from_msg, pose_from_msg
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg
 from midastouch_perception.ros.diagnostics import OK, Diagnostics
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters

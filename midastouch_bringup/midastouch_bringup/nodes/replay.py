@@ -18,8 +18,9 @@ from rosgraph_msgs.msg import Clock
 
 from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import stamp_from_ns
 from midastouch_perception.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.node import PipelineNode

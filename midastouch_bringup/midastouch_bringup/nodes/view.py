@@ -19,8 +19,7 @@ from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import (
+from midastouch_perception.message_arrays import (
     covariance_from_msg,
     points_from_msg,
     pose_from_msg,
@@ -28,6 +27,7 @@ from midastouch_perception.ros.conversions import (
     stamp_ns,
     transform_from_msg,
 )
+from midastouch_perception.ros import qos
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameter, Parameters
 

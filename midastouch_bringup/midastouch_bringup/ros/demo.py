@@ -22,8 +22,8 @@ from midastouch_msgs.msg import FilterStatus
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn

@@ -25,8 +25,9 @@ from tf2_msgs.msg import TFMessage
 from midastouch_filter.nodes.transform_source import TransformSource, Wait
 from midastouch_filter.transforms import PastExtrapolationError
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import stamp_from_ns
 
 TRANSFORMS_HZ, IMAGES_HZ = 500, 30
 # An arm on whose last link the gel is, and a hand beside it: 20 links in one message, as of a robot_state_publisher.

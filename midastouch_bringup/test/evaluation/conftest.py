@@ -12,6 +12,7 @@ import trimesh
 from midastouch_bringup.evaluation.trial import ERROR_KEYS
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.contact import Contact
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pipeline import Touch
 
@@ -32,10 +33,11 @@ class PosePipeline:
 
     def __init__(self, poses: np.ndarray):
         self._codes = encode(poses)
+        self.ms = {"tdn": 2.0, "tcn": 1.0}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
         code = self._codes[int(image[0, 0, 0])]
-        return Touch(True, 1e-4, code, np.zeros((160, 120), np.float32), NETWORK, {"tdn": 2.0, "tcn": 1.0})
+        return Touch(Contact(np.zeros((160, 120), np.float32), 1e-4), code, NETWORK)
 
 
 class StubSequence(SimpleNamespace):

@@ -33,14 +33,16 @@ class SlopeTdn:
 
 
 def sensor_at(level: int) -> ImaginarySensor:
-    """A gel of one grey level; a touch lights blue by its depth, red and green by its slopes."""
+    """A grey gel, not quite even, so that any change of its brightness changes its image; a touch lights blue by its
+    depth, red and green by its slopes."""
     rows, columns = np.mgrid[:160, :120]
-    background = np.full((160, 120, 3), level, np.uint8)
+    gel = np.repeat((level + columns // 2)[..., None], 3, axis=2)
+    background = gel.astype(np.uint8)
     touches = []
     for k in range(TOUCHES):
         depth = np.maximum(0, 60 - ((rows - 60 - 5 * k) ** 2 + (columns - 60) ** 2) / 12)
         down, right = np.gradient(depth)
-        touches.append(np.clip(level + np.stack([8 * right, 8 * down, depth * 0.2], axis=-1), 0, 255))
+        touches.append(np.clip(gel + np.stack([8 * right, 8 * down, depth * 0.2], axis=-1), 0, 255))
     touches = np.array(touches, np.uint8)
     light = {"wire": (touches, np.full(TOUCHES, 0.3e-3)), "eyebolt": (background[None], np.array([0.06e-3]))}
     return ImaginarySensor(background, touches, light, background.copy())

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.lookup_speed import lookup_speed
-from midastouch_bringup.evaluation.trial import measure
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.perceived import measurement_of
 from midastouch_perception import se3
 
 
@@ -15,7 +15,9 @@ def running_filter(mesh, codebook, sequence, networks):
     particle_filter.initialise_gaussian(sequence.poses_true[0], 0.003, 0.1)
     for i in range(3):
         odometry = se3.inverse(sequence.poses_measured[i - 1]) @ sequence.poses_measured[i] if i else None
-        particle_filter.step(odometry, measure(networks.pipeline().process(sequence.image(i), sequence.background)))
+        particle_filter.step(
+            odometry, measurement_of(networks.pipeline().process(sequence.image(i), sequence.background))
+        )
     return particle_filter
 
 

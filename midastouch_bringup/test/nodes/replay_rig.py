@@ -11,8 +11,9 @@ from std_msgs.msg import Header
 
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import stamp_from_ns
 
 
 def replay(graph, source, **parameters):

@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes
 
 from filter_fakes import DIAGONAL, MAP_SENSOR, FakeFilter
 
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_perception.ros import spin
 

@@ -5,19 +5,16 @@ Run as a program with `tdn` or `tcn`, this file is that node with its stand-in n
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import yaml
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
+from process_rig import SHIPPED, processes
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
@@ -34,11 +31,12 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import spin
-from midastouch_perception.ros.conversions import pose_from_msg, stamp_from_ns, stamp_ns, transform_to_msg
+from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -156,28 +154,6 @@ def overrides(touches, tmp_path) -> dict[str, dict]:
     return parameters(touches, tmp_path)
 
 
-@contextlib.contextmanager
-def processes(overrides: dict[str, dict], tmp_path: Path) -> Iterator[None]:
-    """The three nodes as processes of their own, the first two with the stand-in networks."""
-    config = tmp_path / "nodes.yaml"
-    config.write_text(yaml.safe_dump({name: {"ros__parameters": p} for name, p in overrides.items()}))
-    running = [
-        subprocess.Popen([sys.executable, *command, "--ros-args", "--params-file", str(config)])
-        for command in (
-            [__file__, "tdn"],
-            [__file__, "tcn"],
-            ["-m", "midastouch_filter.nodes.particle_filter"],
-        )
-    ]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.send_signal(signal.SIGINT)
-        codes = [process.wait(timeout=60) for process in running]
-    assert codes == [0, 0, 0]
-
-
 def run_together(graph, touches, overrides):
     graph.add_all(lambda options: make_nodes(depth=FakeDepthStage(), tcn=BookTcn(), options=options), overrides)
     return play(graph, touches)
@@ -185,7 +161,8 @@ def run_together(graph, touches, overrides):
 
 @pytest.mark.slow
 def test_processes_and_all_in_one_give_the_same_estimate(graph, touches, overrides, tmp_path):
-    with processes(overrides, tmp_path):
+    stand_ins = {name: [__file__, name] for name in ("tdn", "tcn")}
+    with processes(SHIPPED | stand_ins, overrides, tmp_path):
         statuses, poses = play(graph, touches)
     translation, rotation = error(touches, poses[-1])
     assert translation < 0.005

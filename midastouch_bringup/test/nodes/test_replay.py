@@ -16,8 +16,8 @@ from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import image_from_msg, stamp_ns, transform_from_msg
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import image_from_msg, stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
 

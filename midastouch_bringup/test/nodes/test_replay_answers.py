@@ -16,8 +16,8 @@ from midastouch_bringup.messages import sequence_messages, typestore
 from midastouch_bringup.nodes import replay as replay_module
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import os
-import signal
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import yaml
+from process_rig import SHIPPED, processes
 from replay_rig import replay, stamps
 from sensor_msgs.msg import Image
 from stalling_filter import STALL_S
@@ -23,36 +17,14 @@ from midastouch_bringup.bags import BagWriter
 from midastouch_bringup.messages import sequence_messages
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000
 QUEUE = {"queue_depth": 100, "reliable": True, "use_sim_time": True}
-NODES = {
-    "tdn": ["-m", "midastouch_perception.nodes.tdn"],
-    "tcn": ["-m", "midastouch_perception.nodes.tcn"],
-    "particle_filter": [str(Path(__file__).with_name("stalling_filter.py"))],
-}
-
-
-@contextlib.contextmanager
-def processes(graph, folder: Path, overrides: dict[str, dict]) -> Iterator[None]:
-    """The three nodes on the graph's DDS domain."""
-    config = folder / "nodes.yaml"
-    config.write_text(yaml.safe_dump({name: {"ros__parameters": QUEUE | overrides.get(name, {})} for name in NODES}))
-    environment = os.environ | {"ROS_DOMAIN_ID": str(graph.companion.context.get_domain_id())}
-    running = [
-        subprocess.Popen([sys.executable, *command, "--ros-args", "--params-file", str(config)], env=environment)
-        for command in NODES.values()
-    ]
-    try:
-        yield
-    finally:
-        for process in running:
-            process.send_signal(signal.SIGINT)
-        codes = [process.wait(timeout=60) for process in running]
-    assert codes == [0, 0, 0]
+NODES = SHIPPED | {"particle_filter": [str(Path(__file__).with_name("stalling_filter.py"))]}
 
 
 def connect(graph, statuses: list, image) -> None:
@@ -84,7 +56,7 @@ def test_every_frame_is_sent_once_in_order_and_answered(graph, tmp_path, simulat
         "tdn": {"background": str(sequence.background_path)},
         "particle_filter": {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz", "transform_timeout": 1.0},
     }
-    with processes(graph, tmp_path, overrides):
+    with processes(NODES, {name: QUEUE | overrides.get(name, {}) for name in NODES}, tmp_path):
         statuses = graph.listen(FilterStatus, "filter_status", latched=True)
         connect(graph, statuses, sequence.image(0))
         node = replay(graph, tmp_path / "x.mcap", ack_topic="filter_status", ack_timeout=0.05, clock=True)

@@ -19,7 +19,7 @@ from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_bringup.rtde_receiver import ArmState
 from midastouch_bringup.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import stamp_ns, transform_from_msg
+from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
 POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])

@@ -23,9 +23,9 @@ from midastouch_bringup.nodes.all_in_one import make_nodes
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -21,7 +21,6 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses
 from midastouch_perception.tcn import load_tcn
-from midastouch_perception.tdn.inputs import SCALE
 
 PARTS = 20
 RELIEF_EVERY = 4  # steps; the others are quick, so that there can be many
@@ -30,7 +29,7 @@ RELIEF_EVERY = 4  # steps; the others are quick, so that there can be many
 def touches(slide: Slide, mesh: ObjectMesh) -> list[Measurement]:
     """What is felt at each pose of the slide."""
     sensor = SensorModel.load("digit_tacto")
-    penetration = PenetrationRenderer(mesh, sensor.scaled(SCALE)).render(slide.poses)
+    penetration = PenetrationRenderer(mesh, sensor.for_maps).render(slide.poses)
     codes = load_tcn("fast", sensor).encode(penetration)
     return [Measurement(True, code, 1e-5, "", reduced_relief(p)) for code, p in zip(codes, penetration, strict=True)]
 

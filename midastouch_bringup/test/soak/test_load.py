@@ -16,8 +16,8 @@ from tf2_msgs.msg import TFMessage
 from midastouch_bringup.node_processes import NodeProcesses, resident_mb
 from midastouch_bringup.parameter_files import written
 from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_ns
 from midastouch_perception.ros.testing import Graph, open_graph
 
 pytestmark = pytest.mark.dds

@@ -12,7 +12,7 @@ from midastouch_perception.ros.managed_node import AUTOSTART
 from midastouch_perception.ros.parameters import QUEUE, Parameter, Parameters
 
 from ..config import FilterConfig
-from .localiser import Start
+from ..localiser import Start
 
 _INITIAL_POSE = tuple(
     Parameter(f"initial_pose.{name}", 0.0, text, unit=unit)

@@ -10,7 +10,7 @@ from std_srvs.srv import Empty
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError
 
-from .localiser import Localiser
+from ..localiser import Localiser
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 

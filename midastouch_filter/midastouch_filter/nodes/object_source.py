@@ -10,7 +10,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.ros.parameters import Parameters
 
 from ..config import FilterConfig
-from .localiser import LoadedObject
+from ..localiser import LoadedObject
 from .resources import require_within, resolve
 
 

@@ -10,10 +10,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from midastouch_perception.errors import InputError
-from midastouch_perception.nodes.steps import in_steps
+from midastouch_perception.message_arrays import points_from_msg, stamp_ns
 from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import points_from_msg, stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
 from ..refinement import reduced_relief
@@ -69,7 +68,7 @@ class ReliefSource:
         if cloud is None:
             return None
         try:
-            return reduced_relief(in_steps(penetration_from_cloud(points_from_msg(cloud), sensor)))
+            return reduced_relief(penetration_from_cloud(points_from_msg(cloud), sensor))
         except InputError as error:
             self._on_bad(f"{self._topic}: {error}")
             return None

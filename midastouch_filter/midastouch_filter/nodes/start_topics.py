@@ -11,13 +11,13 @@ from rclpy.node import Node
 
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import covariance_from_msg, pose_from_msg
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import covariance_from_msg, pose_from_msg
 from midastouch_perception.ros.parameters import Parameters
 
+from ..localiser import Localiser, Start
+from ..pose_prior import spread_of
 from ..transforms import TransformError
-from .localiser import Localiser, Start
-from .pose_prior import spread_of
 from .transform_source import TransformSource
 
 

@@ -7,10 +7,11 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_from_msg
+from midastouch_perception.message_arrays import transform_from_msg
+from midastouch_perception.ros.conversions import stamp_from_ns
 
-from ..scalar_pose import Pose
 from ..transforms import HISTORY_S, SECOND, FrameTree, Link, PastExtrapolationError, TransformBuffer, TransformError
+from ..transforms.scalar_pose import Pose
 
 try:
     import tf2_py

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from tf2_msgs.msg import TFMessage
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 
-from ..transform_wire import WireTransforms, frame_name
 from ..transforms import (
     JUMP_S,
     SECOND,
@@ -24,18 +22,14 @@ from ..transforms import (
     PastExtrapolationError,
     TransformBuffer,
     TransformError,
+    ancestors,
 )
+from ..transforms.queue import Wait
+from ..transforms.wire import WireTransforms, frame_name
 from .tf2_buffer import make_buffer
 from .topic_reader import TopicReader
 
 _JUMP_NS = round(JUMP_S * SECOND)
-
-
-@dataclass(frozen=True)
-class Wait:
-    """The transform is not there yet but may still come; `reason` says what is missing."""
-
-    reason: str
 
 
 class TransformSource:
@@ -163,7 +157,7 @@ class TransformSource:
         self._insert(link, sample)
         self._links[link.name] = link
         parents = {each.child: each.parent for each in self._links.values()}
-        chains = [_chain(frame, parents) for frame in self._frames]
+        chains = [set(ancestors(frame, parents.get)) for frame in self._frames]
         common = set.intersection(*chains)
         self._between = set.union(*chains) - common
         for each in self._links.values():
@@ -221,11 +215,3 @@ class _Link:
         self.parent, self.child = frame_name(parent), frame_name(child)
         self.on_the_way = True
         self.last: _Sample | None = None
-
-
-def _chain(frame: str, parents: dict[str, str]) -> set[str]:
-    """The frame and all above it."""
-    chain = {frame}
-    while (frame := parents.get(frame, frame)) not in chain:
-        chain.add(frame)
-    return chain

@@ -7,7 +7,7 @@ import math
 from geometry_msgs.msg import TransformStamped
 from rclpy.time import Time
 
-from midastouch_filter.scalar_pose import IDENTITY, Pose, interpolate, invert, multiply
+from midastouch_filter.transforms.scalar_pose import IDENTITY, Pose, interpolate, invert, multiply
 
 SECOND = 1_000_000_000
 

@@ -11,7 +11,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.state import WAITING
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.message_arrays import stamp_ns
 
 REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0, "transform_timeout": 300.0}
 OBJECT = {"mesh": "/data/mug.ply", "codebook": "/data/mug.npz"}

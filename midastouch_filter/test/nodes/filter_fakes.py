@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_filter.estimate import Estimate, Mode
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.state import AMBIGUOUS, Status
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception import se3

@@ -14,15 +14,15 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.state import STATES
 from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 DIM = 16

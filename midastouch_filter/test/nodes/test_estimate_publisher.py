@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus, PoseModes
-from midastouch_perception.ros.conversions import stamp_ns, transform_from_msg
+from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
 

@@ -23,7 +23,7 @@ from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]

@@ -12,7 +12,8 @@ from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, load
 from sensor_msgs.msg import PointCloud2
 
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.finger_memory import FingerMemory
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.refinement import reduced_relief
 from midastouch_msgs.msg import FilterStatus, TactileCode
@@ -30,11 +31,15 @@ class Hand(Bench):
     def __init__(self, graph, load=None, **parameters):
         super().__init__(graph, load, **{**OBJECT, "fingers": "/right:right_gel", **parameters})
         self.now = 0.0
-        for finger in self.node._fingers._fingers:
+        for finger in self.memories:
             finger._now = lambda: self.now
         self.touches = [self.codes, graph.publisher(TactileCode, "/right/tactile/code")]
         if parameters.get("refinement", True):
             self.clouds = [graph.publisher(PointCloud2, f"{finger}tactile/points") for finger in ("", "/right/")]
+
+    @property
+    def memories(self) -> list[FingerMemory]:
+        return list(self.node._codes._fingers._fingers.values())
 
     def place(self, stamp: int, T_base_gel: np.ndarray, T_base_right: np.ndarray | None = None) -> None:
         self.tf.publish(tf_msg(stamp, T_base_gel))
@@ -122,7 +127,7 @@ def test_a_finger_that_is_back_is_no_longer_named(graph):
     hand.now += 0.35
     assert hand.frame(2 * SECOND, (0,)).reason.endswith("; without /right")
     hand.touches[1].publish(code_msg(3 * SECOND))
-    graph.spin_until(lambda: hand.node._fingers._fingers[0]._newest == 3 * SECOND, "the finger's code")
+    graph.spin_until(lambda: hand.memories[0]._newest == 3 * SECOND, "the finger's code")
     hand.touches[0].publish(code_msg(2 * SECOND))
     graph.spin_until(lambda: len(hand.answers(2 * SECOND)) == 2, "the answer to the repeated code")
     assert "without" not in hand.answers(2 * SECOND)[1].reason
@@ -139,7 +144,7 @@ def test_a_finger_that_lags_is_waited_for_once(graph):
         statuses.append(hand.answer(stamp))
     assert [others == {} for others in hand.filter.others[1:]] == [True] * 5
     assert skipped(statuses[-1])["missing_code of /right"] == 5
-    finger = hand.node._fingers._fingers[0]
+    finger = hand.memories[0]
     assert finger._given_up
     hand.frame(SECOND + 200 * MS)
     hand.frame(SECOND + 233 * MS)

@@ -9,7 +9,7 @@ import pytest
 from filter_fakes import code_msg
 
 from midastouch_filter.nodes.finger_topics import FingerTopics
-from midastouch_filter.nodes.transform_source import Wait
+from midastouch_filter.transforms.queue import Wait
 
 MS = 1_000_000
 PARAMETERS = {
@@ -29,12 +29,13 @@ class World:
     def __init__(self):
         self.placed, self.now, callbacks = 0, 0.0, []
         node = types.SimpleNamespace(create_subscription=lambda kind, topic, callback, qos: callbacks.append(callback))
-        transforms = types.SimpleNamespace(
-            lookup=lambda base, frame, stamp: np.eye(4) if stamp <= self.placed else Wait("not yet")
-        )
+
+        def lookup(base: str, frame: str, stamp: int) -> np.ndarray | Wait:
+            return np.eye(4) if stamp <= self.placed else Wait("not yet")
+
         self.bad: list[str] = []
         self.fingers = FingerTopics(
-            node, PARAMETERS, False, transforms, lambda: self.now, lambda: None, lambda kind, _: self.bad.append(kind)
+            node, PARAMETERS, False, lookup, lambda: self.now, lambda: None, lambda kind, _: self.bad.append(kind)
         )
         (self._on_code,) = callbacks
 

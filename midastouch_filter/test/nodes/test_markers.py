@@ -8,7 +8,7 @@ from visualization_msgs.msg import Marker
 from midastouch_filter.estimate import Mode
 from midastouch_filter.nodes import markers
 from midastouch_perception import se3
-from midastouch_perception.ros.conversions import points_from_msg
+from midastouch_perception.message_arrays import points_from_msg
 
 HEADER = Header(frame_id="object")
 

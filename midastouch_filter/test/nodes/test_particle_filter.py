@@ -18,7 +18,7 @@ from midastouch_filter.nodes import tf2_buffer
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import pose_from_msg, stamp_ns
+from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from midastouch_filter.nodes.localiser import LoadedObject
+from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
@@ -122,8 +122,9 @@ def test_nobody_was_silent_while_an_object_was_read(graph):
     bench.frame(SECOND)
 
     def pass_time() -> None:
-        bench.node._last_arrival -= 1000.0
-        bench.node._fingers._fingers[0]._heard -= 1000.0
+        bench.node._codes._last_arrival -= 1000.0
+        for finger in bench.node._codes._fingers._fingers.values():
+            finger._heard -= 1000.0
 
     bench.while_loading = pass_time
     assert bench.set_object("cup").success
@@ -138,7 +139,7 @@ def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
     bench.frame(SECOND)
     for stamp in (2, 3):
         bench.codes.publish(code_msg(stamp * SECOND))
-    graph.spin_until(lambda: len(bench.node._queue) == 2, "the codes in the queue")
+    graph.spin_until(lambda: bench.node._codes.waiting == 2, "the codes in the queue")
     assert bench.set_object("cup").success
     graph.spin_until(lambda: bench.answers(2 * SECOND) and bench.answers(3 * SECOND), "an answer to both")
     assert "the object was changed" in bench.answers(3 * SECOND)[0].reason

@@ -77,7 +77,7 @@ def test_object_pose_prior_starts_at_the_next_frame(graph):
 
     def camera_is_known() -> bool:
         with contextlib.suppress(TransformError):
-            return bench.node._transforms.newest("base_link", "camera") is not None
+            return bench.node._codes.transforms.newest("base_link", "camera") is not None
         return False
 
     graph.spin_until(camera_is_known)

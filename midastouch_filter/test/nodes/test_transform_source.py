@@ -11,8 +11,9 @@ from filter_fakes import SECOND, tf_msg, translation
 from tf2_msgs.msg import TFMessage
 
 from midastouch_filter.nodes import tf2_buffer
-from midastouch_filter.nodes.transform_source import TransformSource, Wait
+from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import PastExtrapolationError, TransformError
+from midastouch_filter.transforms.queue import Wait
 from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds

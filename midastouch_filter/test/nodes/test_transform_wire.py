@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
-from midastouch_filter.transform_wire import WireTransforms, frame_name
+from midastouch_filter.transforms.wire import WireTransforms, frame_name
 from midastouch_perception.errors import InputError
 
 names = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)

@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import InputError
 from ..sensor_calibration import SensorCalibration, background_colours, plain_slopes
 from ..sensor_model import SensorModel
-from ..tdn.inputs import SCALE, ContactLight, check_image, reduce_image
+from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .presses import Press, background_behind, look_at, visible_share
 from .refine import refine_contacts
@@ -55,7 +55,7 @@ def calibrate(
         raise InputError(f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses, in different places")
     for name, image in images.items():
         check_image(image, sensor, name)
-    half, radius = sensor.scaled(SCALE), 0.5 * ball_diameter
+    half, radius = sensor.for_maps, 0.5 * ball_diameter
     if background is None:
         background = background_behind(list(images.values()), radius, half)
     light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)

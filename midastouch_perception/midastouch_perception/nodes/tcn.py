@@ -5,22 +5,22 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import numpy as np
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from midastouch_msgs.msg import TactileCode
 
+from ..contact import Contact
 from ..errors import InputError
+from ..message_arrays import points_from_msg
+from ..pipeline import CodeStage, Touch
 from ..pointcloud import penetration_from_cloud
 from ..ros import diagnostics, qos, spin
-from ..ros.conversions import float32_to_msg, points_from_msg
+from ..ros.conversions import float32_to_msg
 from ..ros.managed_node import AUTOSTART, ManagedNode
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
-from ..tdn.inputs import SCALE
-from .stages import Code, CodeStage, Depth
 
 PARAMETERS = (
     Parameter("tcn", "fast", "Code network: a shipped one by name, or the path of its ONNX file"),
@@ -33,15 +33,15 @@ PARAMETERS = (
 class TcnNode(ManagedNode):
     """While active, every valid cloud yields one TactileCode of its stamp and frame; an empty cloud one without code.
 
-    `tcn` replaces the network that the parameters name. When all stages run in one process, `on_depth` takes
-    the place of the cloud (`subscribe` false) and `sink`, called with the header and the code of each frame,
+    `tcn` replaces the network that the parameters name. When all stages run in one process, `on_contact` takes
+    the place of the cloud (`subscribe` false) and `sink`, called with the header and the touch of each frame,
     that of the code on the way to the filter.
     """
 
     def __init__(
         self,
         tcn=None,
-        sink: Callable[[Header, Code], None] | None = None,
+        sink: Callable[[Header, Touch], None] | None = None,
         subscribe: bool = True,
         **node_options,
     ):
@@ -57,7 +57,7 @@ class TcnNode(ManagedNode):
     def configure(self) -> None:
         """Load the code network."""
         sensor = SensorModel.load(self.parameters["sensor_model"])
-        self._map_sensor = sensor.scaled(SCALE)
+        self._map_sensor = sensor.for_maps
         self.say(f"loading the code network '{self.parameters['tcn']}'")
         self._stage = CodeStage(self._given or load_tcn(self.parameters["tcn"], sensor))
 
@@ -74,32 +74,30 @@ class TcnNode(ManagedNode):
     def _on_points(self, msg: PointCloud2) -> None:
         started = time.perf_counter()
         try:
-            points = points_from_msg(msg)
-            penetration = penetration_from_cloud(points, self._map_sensor)
+            penetration = penetration_from_cloud(points_from_msg(msg), self._map_sensor)
         except InputError as error:
             self.diagnostics.problem("bad_clouds", f"tactile/points: {error}")
             return
-        self._encode(msg.header, penetration, len(points) * self._map_sensor.pixel_area, started)
+        self._encode(msg.header, Contact.of(penetration, self._map_sensor), started)
 
-    def on_depth(self, header: Header, depth: Depth) -> None:
+    def on_contact(self, header: Header, contact: Contact) -> None:
         """The depth stage's result, handed over in one process; what comes while the node is not active is dropped."""
-        if not self.active:
-            return
-        self._encode(header, depth.penetration, depth.area_m2, time.perf_counter())
+        if self.active:
+            self._encode(header, contact, time.perf_counter())
 
-    def _encode(self, header: Header, penetration: np.ndarray, area: float, started: float) -> None:
-        code = self._stage.process(penetration, area)
+    def _encode(self, header: Header, contact: Contact, started: float) -> None:
+        touch = self._stage.process(contact)
         self._codes.publish(
             TactileCode(
                 header=header,
-                in_contact=code.in_contact,
-                contact_area=float(code.area_m2),
-                code=float32_to_msg(code.values),
-                network_id=code.network_id,
+                in_contact=contact.in_contact,
+                contact_area=contact.area_m2,
+                code=float32_to_msg([] if touch.code is None else touch.code),
+                network_id=touch.network_id,
             )
         )
         if self._sink is not None:
-            self._sink(header, code)
+            self._sink(header, touch)
         self._rate.add(time.perf_counter() - started)
 
     def describe(self) -> tuple[bytes, str, dict]:

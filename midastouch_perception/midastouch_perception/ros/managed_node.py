@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from digit_driver.nodes.lifecycle import RobustLifecycleNode
+from digit_driver.ros.lifecycle import RobustLifecycleNode
 
 from ..errors import InputError
 from . import diagnostics

@@ -8,7 +8,6 @@ import numpy as np
 
 from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from ..tdn.inputs import SCALE
 from .inputs import code_input
 from .minkloc3d import SUFFIX, MinkLocCodeNet
 
@@ -24,7 +23,7 @@ class TactileCodeNet:
 
     def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
         self._network = OnnxNetwork("tcn", name_or_path, threads)
-        self.sensor = (sensor or SensorModel.load("digit_tacto")).scaled(SCALE)
+        self.sensor = (sensor or SensorModel.load("digit_tacto")).for_maps
         self.dim = int(self._network.card["dim"])
         self.calibration: dict[str, float] = self._network.card["calibration"]
 

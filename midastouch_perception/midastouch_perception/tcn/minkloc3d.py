@@ -12,7 +12,6 @@ from ..files import atomic_path, require_file, sha256
 from ..model_card import read_card, write_card
 from ..sensor_model import SensorModel
 from ..state_dict import matched
-from ..tdn.inputs import SCALE
 from .minkloc3d_cloud import contact_cloud, scaled_cloud
 from .minkloc3d_network import DIM, MinkLoc3D, expected_shapes
 from .minkloc3d_voxels import Voxels, quantise
@@ -48,7 +47,7 @@ class MinkLocCodeNet:
         self.dim = DIM
         self.calibration: dict[str, float] = card["calibration"]
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
-        self.sensor = self._image_sensor.scaled(SCALE)
+        self.sensor = self._image_sensor.for_maps
         self._seed = seed
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:

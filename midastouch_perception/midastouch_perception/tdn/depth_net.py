@@ -9,7 +9,7 @@ import numpy as np
 
 from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from .inputs import SCALE, ContactLight, check_image, reduce_image
+from .inputs import ContactLight, check_image, reduce_image
 
 
 class DepthNet(ABC):
@@ -21,7 +21,7 @@ class DepthNet(ABC):
     def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
         self._network = OnnxNetwork("tdn", name_or_path, threads)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
-        self.sensor = self._image_sensor.scaled(SCALE)
+        self.sensor = self._image_sensor.for_maps
         self._background: tuple[np.ndarray, ContactLight] | None = None
 
     @property

@@ -6,9 +6,8 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..sensor_model import SensorModel
+from ..sensor_model import MAP_SCALE, SensorModel
 
-SCALE = 0.5  # the network works at half the image's resolution
 _GREY_LEVELS = 32.0
 _REFERENCE = 100.0  # grey levels of the background that a relative difference is expressed for
 _DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
@@ -31,7 +30,7 @@ def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray
 
 def reduce_image(image: np.ndarray) -> np.ndarray:
     """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
-    height, width = round(image.shape[0] * SCALE), round(image.shape[1] * SCALE)
+    height, width = round(image.shape[0] * MAP_SCALE), round(image.shape[1] * MAP_SCALE)
     return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
 
 

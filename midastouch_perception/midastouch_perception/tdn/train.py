@@ -20,7 +20,7 @@ from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from ..training.touches import shuffled, touches
 from ..training.unfolding import unfold
-from .inputs import SCALE, difference_input, geometry_input
+from .inputs import difference_input, geometry_input
 from .network import UNet, UNetWithEmbedding
 
 _BATCH = 32
@@ -32,7 +32,7 @@ CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 def training_sensors() -> list[SensorModel]:
     """The geometries trained for: mostly TACTO's, the real DIGIT's, and some in between."""
-    tacto, real = SensorModel.load("digit_tacto").scaled(SCALE), SensorModel.load("digit_real").scaled(SCALE)
+    tacto, real = SensorModel.load("digit_tacto").for_maps, SensorModel.load("digit_real").for_maps
     between = [dataclasses.replace(real, focal=f) for f in (170.0, 190.0, 215.0, 235.0)]
     return [tacto] * 5 + [real] * 3 + between
 

@@ -13,7 +13,6 @@ from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.colour_table import ColourTable
 from ..simulation.randomisation import RandomisationRange
-from ..tdn.inputs import SCALE
 from .backgrounds import load_backgrounds
 from .objects import load_objects
 
@@ -70,7 +69,7 @@ class TrainingData:
     def load(cls, options: TrainingOptions) -> TrainingData:
         """Read what the options name. Raises InputError for folders without meshes or images, or a bad table."""
         table = ColourTable.load(options.colour_table) if options.colour_table else None
-        sensor = SensorModel.load("digit_tacto").scaled(SCALE)
+        sensor = SensorModel.load("digit_tacto").for_maps
         return cls(
             *load_objects(options.meshes, _PROCEDURAL, options.seed),
             *load_backgrounds(options.backgrounds, sensor.height, sensor.width),

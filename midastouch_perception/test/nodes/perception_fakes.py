@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Header
 
-from midastouch_perception.contact import Contact
+from midastouch_perception.contact import Contact, in_steps
 from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
+from midastouch_perception.sensor_model import SensorModel
 
 BACKGROUND = np.full((320, 240, 3), 100, np.uint8)
 
@@ -14,17 +15,15 @@ BACKGROUND = np.full((320, 240, 3), 100, np.uint8)
 class FakeDepthStage:
     """10 um of penetration per grey level by which the red channel is above the background."""
 
-    skipped = 0
-
     def __init__(self):
         self.calls = 0
+        self.skipped = {"image_unchanged": 0, "no_contact": 0}
+        self._sensor = SensorModel.load("digit_tacto").scaled(0.5)
 
-    def process(self, image: np.ndarray, background: np.ndarray) -> tuple[np.ndarray, Contact]:
+    def process(self, image: np.ndarray, background: np.ndarray) -> Contact:
         self.calls += 1
         rise = image[::2, ::2, 0].astype(np.float32) - background[::2, ::2, 0]
-        penetration = np.maximum(rise, 0) * np.float32(1e-5)
-        mask = penetration > 0
-        return penetration, Contact(bool(mask.any()), 1e-8 * np.count_nonzero(mask), mask)
+        return Contact.of(in_steps(np.maximum(rise, 0) * np.float32(1e-5)), self._sensor)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
         return bool((candidate > background).any())

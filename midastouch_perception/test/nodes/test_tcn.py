@@ -8,10 +8,11 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from midastouch_msgs.msg import TactileCode
-from midastouch_perception.nodes.stages import Depth
+from midastouch_perception.contact import Contact
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.pointcloud import cloud_from_penetration
-from midastouch_perception.ros.conversions import points_to_msg, stamp_from_ns, stamp_ns
+from midastouch_perception.ros.conversions import points_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
@@ -20,7 +21,7 @@ REPLAY = {"queue_depth": 100, "reliable": True}
 
 
 def penetration_of(pixels: np.ndarray) -> np.ndarray:
-    return FakeDepthStage().process(pixels, BACKGROUND)[0]
+    return FakeDepthStage().process(pixels, BACKGROUND).penetration
 
 
 def cloud(penetration: np.ndarray, stamp: int) -> PointCloud2:
@@ -43,7 +44,7 @@ def test_every_cloud_yields_a_code_of_its_stamp(graph):
     assert len(codes[0].code) == 0
     assert codes[0].contact_area == 0
     for code, penetration in zip(codes[1:], maps[1:], strict=True):
-        np.testing.assert_allclose(code.code, tcn.encode(penetration), atol=1e-5)
+        np.testing.assert_array_equal(np.array(code.code, np.float32), tcn.encode(penetration))
         expected = np.count_nonzero(penetration) * SENSOR.pixel_area
         assert code.contact_area == pytest.approx(expected, rel=1e-6)
 
@@ -66,19 +67,19 @@ def test_bad_clouds_are_counted_and_survived(graph):
     graph.spin_until(lambda: counted() == "2")
 
 
-def test_depth_handed_over_gives_the_code_of_its_cloud(graph):
+def test_a_contact_handed_over_gives_the_code_of_its_cloud(graph):
     handed = []
     node = graph.add(
         lambda **options: TcnNode(tcn=FakeTcn(), sink=lambda *f: handed.append(f), subscribe=False, **options),
         REPLAY,
     )
     codes = graph.listen(TactileCode, "tactile/code")
-    penetration = penetration_of(touched(60))
+    contact = Contact.of(penetration_of(touched(60)), SENSOR)
     header = Header(stamp=stamp_from_ns(3), frame_id="digit_gel_frame")
-    node.on_depth(header, Depth(True, 1e-5, penetration))
+    node.on_contact(header, contact)
     graph.spin_until(lambda: codes)
     assert codes[0].header == header
-    (sent_header, code), *_ = handed
+    (sent_header, touch), *_ = handed
     assert sent_header == header
-    np.testing.assert_array_equal(code.values, np.array(codes[0].code, np.float32))
-    assert code.area_m2 == 1e-5
+    np.testing.assert_array_equal(touch.code, np.array(codes[0].code, np.float32))
+    assert touch.contact is contact

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.errors import InputError
-from midastouch_perception.ros.conversions import stamp_ns
+from midastouch_perception.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 DIMMED = BACKGROUND - 20

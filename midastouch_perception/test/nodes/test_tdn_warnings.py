@@ -11,8 +11,8 @@ from sensor_msgs.msg import Image
 from tdn_rig import REPLAY, start, warnings_of
 
 from midastouch_msgs.msg import TactileContact
+from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.ros.conversions import stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -9,6 +9,7 @@ from geometry_msgs.msg import Pose
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
+from midastouch_perception import message_arrays as arrays
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import conversions as c
@@ -29,7 +30,7 @@ def test_image_round_trip(encoding):
     msg = c.image_to_msg(pixels, encoding, HEADER)
     assert isinstance(msg.data, array.array)
     assert (msg.height, msg.width, msg.header.frame_id) == (5, 4, "somewhere")
-    np.testing.assert_array_equal(c.image_from_msg(msg), pixels)
+    np.testing.assert_array_equal(arrays.image_from_msg(msg), pixels)
 
 
 def test_image_with_padded_rows_and_foreign_byte_order():
@@ -38,12 +39,12 @@ def test_image_with_padded_rows_and_foreign_byte_order():
     padded = np.zeros((5, msg.step + 6), np.uint8)
     padded[:, : msg.step] = pixels.byteswap().view(np.uint8).reshape(5, -1)
     msg.step, msg.data, msg.is_bigendian = padded.shape[1], array.array("B", padded.tobytes()), 1
-    np.testing.assert_array_equal(c.image_from_msg(msg), pixels)
+    np.testing.assert_array_equal(arrays.image_from_msg(msg), pixels)
 
 
 def test_bgr_becomes_rgb():
     pixels = image("bgr8", np.random.default_rng(2))
-    rgb = c.rgb_from_msg(c.image_to_msg(pixels, "bgr8", HEADER), 5, 4)
+    rgb = arrays.rgb_from_msg(c.image_to_msg(pixels, "bgr8", HEADER), 5, 4)
     np.testing.assert_array_equal(rgb, pixels[:, :, ::-1])
     assert rgb.flags.c_contiguous
 
@@ -64,13 +65,13 @@ def test_images_that_lie_are_refused(change, complaint):
     for name, value in change.items():
         setattr(msg, name, value)
     with pytest.raises(InputError, match=complaint):
-        c.rgb_from_msg(msg, 5, 4)
+        arrays.rgb_from_msg(msg, 5, 4)
 
 
 def test_landscape_image_is_refused_with_the_mend():
     msg = c.image_to_msg(image("rgb8", np.random.default_rng(3), height=4, width=5), "rgb8", HEADER)
     with pytest.raises(InputError, match="rotate it to portrait"):
-        c.rgb_from_msg(msg, 5, 4)
+        arrays.rgb_from_msg(msg, 5, 4)
 
 
 @pytest.mark.parametrize("n", [0, 1, 1000])
@@ -79,7 +80,7 @@ def test_cloud_round_trip(n):
     msg = c.points_to_msg(points, HEADER, intensity=np.arange(n))
     assert (msg.width, msg.height, msg.point_step, msg.is_dense) == (n, 1, 16, True)
     assert isinstance(msg.data, array.array)
-    np.testing.assert_array_equal(c.points_from_msg(msg), points)
+    np.testing.assert_array_equal(arrays.points_from_msg(msg), points)
 
 
 def test_cloud_that_is_organised_padded_and_big_endian():
@@ -89,7 +90,7 @@ def test_cloud_that_is_organised_padded_and_big_endian():
     rows[:, :36] = np.frombuffer(points.tobytes(), np.uint8).reshape(2, 36)
     msg.height, msg.width, msg.row_step, msg.is_bigendian = 2, 3, 44, True
     msg.data = array.array("B", rows.tobytes())
-    np.testing.assert_array_equal(c.points_from_msg(msg), points.reshape(6, 3).astype(np.float32))
+    np.testing.assert_array_equal(arrays.points_from_msg(msg), points.reshape(6, 3).astype(np.float32))
 
 
 def _cloud(**changes) -> PointCloud2:
@@ -114,45 +115,45 @@ def _cloud(**changes) -> PointCloud2:
 )
 def test_clouds_that_lie_are_refused(msg, complaint):
     with pytest.raises(InputError, match=complaint):
-        c.points_from_msg(msg)
+        arrays.points_from_msg(msg)
 
 
 def test_poses_and_transforms_round_trip():
     rng = np.random.default_rng(6)
     poses = se3.make(se3.random_rotations(20, rng), rng.normal(size=(20, 3)))
     for pose, msg in zip(poses, c.poses_to_msgs(poses), strict=True):
-        np.testing.assert_allclose(c.pose_from_msg(msg), pose, atol=1e-12)
-        np.testing.assert_allclose(c.transform_from_msg(c.transform_to_msg(pose)), pose, atol=1e-12)
+        np.testing.assert_allclose(arrays.pose_from_msg(msg), pose, atol=1e-12)
+        np.testing.assert_allclose(arrays.transform_from_msg(c.transform_to_msg(pose)), pose, atol=1e-12)
 
 
 def test_a_pose_without_rotation_is_refused():
     msg = Pose()
     msg.orientation.w = 0.0
     with pytest.raises(InputError, match="zero quaternion"):
-        c.pose_from_msg(msg)
+        arrays.pose_from_msg(msg)
 
 
 def test_covariance_must_be_finite_without_negative_variance():
     values = np.eye(6).ravel()
-    np.testing.assert_array_equal(c.covariance_from_msg(values), np.eye(6))
+    np.testing.assert_array_equal(arrays.covariance_from_msg(values), np.eye(6))
     for bad in (np.nan, -1.0):
         values[7] = bad
         with pytest.raises(InputError, match="covariance"):
-            c.covariance_from_msg(values)
+            arrays.covariance_from_msg(values)
 
 
 def test_stamps_round_trip_to_the_nanosecond():
     for nanoseconds in (0, 1, 1_700_000_000_123_456_789):
-        assert c.stamp_ns(c.stamp_from_ns(nanoseconds)) == nanoseconds
+        assert arrays.stamp_ns(c.stamp_from_ns(nanoseconds)) == nanoseconds
 
 
 def test_stamps_beyond_what_a_message_holds_are_the_nearest_it_does():
     """A message may say more nanoseconds than a second has, and so lie beyond its own range."""
-    latest = c.stamp_ns(Time(sec=2**31 - 1, nanosec=2**32 - 1))
+    latest = arrays.stamp_ns(Time(sec=2**31 - 1, nanosec=2**32 - 1))
     assert c.stamp_from_ns(latest).sec == 2**31 - 1
     assert c.stamp_from_ns(-(10**30)).sec == -(2**31)
 
 
 def test_empty_image_message_is_refused():
     with pytest.raises(InputError):
-        c.image_from_msg(Image())
+        arrays.image_from_msg(Image())

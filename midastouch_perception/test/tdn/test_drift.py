@@ -60,7 +60,7 @@ def test_warm_up_is_no_contact():
 
     tdn = Watched()
     stage = DepthStage(tdn)
-    felt = [stage.process(frame(3e-4 * i), background)[1].in_contact for i in range(200)]
+    felt = [stage.process(frame(3e-4 * i), background).in_contact for i in range(200)]
     assert np.mean(felt) < 0.05
     stage.process(frame(0.06), background)
     learned = np.abs(tdn.shown).mean()

@@ -1,15 +1,21 @@
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from filter_fakes import DIAGONAL, FakeFilter, translation
 
 from midastouch_filter.filter import Measurement
-from midastouch_filter.nodes.localiser import LoadedObject, Localiser, Start
+from midastouch_filter.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.touch import FingerTouch
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+
+sys.path.insert(0, str(Path(__file__).parent / "nodes"))
+
+from filter_fakes import DIAGONAL, FakeFilter, translation
 
 TOUCH = Measurement(True, np.array([0.6, 0.8], np.float32), 1e-5, "fake")
 START = Start(translation(0.1), 0.01, 0.2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midastouch_perception.errors import InputError
-from midastouch_perception.nodes.background_store import BackgroundStore, default_folder
+from midastouch_perception.tdn.background_store import BackgroundStore, default_folder
 
 
 @pytest.fixture

@@ -1,7 +1,4 @@
-"""What a PoseWithCovariance from a user or a camera says to the filter: a spread it can start with.
-
-ROS-free.
-"""
+"""What a PoseWithCovariance from a user or a camera says to the filter: a spread it can start with."""
 
 from __future__ import annotations
 

@@ -3,10 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from midastouch_filter.nodes import transform_queue
-from midastouch_filter.nodes.transform_queue import TransformQueue
-from midastouch_filter.nodes.transform_source import Wait
-from midastouch_filter.transforms import PastExtrapolationError
+from midastouch_filter.transforms import PastExtrapolationError, queue
+from midastouch_filter.transforms.queue import TransformQueue, Wait
 
 
 class World:
@@ -75,7 +73,7 @@ def test_no_hope_is_given_up_at_once():
 
 
 def test_a_clock_that_stands_still_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(transform_queue, "_MOST", 3)
+    monkeypatch.setattr(queue, "_MOST", 3)
     world = World()
     for stamp in range(1, 6):
         world.queue.push(stamp, f"item {stamp}")

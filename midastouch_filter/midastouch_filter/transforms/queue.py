@@ -11,13 +11,19 @@ import numpy as np
 
 from midastouch_perception.errors import InputError
 
-from ..transforms import TransformError
-from .transform_source import Wait
+from .errors import TransformError
 
 # Nobody is told of shorter waits: live, transforms often come some milliseconds after their image.
 _WORTH_SAYING = 0.05
 # Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
 _MOST = 4096
+
+
+@dataclass(frozen=True)
+class Wait:
+    """The transform is not there yet but may still come; `reason` says what is missing."""
+
+    reason: str
 
 
 @dataclass(frozen=True)

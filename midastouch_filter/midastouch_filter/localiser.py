@@ -1,4 +1,4 @@
-"""The filter on one object, with its start: what the node does between two messages, without ROS."""
+"""The filter on one object, with its start: what the node does between two messages."""
 
 from __future__ import annotations
 
@@ -13,15 +13,14 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tdn.inputs import SCALE
 
-from .. import memory
-from ..config import FilterConfig
-from ..estimate import Estimate
-from ..filter import ParticleFilter
-from ..initialisation import checked_prior
-from ..touch import FingerTouch, Measurement
+from . import memory
+from .config import FilterConfig
+from .estimate import Estimate
+from .filter import ParticleFilter
+from .initialisation import checked_prior
 from .pose_prior import spread_at_lever
+from .touch import FingerTouch, Measurement
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,7 +71,7 @@ def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed
     codebook = Codebook.load(codebook_path, mesh=mesh)
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     memory.trim()
-    sensor = SensorModel.load(codebook.meta["sensor"]).scaled(SCALE)
+    sensor = SensorModel.load(codebook.meta["sensor"]).for_maps
     return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]))
 
 
@@ -109,6 +108,11 @@ class Localiser:
         if self._object is None:
             return "no object: set the parameters mesh and codebook or call set_object"
         return "" if self._started else "waiting for initialpose or object_pose_prior (init_mode is wait)"
+
+    @property
+    def untouched(self) -> bool:
+        """Whether no frame has reached the filter since its start."""
+        return self._T_base_gel is None
 
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on another object, from scratch: poses on the old one say nothing about it."""

@@ -1,4 +1,4 @@
-"""Captured no-contact images, one per sensor, kept between starts: each DIGIT looks different. ROS-free."""
+"""Captured no-contact images, one per sensor, kept between starts: each DIGIT looks different."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import atomic_path
-from .background import read_background
+from .background_file import read_background
 
 
 def default_folder() -> Path:

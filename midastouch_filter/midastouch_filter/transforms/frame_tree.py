@@ -1,8 +1,6 @@
-"""Trees of frames whose poses are known over time, and the buffer for machines whose ROS comes without tf2.
+"""Trees of frames whose poses are known over time.
 
-Every link of the tree keeps a short history. A look-up interpolates each link at the asked stamp, linearly in
-translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead differs by millimetres
-on a lever of 0.1 m), then composes the links. Nothing is extrapolated and nothing is "latest": a caller who is too
+Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a caller who is too
 early is told so and asks again when more transforms have come.
 """
 
@@ -10,45 +8,25 @@ from __future__ import annotations
 
 import abc
 import enum
-import math
 import threading
 from bisect import bisect_left
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from .scalar_pose import IDENTITY, Pose, interpolate, invert, multiply, to_matrix
+from .errors import (
+    DisconnectedError,
+    FutureExtrapolationError,
+    InvalidTransformError,
+    PastExtrapolationError,
+    UnknownFrameError,
+)
+from .rigid import checked_pose
+from .scalar_pose import Pose
 
 SECOND = 1_000_000_000
 HISTORY_S = 10.0
 JUMP_S = 1.0
-# How far a squared quaternion norm or a rotation's Gram matrix may be from the identity: tf2's own tolerance.
-_UNIT_TOLERANCE = 1e-2
-
-
-class TransformError(Exception):
-    """A transform cannot be stored or looked up; the message names the frames and the reason."""
-
-
-class InvalidTransformError(TransformError):
-    """The transform offered is not a rigid transform between two frames of a tree."""
-
-
-class UnknownFrameError(TransformError):
-    """A frame was never mentioned; it may still come."""
-
-
-class DisconnectedError(TransformError):
-    """Both frames are known, but no chain of transforms links them (yet)."""
-
-
-class PastExtrapolationError(TransformError):
-    """The stamp is older than the history kept; waiting does not help."""
-
-
-class FutureExtrapolationError(TransformError):
-    """The stamp is newer than the newest transform; wait for the next one."""
 
 
 class Insertion(enum.Enum):
@@ -57,6 +35,14 @@ class Insertion(enum.Enum):
     ADDED = "added"
     DUPLICATE = "duplicate"  # the link already has one at this stamp: the first is kept
     TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): what came before was forgotten
+
+
+def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
+    """The frame, its parent, ... up to its root, which has none; what closes a loop comes once."""
+    chain = {frame: None}
+    while (frame := parent_of(frame)) is not None and frame not in chain:
+        chain[frame] = None
+    return list(chain)
 
 
 class Link(abc.ABC):
@@ -140,7 +126,7 @@ class FrameTree(abc.ABC):
         try:
             if not parent or not child or parent == child:
                 raise InvalidTransformError("needs two different frame names; mend its publisher")
-            pose = _checked_pose(transform)
+            pose = checked_pose(transform)
             with self._lock:
                 return self._insert(parent, child, stamp_ns, pose, static)
         except InvalidTransformError as error:
@@ -199,11 +185,7 @@ class FrameTree(abc.ABC):
             return None if link is None or link.static else link.newest
 
     def _ancestors(self, frame: str) -> list[str]:
-        """The frame, its parent, ... up to its root; finite because `insert` refuses loops."""
-        chain = [frame]
-        while (link := self._links.get(chain[-1])) is not None:
-            chain.append(link.parent)
-        return chain
+        return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) is not None else None)
 
     def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
         """Frames whose links lead from the target, and from the source, up to their first common frame."""
@@ -237,72 +219,3 @@ class FrameTree(abc.ABC):
             raise FutureExtrapolationError(
                 f"'{link.parent}' -> '{early}' at {stamp / SECOND:.6f} s: the newest is of {link.newest / SECOND:.6f} s"
             )
-
-
-class TransformBuffer(FrameTree):
-    """A tree that keeps its links' poses itself."""
-
-    def _make_link(self, parent: str, child: str, static: bool) -> Link:
-        return _History(parent, static, self._history)
-
-    def _pose(self, target: list[str], source: list[str], stamp: int, names: tuple[str, str]) -> np.ndarray:
-        return to_matrix(multiply(invert(self._compose(target, stamp)), self._compose(source, stamp)))
-
-    def _compose(self, frames: list[str], stamp: int) -> Pose:
-        """Pose of the first frame in the parent of the last."""
-        pose = IDENTITY
-        for frame in frames:
-            pose = multiply(self._links[frame].at(stamp), pose)
-        return pose
-
-
-class _History(Link):
-    """Poses beside their stamps."""
-
-    def __init__(self, parent: str, static: bool, history: int) -> None:
-        super().__init__(parent, static, history)
-        self._poses: list[Pose] = []
-
-    def _store(self, at: int, stamp: int, pose: Pose) -> None:
-        self._poses.insert(at, pose)
-
-    def _drop(self, count: int) -> None:
-        del self._poses[:count]
-
-    def at(self, stamp: int) -> Pose:
-        """Pose in the parent at a stamp inside the history."""
-        if self.static:
-            return self._poses[0]
-        after = bisect_left(self._stamps, stamp)
-        if self._stamps[after] == stamp:
-            return self._poses[after]
-        start, end = self._stamps[after - 1], self._stamps[after]
-        return interpolate(self._poses[after - 1], self._poses[after], (stamp - start) / (end - start))
-
-
-def _checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
-    if isinstance(transform, np.ndarray):
-        if transform.shape == (4, 4):
-            return _pose_of_matrix(transform)
-        transform = transform.tolist()
-    if len(transform) != 7:
-        raise InvalidTransformError(f"expected a (4, 4) matrix or 7 values, got shape {np.shape(transform)}")
-    if not all(map(math.isfinite, transform)):
-        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
-    x, y, z, qx, qy, qz, qw = transform
-    square = qx * qx + qy * qy + qz * qz + qw * qw
-    norm = math.sqrt(square)
-    if abs(square - 1.0) > _UNIT_TOLERANCE:
-        kind = "zero" if norm < 1e-6 else "not a unit quaternion"
-        raise InvalidTransformError(f"rotation is {kind} (norm {norm:.6g}); normalise it")
-    return x, y, z, qx / norm, qy / norm, qz / norm, qw / norm
-
-
-def _pose_of_matrix(matrix: np.ndarray) -> Pose:
-    if not np.isfinite(matrix).all():
-        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
-    rotation = matrix[:3, :3]
-    rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < _UNIT_TOLERANCE and np.linalg.det(rotation) > 0
-    if not rigid or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:
-        raise InvalidTransformError("the matrix is not rigid; orthonormalise its rotation")
-    return (*matrix[:3, 3].tolist(), *Rotation.from_matrix(rotation).as_quat().tolist())

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from midastouch_filter.nodes.pose_prior import spread_at_lever, spread_of
+from midastouch_filter.pose_prior import spread_at_lever, spread_of
 
 DIAGONAL = 0.1
 

@@ -1,0 +1,43 @@
+"""Run nodes until the process is told to stop, and leave cleanly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from ..stop_signals import end_at_once, stop_event
+
+
+def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
+    """Spins the nodes that ``make_nodes`` returns in one executor; the exit code for the process, which then ends.
+
+    ``args`` are the command line with its ROS arguments (None: the process' own). 0: told to stop by SIGINT, SIGTERM or
+    SIGHUP, at any moment and however often; what is going on then, the making of the nodes or a callback, is finished
+    first. 1: a node with an attribute ``gave_up`` set it. What ``make_nodes`` raises is raised.
+    """
+    end_at_once()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    nodes: Sequence[Node] = ()
+    try:
+        # a task lets spin_once return, which executor.wake() would not
+        with stop_event(lambda: executor.create_task(lambda: None)) as stopping:
+            nodes = make_nodes()
+            for node in nodes:
+                executor.add_node(node)
+            while not stopping.is_set() and not _gave_up(nodes):
+                executor.spin_once()
+    finally:
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return int(_gave_up(nodes))
+
+
+def _gave_up(nodes: Sequence[Node]) -> bool:
+    return any(getattr(node, "gave_up", False) for node in nodes)

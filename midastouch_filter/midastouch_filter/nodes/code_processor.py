@@ -1,0 +1,194 @@
+"""What the active filter node does with codes: each waits for its transform, is processed once and answered."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from midastouch_msgs.msg import TactileCode
+from midastouch_perception.errors import InputError
+from midastouch_perception.message_arrays import stamp_ns
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.managed_node import ManagedNode
+
+from ..localiser import Localiser
+from ..perceived import measurement_from_msg
+from ..state import STALE, UNINITIALISED
+from ..touch import Measurement
+from ..transforms.queue import TransformQueue, Wait
+from .estimate_publisher import EstimatePublisher
+from .finger_topics import FingerTopics, fingers_of
+from .node_clock import NodeClock
+from .relief_source import ReliefSource
+from .status_report import StatusReport
+from .transform_source import TransformSource
+
+# Stamps that run back by more than this are a new run (a looped bag); by less, a message out of order.
+_JUMP_NS = 500_000_000
+
+
+class CodeProcessor:
+    """Listens to codes and transforms from when it is made until `close`; the node destroys its subscriptions.
+
+    reliefs: whether the filter wants them. Without `subscribe` codes come through `on_code` only. Attributes:
+    transforms; network_id, of the newest code; report, what was said of the frames.
+    """
+
+    def __init__(
+        self,
+        node: ManagedNode,
+        localiser: Localiser,
+        out: EstimatePublisher,
+        clock: NodeClock,
+        reliefs: bool,
+        subscribe: bool,
+    ):
+        self._node, self._localiser, self._clock = node, localiser, clock
+        self._parameters, self._problem = node.parameters, node.diagnostics.problem
+        self.network_id = ""
+        self._newest: int | None = None
+        self._last_arrival: float | None = None
+        self._silent = False
+        self._base, self._sensor = self._parameters["base_frame_id"], self._parameters["sensor_frame_id"]
+        self._queue = TransformQueue(
+            lambda stamp: self._lookup(self._base, self._sensor, stamp),
+            self._is_incomplete,
+            clock.now,
+            lambda: self._parameters["transform_timeout"],
+            clock.steady_now,
+        )
+        self._fingers = FingerTopics(
+            node, self._parameters, reliefs, self._lookup, clock.now, self._process_queue, self._problem
+        )
+        self._reliefs: ReliefSource | None = None
+        if subscribe:
+            self._subscribe(reliefs)
+        node.create_timer(0.05, self._on_timer, clock=clock.steady)
+        # last: it has a thread, which nobody would end if something before it failed
+        self.transforms = TransformSource(
+            node,
+            frames=(self._base, self._sensor, *fingers_of(self._parameters).values()),
+            on_update=self._process_queue,
+            on_jump=self._on_transforms_jump,
+            on_bad=lambda reason: self._problem("bad_transforms", reason),
+        )
+        self.report = StatusReport(out, self._fingers, self.transforms.name)
+
+    def _subscribe(self, reliefs: bool) -> None:
+        depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
+        if reliefs:
+            self._reliefs = ReliefSource(
+                self._node,
+                depth,
+                reliable,
+                on_cloud=self._process_queue,
+                on_bad=lambda reason: self._problem("bad_clouds", reason),
+            )
+
+        def on_code(msg: TactileCode) -> None:
+            self.on_code(stamp_ns(msg.header.stamp), measurement_from_msg(msg))
+
+        self._node.create_subscription(TactileCode, "tactile/code", on_code, qos.stage_subscriber(depth, reliable))
+
+    def _lookup(self, target: str, source: str, stamp: int) -> np.ndarray | Wait:
+        return self.transforms.lookup(target, source, stamp)
+
+    def close(self) -> None:
+        """Stop reading transforms."""
+        self.transforms.close()
+
+    @property
+    def waits_for(self) -> str:
+        """What the next answer waits for, in words."""
+        return self._localiser.waiting_for or "waiting for tactile/code"
+
+    @property
+    def waiting(self) -> int:
+        """Number of codes that wait."""
+        return len(self._queue)
+
+    def on_code(self, stamp: int, measurement: Measurement) -> None:
+        """Take one code, stamp in ns; it is answered when its transform is there."""
+        if self._newest is not None and stamp < self._newest - _JUMP_NS:
+            self.transforms.rewind(stamp)
+            self._reset(stamp)
+        elif self._newest is not None and stamp <= self._newest:
+            self.report.counts["out_of_order"] += 1
+            self.report.say(stamp, STALE, "out of order: this code or a later one was here before")
+            return
+        self._newest, self.network_id = stamp, measurement.network_id
+        self._last_arrival, self._silent = self._clock.now(), False
+        self._queue.push(stamp, measurement)
+        self._process_queue()
+
+    def forgive_silence(self) -> None:
+        """Nobody was silent until now: the node did not listen."""
+        if self._last_arrival is not None:
+            self._last_arrival = self._clock.now()
+
+    def change_object(self) -> None:
+        """Forget what was felt on the object before, and answer what still waits."""
+        self._fingers.clear()
+        for stamp in self._queue.clear():
+            self.report.say(stamp, STALE, "the object was changed while this code waited for its transform")
+        self.report.forget()
+
+    def _is_incomplete(self, stamp: int, measurement: Measurement, waited: float) -> bool:
+        """Whether the code's cloud or what another finger felt is still to come."""
+        if self._reliefs is not None and measurement.in_contact and self._reliefs.awaited(stamp, waited):
+            return True
+        return self._fingers.awaited(stamp, waited)
+
+    def _process_queue(self) -> None:
+        while (ready := self._queue.pop()) is not None:
+            if ready.transform is None:
+                self.report.counts["transform_timeout"] += 1
+                self.report.say(ready.stamp, STALE, f"no transform {self._base} -> {self._sensor}: {ready.reason}")
+            else:
+                self._process(ready.stamp, ready.transform, ready.payload)
+        if (waiting := self._queue.untold()) is not None:
+            self.report.wait(waiting.stamp, waiting.reason)
+
+    def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
+        sensor = self._localiser.object.sensor if self._localiser.object is not None else None
+        if self._reliefs is not None and sensor is not None and measurement.in_contact:
+            measurement = dataclasses.replace(measurement, relief=self._reliefs.take(stamp, sensor))
+            self.report.counts["no_relief"] += measurement.relief is None
+        try:
+            others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
+            estimate = self._localiser.process(T_base_gel, measurement, others)
+        except InputError as error:
+            self._problem("bad_codes", f"tactile/code: {error}")
+            self.report.say(stamp, STALE, f"code refused: {error}")
+            return
+        if estimate is None:
+            self.report.say(stamp, UNINITIALISED, self._localiser.waiting_for)
+            return
+        self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
+
+    def _on_transforms_jump(self, stamp: int) -> None:
+        # heard of later than it happened: codes from after the jump may be here already
+        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+            self._reset(stamp)
+
+    def _reset(self, stamp: int) -> None:
+        """Time ran back to `stamp` [ns]. TF and codes may both tell of the same jump, so it counts once."""
+        self._queue.clear()
+        self._fingers.rewind(stamp)
+        self._newest = None
+        if self._localiser.untouched:
+            return
+        self.report.counts["time_jumps"] += 1
+        self._node.get_logger().warning("time ran backwards (a looped bag?): starting again")
+        self._localiser.restart()
+
+    def _on_timer(self) -> None:
+        self._process_queue()
+        timeout = self._parameters["input_timeout"]
+        if self._last_arrival is None or self._silent or self._queue:
+            return
+        if (silence := self._clock.now() - self._last_arrival) > timeout:
+            self._silent = True
+            reason = f"no tactile/code for {silence:.1f} s: is the sensor running? see /diagnostics"
+            self.report.say(self._clock.stamp(), STALE, reason)

@@ -1,0 +1,119 @@
+"""ROS messages -> NumPy arrays.
+
+A message is whatever has its attributes: rclpy's objects of the wire and rosbags' of a bag are read alike, without ROS.
+Arrays are read-only views of the message where that is possible. They raise InputError when the message does not hold
+what it says.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from . import se3
+from .errors import InputError
+
+_LARGEST_POINT = 2**16  # bytes; a NumPy record has a limit, and no sensor's points are larger
+_FLOAT32 = 7  # sensor_msgs/PointField
+# encoding -> element type, channels
+ENCODINGS = {"rgb8": (np.uint8, 3), "bgr8": (np.uint8, 3), "mono8": (np.uint8, 1), "32FC1": (np.float32, 1)}
+
+
+def stamp_ns(stamp: Any) -> int:
+    """A message's time stamp in nanoseconds."""
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def image_from_msg(msg: Any) -> np.ndarray:
+    """Pixels (H, W) or (H, W, C) of an image message, read-only; rgb8, bgr8, mono8 and 32FC1 are known."""
+    if msg.encoding not in ENCODINGS:
+        raise InputError(f"image encoding '{msg.encoding}' is not one of {', '.join(ENCODINGS)}")
+    kind, channels = ENCODINGS[msg.encoding]
+    row = msg.width * channels * np.dtype(kind).itemsize
+    if msg.height == 0 or msg.width == 0:
+        raise InputError(f"image of {msg.width} x {msg.height} pixels is empty")
+    if msg.step < row or len(msg.data) != msg.step * msg.height:
+        raise InputError(
+            f"image says {msg.width} x {msg.height} {msg.encoding}, step {msg.step}, but holds {len(msg.data)} bytes"
+        )
+    rows = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.step)[:, :row]
+    pixels = np.ascontiguousarray(rows).view(kind)
+    if np.dtype(kind).itemsize > 1 and bool(msg.is_bigendian) != (sys.byteorder == "big"):
+        pixels = pixels.byteswap()
+    pixels = pixels.reshape((msg.height, msg.width) if channels == 1 else (msg.height, msg.width, channels))
+    pixels.flags.writeable = False
+    return pixels
+
+
+def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
+    """Colour image (height, width, 3) uint8 RGB, contiguous, from an rgb8 or bgr8 message of that size."""
+    if msg.encoding not in ("rgb8", "bgr8"):
+        raise InputError(f"image encoding '{msg.encoding}' is not colour; publish rgb8 or bgr8")
+    pixels = image_from_msg(msg)
+    if pixels.shape[:2] != (height, width):
+        turn = "; rotate it to portrait" if pixels.shape[:2] == (width, height) else ""
+        raise InputError(f"image is {msg.width} x {msg.height} pixels, expected {width} x {height}{turn}")
+    return np.ascontiguousarray(pixels[:, :, ::-1]) if msg.encoding == "bgr8" else pixels
+
+
+def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndarray:
+    """Points (K, 3), or what else `names` asks for (K, F), of a cloud's float32 fields; others are passed over."""
+    if not 0 < msg.point_step <= _LARGEST_POINT or msg.row_step < msg.width * msg.point_step:
+        raise InputError(f"cloud with point_step {msg.point_step}, row_step {msg.row_step}, width {msg.width}")
+    if len(msg.data) != msg.row_step * msg.height:
+        raise InputError(f"cloud says {msg.height} rows of {msg.row_step} bytes but holds {len(msg.data)} bytes")
+    order = ">" if msg.is_bigendian else "<"
+    offsets = {f.name: f.offset for f in msg.fields if f.datatype == _FLOAT32 and f.count == 1}
+    if any(name not in offsets or offsets[name] + 4 > msg.point_step for name in names):
+        raise InputError(f"cloud needs fields {', '.join(names)} of type float32 inside its point_step")
+    layout = np.dtype(
+        {
+            "names": list(names),
+            "formats": [order + "f4"] * len(names),
+            "offsets": [offsets[name] for name in names],
+            "itemsize": msg.point_step,
+        }
+    )
+    rows = np.frombuffer(msg.data, np.uint8).reshape(msg.height, msg.row_step)
+    packed = np.ascontiguousarray(rows[:, : msg.width * msg.point_step]).reshape(-1)
+    records = packed.view(layout)
+    points = np.stack([records[name] for name in names], axis=1).astype(np.float32, copy=False)
+    if not np.isfinite(points).all():
+        raise InputError("cloud holds non-finite points")
+    return points
+
+
+def poses_from_msgs(poses: Sequence[Any]) -> np.ndarray:
+    """Transforms (N, 4, 4) of pose messages; InputError on a zero quaternion or a non-finite value."""
+    rows = [_xyzquat(pose.position, pose.orientation) for pose in poses]
+    return se3.from_xyzquat(np.array(rows).reshape(-1, 7))
+
+
+def pose_from_msg(pose: Any) -> np.ndarray:
+    """Transform (4, 4) of a pose message; InputError as `poses_from_msgs`."""
+    return poses_from_msgs([pose])[0]
+
+
+def xyzquat_from_msg(transform: Any) -> np.ndarray:
+    """[x y z qx qy qz qw] of a transform message, as they are."""
+    return np.array(_xyzquat(transform.translation, transform.rotation))
+
+
+def transform_from_msg(transform: Any) -> np.ndarray:
+    """Transform (4, 4) of a transform message; InputError as `poses_from_msgs`."""
+    return se3.from_xyzquat(xyzquat_from_msg(transform))
+
+
+def _xyzquat(p: Any, q: Any) -> tuple[float, ...]:
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def covariance_from_msg(covariance: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6), REP 103 order, of its field; InputError if not finite or a variance is negative."""
+    matrix = np.asarray(covariance, float).reshape(6, 6)
+    if not np.isfinite(matrix).all() or (np.diagonal(matrix) < 0).any():
+        raise InputError("covariance with a non-finite value or a negative variance")
+    return matrix

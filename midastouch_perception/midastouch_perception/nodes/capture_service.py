@@ -1,0 +1,69 @@
+"""The service `capture_background`: the next images as the no-contact one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from ..ros.managed_node import ManagedNode
+from ..tdn.background_capture import BackgroundCapture
+
+
+class CaptureService:
+    """Offers it for a node with the parameters `background_frames`, `still_threshold` and `capture_timeout`.
+
+    refusal: why an image (H, W, 3) uint8 that was captured is not taken, "" if it is. accept: takes it, and says in
+    words what became of it.
+    """
+
+    def __init__(self, node: ManagedNode, refusal: Callable[[np.ndarray], str], accept: Callable[[np.ndarray], str]):
+        self._node, self._refusal, self._accept = node, refusal, accept
+        self._capture: BackgroundCapture | None = None
+        self._answer: Future | None = None
+        # In a group of its own: while it waits for images, they must get through.
+        group = ReentrantCallbackGroup()
+        node.create_service(Trigger, "capture_background", self._on_request, callback_group=group)
+
+    def observe(self, image: np.ndarray) -> None:
+        """One more image (H, W, 3) uint8 of the sensor."""
+        if self._capture is None:
+            return
+        self._capture.add(image)
+        if self._capture.done:
+            captured = self._capture.image
+            refusal = self._capture.refusal or self._refusal(captured)
+            self._finish(not refusal, refusal or self._accept(captured))
+
+    def refuse(self, reason: str) -> None:
+        """End a capture that is under way."""
+        if self._capture is not None:
+            self._finish(False, reason)
+
+    def _finish(self, success: bool, message: str) -> None:
+        self._capture = None
+        self._answer.set_result((success, message))
+
+    async def _on_request(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self._node.active:
+            response.success, response.message = False, "the node is not active; activate it (ros2 lifecycle set)"
+            return response
+        if self._capture is not None:
+            response.success, response.message = False, "a capture is already under way"
+            return response
+        parameters = self._node.parameters
+        self._capture = BackgroundCapture(parameters["background_frames"], parameters["still_threshold"])
+        self._answer = Future(executor=self._node.executor)
+        timeout = parameters["capture_timeout"]
+        timer = self._node.create_timer(
+            timeout,
+            lambda: self.refuse(f"fewer images than asked for came within {timeout:g} s"),
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        response.success, response.message = await self._answer
+        self._node.destroy_timer(timer)
+        return response
