@@ -62,7 +62,8 @@ def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator
     for name, image in presses.images.items():
         difference = tdn.difference(image, presses.background)
         contact = DepthStage(tdn).process(image, presses.background)
-        felt = contact.penetration
+        # to the very rim, which the contact leaves out
+        felt = tdn.predict(image, presses.background, difference)
         region = _felt_contact(difference, felt, tdn.sensor)
         if presses.circles:
             scale = felt.shape[1] / image.shape[1]
