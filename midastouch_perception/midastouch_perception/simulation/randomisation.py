@@ -78,7 +78,7 @@ class RandomSensor:
         if sensor.light == "relative":
             self._gel = GelLight(sensor, rng)
             self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
-            self._stiffness = rng.uniform(0.08e-3, 0.3e-3) / sensor.pixel_size
+            self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size
 
     def images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
