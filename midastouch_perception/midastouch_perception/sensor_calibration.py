@@ -50,7 +50,7 @@ class SensorCalibration:
     """The response of one sensor, as `midastouch calibrate` found it.
 
     Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor model;
-    pixel_size [m] that it was made with; coefficients (9, 6, 2), the gel's slopes of changes in colour
+    pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
     (`ball_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
     ISO 8601.
     """
@@ -116,7 +116,7 @@ class SensorCalibration:
                     ball_diameter=float(file["ball_diameter"]),
                     sensor=str(file["sensor"]),
                     pixel_size=float(file["pixel_size"]),
-                    coefficients=_finite(file["coefficients"], (9, 6, 2)),
+                    coefficients=_finite(file["coefficients"], (12, 6, 2)),
                     background=_finite(file["background"], (*_GRID, 3)),
                     presses=int(file["presses"]),
                     date=str(file["date"]),

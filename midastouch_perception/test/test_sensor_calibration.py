@@ -25,7 +25,7 @@ def background():
 
 @pytest.fixture
 def calibration(real, background):
-    coefficients = np.random.default_rng(1).normal(0, 0.1, (9, 6, 2))
+    coefficients = np.random.default_rng(1).normal(0, 0.1, (12, 6, 2))
     colours = background_colours(background)
     return SensorCalibration(
         "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
@@ -49,7 +49,7 @@ def test_broken_files_are_refused(tmp_path, content):
 
 def test_files_of_other_content_are_refused(calibration, tmp_path):
     path = tmp_path / "a.npz"
-    dataclasses.replace(calibration, coefficients=np.full((9, 6, 2), np.nan)).save(path)
+    dataclasses.replace(calibration, coefficients=np.full((12, 6, 2), np.nan)).save(path)
     with pytest.raises(InputError, match="not a calibration"):
         SensorCalibration.load(path)
     with pytest.raises(InputError, match="no such calibration file"):

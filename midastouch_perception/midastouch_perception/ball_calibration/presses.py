@@ -42,10 +42,11 @@ class Press:
 
 def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: float, sensor: SensorModel) -> Press:
     """What an image (2 H, 2 W, 3) uint8 RGB shows; sensor at the map's resolution, ball_radius m."""
-    change = without_drift(light.difference(reduce_image(image)).astype(np.float32))
+    seen = light.difference(reduce_image(image)).astype(np.float32)
+    change = without_drift(seen)
     if problem := exposure_problem(image, 0.5):
         return Press(name, change, None, problem)
-    if (quiet := quietest_tenth(change)) > QUIET_LIMIT:
+    if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
         return Press(name, change, None, f"differs from the no-contact image everywhere, by {quiet:.0f} grey levels")
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 _LEVELS = 50.0  # grey levels of a typical contact
-TERMS = 9  # of the colours
+TERMS = 12  # of the colours
 _PLACES = 6  # of the position
+_TOUCHED = 0.85  # radii: at the rim the gel leaves the ball
 _BESIDE = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
 _BESIDE_WEIGHT = 0.3  # of a pixel beyond, where it is flat and only shadows fall
 _EVERY = 2  # px; neighbours say the same
@@ -20,9 +21,13 @@ _RIDGE = 1e-3  # share of the equations' mean weight: what presses do not tell s
 
 
 def colour_terms(change: np.ndarray) -> np.ndarray:
-    """Terms (..., 9) float32 of changes of colour (..., 3) grey levels."""
+    """Terms (..., 12) float32 of changes of colour (..., 3) grey levels.
+
+    Linear and quadratic ones, and the linear ones times the size of the change: brightness grows ever less with slope.
+    """
     r, g, b = np.moveaxis(np.asarray(change, np.float32) / np.float32(_LEVELS), -1, 0)
-    return np.stack([r, g, b, r * r, g * g, b * b, r * g, g * b, r * b], axis=-1)
+    size = np.sqrt(r * r + g * g + b * b)
+    return np.stack([r, g, b, r * r, g * g, b * b, r * g, g * b, r * b, r * size, g * size, b * size], axis=-1)
 
 
 def place_terms(height: int, width: int) -> np.ndarray:
@@ -61,7 +66,7 @@ class NormalEquations:
         return out
 
     def solve(self) -> np.ndarray:
-        """Coefficients (9, 6, 2) of the slopes. Few presses leave the position's terms small.
+        """Coefficients (12, 6, 2) of the slopes. Few presses leave the position's terms small.
 
         Least squares predict slopes too flat by the share that the colours do not explain: noise, and circles that are
         off. Relief must not become flatter by that, so the slopes are made as steep as the balls', on average.
@@ -73,14 +78,14 @@ class NormalEquations:
 
 
 def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
-    """What one press of a ball tells: steep as the ball where it touches, flat away from it whatever the shadows.
+    """What one press of a ball tells: steep as the ball well inside, flat away from it whatever the shadows.
 
     change (H, W, 3) grey levels; penetration (H, W) m, negative beside the contact (`ball_penetration`); pixel, m per
     pixel.
     """
     touched = (penetration > 0).astype(np.uint8)
-    inside = cv2.erode(touched, np.ones((3, 3), np.uint8)) > 0
     radius = np.sqrt(touched.sum() / np.pi)
+    inside = cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * radius
     beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
     weight = np.where(inside, np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
     return NormalEquations.of(change, height_slopes(np.maximum(penetration, 0), pixel), weight)
@@ -93,7 +98,7 @@ def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:
 
 
 class ColourResponse:
-    """Slopes by the fitted polynomial. coefficients (9, 6, 2)."""
+    """Slopes by the fitted polynomial. coefficients (12, 6, 2)."""
 
     def __init__(self, coefficients: np.ndarray):
         self._coefficients = coefficients

@@ -25,7 +25,7 @@ def background():
 @pytest.fixture
 def calibration(real, background):
     """Of a sensor twice as colourful as the standard one, in red and green only."""
-    coefficients = np.zeros((9, 6, 2))
+    coefficients = np.zeros((12, 6, 2))
     coefficients[0, 0] = (-0.25, 0.1)
     coefficients[1, 0] = (0.25, 0.1)
     colours = background_colours(background)
