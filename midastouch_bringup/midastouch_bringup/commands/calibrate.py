@@ -17,14 +17,15 @@ def add_parser(subparsers) -> None:
         "calibrate",
         run,
         "learn how deep a DIGIT's colours are from 5 to 40 presses of a ball",
-        "midastouch calibrate my_presses --ball-diameter 0.006 --serial D20123",
+        "midastouch calibrate live --ball-diameter 0.006 --serial D20123",
         "Press one ball straight onto the gel, in ten places spread over it, and save an image of each. Nothing\n"
         "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. DIR\n"
         "may hold the no-contact image as background.png; else it is made of the images. The result is\n"
         "cross-validated. With --serial it is kept beside the sensor's no-contact image, and the node tdn uses it at\n"
-        "its next start.",
+        "its next start. live instead of DIR: guides through the presses of a running sensor, whose no-contact image\n"
+        "was captured.",
     )
-    parser.add_argument("folder", metavar="DIR", help="images of the presses (PNG or JPEG)")
+    parser.add_argument("folder", metavar="DIR", help="images of the presses (PNG or JPEG), or live")
     parser.add_argument(
         "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
     )
@@ -35,6 +36,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
+    parser.add_argument("--save", metavar="DIR", help="of live presses (default out/presses/SERIAL)")
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
 
 
@@ -52,7 +54,12 @@ def run(args: argparse.Namespace) -> int:
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         sensor = sensor.at_scale(1e3 * args.px_per_mm)
-    images, background = _read(Path(args.folder))
+    folder = Path(args.folder)
+    if args.folder == "live":
+        folder = Path(args.save or f"out/presses/{args.serial}")
+        if not _collect(args, store, sensor, folder):
+            return 1
+    images, background = _read(folder)
     result = calibrate(images, background, args.ball_diameter, sensor, args.serial)
     path = Path(args.out) if args.out else store.calibration_path
     result.calibration.save(path)
@@ -93,3 +100,35 @@ def _read(folder: Path):
     if not images:
         raise InputError(f"{folder}: no images (PNG or JPEG) of presses in it")
     return images, background
+
+
+def _collect(args: argparse.Namespace, store, sensor, folder: Path) -> bool:
+    """Save presses of the running sensor and its no-contact image in a folder; whether all were taken."""
+    import cv2
+
+    from midastouch_perception.ball_calibration.collector import PressCollector
+    from midastouch_perception.files import atomic_path
+
+    try:
+        from midastouch_perception.ros import spin
+
+        from ..nodes.press_collection import PressCollection
+    except ImportError as error:
+        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+
+    if store is None:
+        raise InputError("calibrate live: give the sensor's --serial")
+    background = store.load(sensor.height, sensor.width)
+    if background is None:
+        raise InputError(
+            f"{store.path}: no no-contact image of this sensor; start tdn with serial:={args.serial}, lift the finger "
+            "and call capture_background"
+        )
+    collector = PressCollector(background, args.ball_diameter, sensor)
+    spin.run(lambda: [PressCollection(collector, sensor, lambda text: print(text, flush=True))], ["calibrate"])
+    for name, image in {**collector.images, "background.png": background}.items():
+        with atomic_path(folder / name) as path:
+            path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+    if not collector.done:
+        print(f"{folder}: {len(collector.images)} presses; midastouch calibrate {folder} uses five or more")
+    return collector.done

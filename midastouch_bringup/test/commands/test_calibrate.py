@@ -69,6 +69,15 @@ def test_presses_that_are_not_used_are_named(folder, tmp_path, capsys):
     assert "lifted.png: not used: nothing touches the gel" in capsys.readouterr().out
 
 
+def test_live_needs_the_no_contact_image_of_that_sensor(tmp_path, capsys):
+    arguments = ["calibrate", "live", "--ball-diameter", "0.006", "--background-folder", str(tmp_path)]
+    assert cli.main([*arguments, "--serial", "D20123"]) == 2
+    assert "capture_background" in capsys.readouterr().err
+    assert cli.main([*arguments, "--out", str(tmp_path / "a.npz")]) == 2
+    assert "--serial" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_somewhere_to_keep_it_is_needed(folder, capsys):
     assert cli.main(["calibrate", str(folder), "--ball-diameter", "0.006"]) == 2
     assert "--serial" in capsys.readouterr().err

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..model_card import read_card
-from ..onnx_network import network_path
+from ..onnx_network import WEIGHTS, network_path
 from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
@@ -64,8 +64,13 @@ def load_tdn(
 ) -> DepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
 
+    A name stands for the network that was trained for the sensor's light: `fast_relative` for real gel, if there is
+    one.
     calibration: of that very sensor, or None.
     """
+    sensor = sensor or SensorModel.load("digit_tacto")
+    if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():
+        name_or_path = f"{name_or_path}_{sensor.light}"
     card = read_card(network_path("tdn", name_or_path))
     network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet
     return network(name_or_path, sensor, threads, calibration)
