@@ -40,9 +40,13 @@ PARAMETERS = (
         "No-contact image of this sensor, or a folder of its images; empty: estimated from the first ones",
     ),
     Parameter(
-        "serial", "", "Serial number of the sensor: what capture_background takes is kept under it; empty: not kept"
+        "serial",
+        "",
+        "Serial number of the sensor: its captured background and its calibration are kept under it; empty: not kept",
     ),
-    Parameter("background_folder", "", "Where it is kept for the next start; empty: $ROS_HOME/midastouch/backgrounds"),
+    Parameter(
+        "background_folder", "", "Where they are kept for the next start; empty: $ROS_HOME/midastouch/backgrounds"
+    ),
     Parameter("background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000),
     Parameter(
         "still_threshold",
