@@ -54,7 +54,9 @@ class ContactLight:
         In grey levels; of relative light in those it would have over a background of 100.
         """
         gain = np.median((image[::_EVERY, ::_EVERY] * self._sparse).reshape(-1, 3), axis=0)
-        change = image / np.maximum(gain, _LEAST_GAIN).astype(np.float32) - self._background
+        # along whole rows, which is several times as fast as along three colours
+        gains = np.tile(np.maximum(gain, _LEAST_GAIN).astype(np.float32), image.shape[1])
+        change = (image.reshape(len(image), -1) / gains).reshape(image.shape) - self._background
         return change if self._unit is None else change * self._unit
 
 
