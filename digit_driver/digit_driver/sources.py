@@ -7,7 +7,7 @@ from pathlib import Path
 from .errors import InputError
 from .frame_source import FrameSource
 from .image_folder import ImageFolder
-from .v4l2_device import V4l2Digit, V4l2Settings
+from .v4l2_device import V4l2Camera, V4l2Settings
 from .video_file import VideoFile
 
 
@@ -18,7 +18,7 @@ def make_source(device: V4l2Settings, replay_path: str = "", fps: float = 0.0, l
         InputError: nothing exists at ``replay_path``.
     """
     if not replay_path:
-        return V4l2Digit(device)
+        return V4l2Camera(device)
     path = Path(replay_path).expanduser()
     if path.is_dir():
         return ImageFolder(path, fps, loop)

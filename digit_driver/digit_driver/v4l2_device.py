@@ -68,7 +68,7 @@ class V4l2Settings:
         return self.camera.mode(self.resolution)
 
 
-class V4l2Digit(FrameSource):
+class V4l2Camera(FrameSource):
     """The sensor itself.
 
     Args:

@@ -6,7 +6,7 @@ import pytest
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.discovery import find_cameras
-from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
 pytestmark = pytest.mark.hardware
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.hardware
 @pytest.fixture
 def digit():
     (first, *_) = find_cameras(CameraModel.load("digit"))
-    device = V4l2Digit(V4l2Settings(serial=first.serial))
+    device = V4l2Camera(V4l2Settings(serial=first.serial))
     yield device
     device.close()
 

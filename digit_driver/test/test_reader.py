@@ -14,7 +14,7 @@ from digit_driver import videodev2 as v4l2
 from digit_driver.errors import DeviceError
 from digit_driver.image_folder import ImageFolder
 from digit_driver.reader import FrameReader, ReaderState, ReaderStatus, ReaderTiming
-from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
 FAST = ReaderTiming(reconnect=0.02, stall=0.1)
 PATIENCE = 120.0  # s; bounds a failing test only
@@ -47,7 +47,7 @@ def watch(kernel, find):
     watched = []
 
     def start(timing: ReaderTiming = FAST, **settings) -> Watched:
-        watched.append(Watched(V4l2Digit(V4l2Settings(**settings), kernel, find), timing))
+        watched.append(Watched(V4l2Camera(V4l2Settings(**settings), kernel, find), timing))
         watched[-1].reader.start()
         return watched[-1]
 
@@ -201,7 +201,7 @@ def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:
 
     begun, release = threading.Event(), Hang()
     camera = kernel.plug(FakeDigit())
-    watched = Watched(V4l2Digit(V4l2Settings(), kernel, find))
+    watched = Watched(V4l2Camera(V4l2Settings(), kernel, find))
     reader = watched.reader
     reader.start()
     watched.wait_for(streaming(1))
@@ -272,7 +272,7 @@ def test_bad_recording_fails_with_its_reason(tmp_path) -> None:
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find) -> None:
-    class Broken(V4l2Digit):
+    class Broken(V4l2Camera):
         def read(self, timeout):
             raise ZeroDivisionError("surprise")
 

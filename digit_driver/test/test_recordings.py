@@ -9,7 +9,7 @@ import pytest
 from digit_driver.errors import CorruptFrameError, InputError
 from digit_driver.image_folder import ImageFolder, list_images
 from digit_driver.sources import make_source
-from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 from digit_driver.video_file import VideoFile
 
 
@@ -111,7 +111,7 @@ def test_bad_videos_are_refused_with_a_reason(tmp_path: Path) -> None:
 
 def test_the_source_is_chosen_by_what_is_there(tmp_path: Path) -> None:
     device = V4l2Settings()
-    assert isinstance(make_source(device), V4l2Digit)
+    assert isinstance(make_source(device), V4l2Camera)
     assert isinstance(make_source(device, str(tmp_path)), ImageFolder)
     (tmp_path / "v.mp4").touch()
     assert isinstance(make_source(device, str(tmp_path / "v.mp4")), VideoFile)

@@ -9,7 +9,7 @@ from fake_kernel import FakeDigit
 from digit_driver import videodev2 as v4l2
 from digit_driver.camera_model import CameraModel
 from digit_driver.errors import CorruptFrameError, DeviceError, InputError
-from digit_driver.v4l2_device import V4l2Digit, V4l2Settings
+from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
 
 @pytest.fixture
@@ -17,8 +17,8 @@ def device(kernel, find):
     """Makes devices and closes them at the end."""
     made = []
 
-    def make(**settings) -> V4l2Digit:
-        made.append(V4l2Digit(V4l2Settings(**settings), kernel, find))
+    def make(**settings) -> V4l2Camera:
+        made.append(V4l2Camera(V4l2Settings(**settings), kernel, find))
         return made[-1]
 
     yield make

@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from digit_driver import sources
 from digit_driver.errors import InputError
 from digit_driver.nodes.digit_driver import DigitDriver
-from digit_driver.v4l2_device import V4l2Digit
+from digit_driver.v4l2_device import V4l2Camera
 
 PATIENCE = 120.0  # s; bounds a failing test only
 
@@ -119,7 +119,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def camera(kernel, find, monkeypatch) -> FakeDigit:
     """A sensor plugged into the fake machine, which the driver takes for the real one."""
-    monkeypatch.setattr(sources, "V4l2Digit", functools.partial(V4l2Digit, system=kernel, find=find))
+    monkeypatch.setattr(sources, "V4l2Camera", functools.partial(V4l2Camera, system=kernel, find=find))
     return kernel.plug(FakeDigit("D20001"))
 
 

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator, Mapping
 import cv2
 import numpy as np
 
+from midastouch_perception.contact import ContactDetector
 from midastouch_perception.errors import InputError
-from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
@@ -66,8 +66,6 @@ def feel_presses(
         if calibrations is not None:
             tdn.calibration = calibrations[name]
         difference = tdn.difference(image, presses.background)
-        contact = DepthStage(tdn).process(image, presses.background)
-        # to the very rim, which the contact leaves out
         felt = tdn.predict(image, presses.background, difference)
         region = _felt_contact(difference, felt, tdn.sensor)
         if presses.circles:
@@ -77,7 +75,8 @@ def feel_presses(
             truth = _under_felt(_felt_contact(difference, felt, tdn.sensor, 0.0), radius, tdn.sensor)
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(felt, region, radius, tdn.sensor) if region.any() else None
-        yield Press(name, image, difference, felt, contact.in_contact and bool(region.any()), ideal, truth, nearest)
+        found = ContactDetector(tdn.sensor).update(felt).in_contact and bool(region.any())
+        yield Press(name, image, difference, felt, found, ideal, truth, nearest)
 
 
 def measure_presses(

@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 from digit_driver import sources
 from digit_driver.discovery import find_cameras
 from digit_driver.nodes.digit_driver import DigitDriver
-from digit_driver.v4l2_device import V4l2Digit
+from digit_driver.v4l2_device import V4l2Camera
 from midastouch_bringup.nodes.all_in_one import make_nodes
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
@@ -36,7 +36,7 @@ def test_a_sensor_that_is_unplugged(graph, slide, minutes, figures, monkeypatch,
     monkeypatch.setattr(fake_kernel, "FRAME_PERIOD_S", 1 / 60)
     kernel = fake_kernel.FakeKernel(tmp_path)
     find = functools.partial(find_cameras, sysfs=kernel.sysfs, dev=kernel.dev)
-    monkeypatch.setattr(sources, "V4l2Digit", functools.partial(V4l2Digit, system=kernel, find=find))
+    monkeypatch.setattr(sources, "V4l2Camera", functools.partial(V4l2Camera, system=kernel, find=find))
     camera = kernel.plug(fake_kernel.FakeDigit("D20001"))
 
     overrides = {"tdn": {}, "tcn": {}, "particle_filter": filter_parameters(slide, input_timeout=timeout)}
