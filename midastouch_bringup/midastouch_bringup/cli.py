@@ -12,6 +12,7 @@ from midastouch_perception.errors import InputError
 from .commands import (
     accuracy,
     build_codebook,
+    calibrate,
     demo,
     doctor,
     download,
@@ -44,6 +45,7 @@ _COMMANDS = (
     evaluate_tdn,
     evaluate_presses,
     evaluate_checks,
+    calibrate,
     single_touch,
     speed,
     accuracy,

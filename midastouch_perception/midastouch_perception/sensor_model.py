@@ -21,6 +21,7 @@ from .files import require_file
 MAP_SCALE = 0.5
 """Resolution of penetration maps as a share of the image's: that of the depth network."""
 
+LIGHTS = ("relative", "additive")
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -29,7 +30,9 @@ class SensorModel:
     """Pin-hole camera behind a domed gel.
 
     Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
-    gel over (x, y) [m] as parameters of `sag`.
+    gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
+    share of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
+    no-contact image (a simulator that adds rendered differences to a photograph).
     """
 
     name: str
@@ -38,6 +41,7 @@ class SensorModel:
     focal: float
     gel_distance: float
     dome: tuple[tuple[str, float], ...]
+    light: str = "relative"
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> SensorModel:
@@ -58,6 +62,7 @@ class SensorModel:
                 focal=float(data["focal"]),
                 gel_distance=float(data["gel_distance"]),
                 dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
+                light=str(data.get("light", "relative")),
             )
         except (KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError) as error:
             raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
@@ -65,12 +70,15 @@ class SensorModel:
             raise InputError(f"{path}: width, height, focal and gel_distance must be positive")
         if set(dict(model.dome)) != {"radius_x", "radius_y", "semi_axis_z"}:
             raise InputError(f"{path}: dome needs radius_x, radius_y and semi_axis_z")
+        if model.light not in LIGHTS:
+            raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
         return model
 
     @cached_property
     def content_id(self) -> str:
-        """Short hash of every number in the model, recorded in codebooks and weights."""
+        """Short hash of the geometry, recorded in codebooks and weights; a codebook knows no light."""
         values = dataclasses.asdict(self)
+        del values["light"]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
     def scaled(self, factor: float) -> SensorModel:
@@ -82,14 +90,14 @@ class SensorModel:
             focal=self.focal * factor,
         )
 
+    def at_scale(self, pixels_per_metre: float) -> SensorModel:
+        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells."""
+        return dataclasses.replace(self, focal=pixels_per_metre * self.gel_distance)
+
     @cached_property
     def for_maps(self) -> SensorModel:
         """The same sensor at the resolution of penetration maps."""
         return self.scaled(MAP_SCALE)
-
-    def at_scale(self, pixels_per_metre: float) -> SensorModel:
-        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells."""
-        return dataclasses.replace(self, focal=pixels_per_metre * self.gel_distance)
 
     def sag(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Height [m] by which the gel falls off towards the camera at (x, y) [m] from its apex.

@@ -1,6 +1,10 @@
+import dataclasses
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from midastouch_perception import sensor_model
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
@@ -110,3 +114,20 @@ def test_broken_models_are_refused(tmp_path, content, said):
 def test_unknown_name_lists_the_known_ones():
     with pytest.raises(InputError, match="digit_real, digit_tacto"):
         SensorModel.load("gelsight")
+
+
+def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
+    text = (Path(sensor_model.__file__).parent / "sensor_models" / "digit_real.yaml").read_text()
+    path = tmp_path / "mine.yaml"
+    path.write_text(text.replace("light: relative", "light: additive"))
+    assert SensorModel.load(path).light == "additive"
+    path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("light")))
+    assert SensorModel.load(path).light == "relative"
+    path.write_text(text.replace("light: relative", "light: bright"))
+    with pytest.raises(InputError, match="light 'bright' is not known; use relative or additive"):
+        SensorModel.load(path)
+
+
+def test_a_codebook_knows_no_light():
+    real = SensorModel.load("digit_real")
+    assert dataclasses.replace(real, light="additive").content_id == real.content_id

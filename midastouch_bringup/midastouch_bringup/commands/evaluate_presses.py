@@ -30,6 +30,15 @@ def add_parser(subparsers) -> None:
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    calibrated = parser.add_mutually_exclusive_group()
+    calibrated.add_argument("--calibration", metavar="FILE", help="the sensor's, by midastouch calibrate")
+    calibrated.add_argument(
+        "--calibrate-with",
+        type=arguments.positive_int,
+        metavar="N",
+        help="judge each press with a calibration from N of the others, drawn with --seed",
+    )
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
@@ -41,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tdn import load_tdn
 
     from ..datasets.ball_presses import load_ball_presses
+    from ..evaluation.held_out_calibrations import calibrations_of
     from ..evaluation.machine import machine_info
     from ..evaluation.press_quality import measure_presses
     from ..evaluation.result_file import to_json, write_json
@@ -51,11 +61,18 @@ def run(args: argparse.Namespace) -> int:
     if args.px_per_mm:
         sensor = sensor.at_scale(1e3 * args.px_per_mm)
     tdn = load_tdn(args.tdn, sensor)
+    settings = {
+        "ball_diameter": args.ball_diameter,
+        "calibration": args.calibration,
+        "calibrated_with": args.calibrate_with,
+        "seed": args.seed,
+    }
+    calibrations = calibrations_of(settings, presses, sensor)
     with progress_bar(total=len(presses.images), unit="press") as bar:
-        rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update)
+        rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
     result = {
         "folder": str(Path(args.folder).resolve()),
-        "ball_diameter": args.ball_diameter,
+        **settings,
         "px_per_mm": args.px_per_mm,
         "tdn": args.tdn,
         "network": tdn.network_id,

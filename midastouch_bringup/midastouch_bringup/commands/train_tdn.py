@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 
 from .training import add_training_command, training_options
 
 
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
-    add_training_command(subparsers, "train-tdn", run, "train the depth network on simulated touches")
+    parser = add_training_command(subparsers, "train-tdn", run, "train the depth network on simulated touches")
+    parser.add_argument(
+        "--light",
+        choices=("additive", "relative"),
+        default="additive",
+        help="of the sensors to train for: additive, TACTO's (default), or relative, real gel's",
+    )
+    parser.add_argument("--start", metavar="NET", help="begin with the weights of this network, name or file")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    options = training_options(args)
+    options = dataclasses.replace(training_options(args), start=args.start, light=args.light)
     from midastouch_perception.tdn.train import train
 
     print(f"{train(options)}: trained")

@@ -11,7 +11,7 @@ radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
@@ -52,14 +53,18 @@ class Press:
     nearest: np.ndarray | None
 
 
-def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator[Press]:
-    """Every press with what should be felt of a ball of `radius` m.
+def feel_presses(
+    tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None = None
+) -> Iterator[Press]:
+    """Every press with what should be felt of a ball of `radius` m; with the calibration of its own, if there are any.
 
     Raises InputError if that is no radius of a ball, or smaller than a labelled circle.
     """
     if not 0 < radius <= _LARGEST_BALL / 2:
         raise InputError(f"ball of {2 * radius:g} m diameter: give it in metres, 0.0088 for 8.8 mm")
     for name, image in presses.images.items():
+        if calibrations is not None:
+            tdn.calibration = calibrations[name]
         difference = tdn.difference(image, presses.background)
         felt = tdn.predict(image, presses.background, difference)
         region = _felt_contact(difference, felt, tdn.sensor)
@@ -75,11 +80,15 @@ def feel_presses(tdn: DepthNet, presses: BallPresses, radius: float) -> Iterator
 
 
 def measure_presses(
-    tdn: DepthNet, presses: BallPresses, radius: float, progress: Callable[[int], object] = lambda presses: None
+    tdn: DepthNet,
+    presses: BallPresses,
+    radius: float,
+    progress: Callable[[int], object] = lambda presses: None,
+    calibrations: Mapping[str, SensorCalibration] | None = None,
 ) -> tuple[list[dict], dict]:
     """Figures of every press and their summary: the `presses` and `summary` of the `evaluate-presses` JSON."""
     rows = []
-    for press in feel_presses(tdn, presses, radius):
+    for press in feel_presses(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
         progress(1)
     return rows, _summary(rows, labelled=presses.circles is not None)

@@ -11,6 +11,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets.ball_presses import load_ball_presses
+from ..evaluation.held_out_calibrations import calibrations_of
 from ..evaluation.press_quality import Press, feel_presses
 from ..evaluation.table import number
 from .figures import save
@@ -18,7 +19,17 @@ from .page import Page
 from .press_figure import depth_figure, press_figure
 
 _SHOWN = 12
-_HEADER = ["folder", "network", "ball mm", "presses", "found", "bulging", "RMSE in circle mm", "peak ratio"]
+_HEADER = [
+    "folder",
+    "network",
+    "calibration",
+    "ball mm",
+    "presses",
+    "found",
+    "bulging",
+    "RMSE in circle mm",
+    "peak ratio",
+]
 _HEADER += ["depth correlation", "radius felt mm", "IoU nearest", "IoU ideal", "centre mm", "roundness", "felt outside"]
 
 
@@ -46,6 +57,7 @@ def _row(content: dict) -> list[object]:
     return [
         Path(content["folder"]).name,
         content["network"],
+        _calibration(content),
         number(1e3 * content["ball_diameter"], 1),
         s["presses"],
         number(s["found_share"], 2),
@@ -56,6 +68,12 @@ def _row(content: dict) -> list[object]:
         number(s["felt_radius_mm"], 1),
         *(number(s[k], 2) for k in ("iou", "iou_ideal", "centre_mm", "roundness", "outside_share")),
     ]
+
+
+def _calibration(content: dict) -> str:
+    if content.get("calibration"):
+        return Path(content["calibration"]).name
+    return f"from {content['calibrated_with']} other presses" if content.get("calibrated_with") else "none"
 
 
 def _felt_again(content: dict) -> list[Press]:
@@ -69,4 +87,6 @@ def _felt_again(content: dict) -> list[Press]:
     presses = load_ball_presses(content["folder"])
     names = list(presses.images)
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
-    return list(feel_presses(tdn, presses.only([names[k] for k in some]), content["ball_diameter"] / 2))
+    calibrations = calibrations_of(content, presses, sensor)
+    shown = presses.only([names[k] for k in some])
+    return list(feel_presses(tdn, shown, content["ball_diameter"] / 2, calibrations))

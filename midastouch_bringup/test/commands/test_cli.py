@@ -17,7 +17,8 @@ def sub_commands() -> dict[str, argparse.ArgumentParser]:
 
 def test_the_commands_of_the_design_are_there():
     assert set(sub_commands()) == {
-        "demo", "simulate", "build-codebook", "evaluate", "evaluate-tdn", "evaluate-presses", "evaluate-checks",
+        "demo", "simulate", "build-codebook", "calibrate", "evaluate", "evaluate-tdn", "evaluate-presses",
+        "evaluate-checks",
         "single-touch", "bench", "benchmark", "to-bag", "replay", "time-offset", "run", "view", "download", "train-tdn",
         "train-tcn", "import-weights", "report", "doctor", "foxglove", "inspect",
     }  # fmt: skip

@@ -23,6 +23,7 @@ from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.background_store import store_of
+from ..tdn.calibration_in_use import CalibrationInUse
 from ..tdn.colour_layout import exposure_problem, turned_since
 from ..tdn.fit_check import FitCheck
 from ..tdn.sensor_background import SensorBackground
@@ -39,9 +40,13 @@ PARAMETERS = (
         "No-contact image of this sensor, or a folder of its images; empty: estimated from the first ones",
     ),
     Parameter(
-        "serial", "", "Serial number of the sensor: what capture_background takes is kept under it; empty: not kept"
+        "serial",
+        "",
+        "Serial number of the sensor: its captured background and its calibration are kept under it; empty: not kept",
     ),
-    Parameter("background_folder", "", "Where it is kept for the next start; empty: $ROS_HOME/midastouch/backgrounds"),
+    Parameter(
+        "background_folder", "", "Where they are kept for the next start; empty: $ROS_HOME/midastouch/backgrounds"
+    ),
     Parameter("background_frames", 32, "Images a background is estimated or captured from", minimum=1, maximum=1000),
     Parameter(
         "still_threshold",
@@ -99,12 +104,17 @@ class TdnNode(ManagedNode):
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
         self._map_sensor = self._sensor.for_maps
         self._fit = FitCheck()
-        self.say(f"loading the depth network '{self.parameters['tdn']}'")
-        self._stage = self._given or DepthStage(load_tdn(self.parameters["tdn"], self._sensor), self._fit)
-        self.say("loading the background")
         store = store_of(self.parameters["background_folder"], self.parameters["serial"])
+        self.say(f"loading the depth network '{self.parameters['tdn']}'")
+        tdn = None if self._given else load_tdn(self.parameters["tdn"], self._sensor)
+        kept = store.load_calibration(self._sensor) if store and tdn else None
+        self._calibration = CalibrationInUse(tdn, kept)
+        self._stage = self._given or DepthStage(tdn, self._fit)
+        self.say(f"loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
         self._background = SensorBackground(self._sensor, self.parameters["background"], store, frames)
+        if self._background.image is not None:
+            self._calibration.check(self._background.image)
 
     def unload(self) -> None:
         """Forget the network and the background."""
@@ -141,6 +151,7 @@ class TdnNode(ManagedNode):
         self._captures.observe(image)
         if self._background.image is not former:
             self._fit.reset()
+            self._calibration.check(self._background.image)
 
     def _contact_in(self, image: np.ndarray) -> str:
         """Why a captured image is not taken; empty if it is."""
@@ -168,8 +179,8 @@ class TdnNode(ManagedNode):
         """Level, message and values for the diagnostics."""
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
-        values |= self._fit.values
-        if problem := self._background.problem or self._misfit():
+        values |= {**self._fit.values, "calibration": str(self._calibration)}
+        if problem := self._background.problem or self._misfit() or self._calibration.problem:
             return diagnostics.WARN, problem, values
         if self._background.change > self.parameters["still_threshold"]:
             return (

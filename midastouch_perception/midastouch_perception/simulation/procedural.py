@@ -13,6 +13,9 @@ import numpy as np
 from .. import se3
 from ..mesh import ObjectMesh
 
+_BLOCK = 6  # grid points a side that are sampled together
+_STEEPEST = 1.8  # change of distance a metre: ripples make more of it than 1
+
 Sdf = Callable[[np.ndarray], np.ndarray]
 
 
@@ -81,11 +84,28 @@ def rippled(shape: Sdf, amplitude: float, wavelength: float, direction: np.ndarr
     return lambda p: shape(p) - amplitude * np.sin(p @ wave)
 
 
+def _sampled(shape: Sdf, axes: list[np.ndarray], spacing: float) -> np.ndarray:
+    """The distances (I, J, K) on a grid; away from the surface one for a whole block, of the right sign."""
+    blocks = [[a[i : i + _BLOCK] for i in range(0, len(a), _BLOCK)] for a in axes]
+    middles = [np.array([0.5 * (b[0] + b[-1]) for b in along]) for along in blocks]
+    centres = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1)
+    values = shape(centres.reshape(-1, 3)).reshape(centres.shape[:3])
+    near = np.abs(values) < _STEEPEST * 0.5 * np.sqrt(3) * _BLOCK * spacing
+    for axis, along in enumerate(axes):
+        values, near = (np.repeat(a, _BLOCK, axis=axis)[_up_to(len(along), axis)] for a in (values, near))
+    points = np.stack([a[i] for a, i in zip(axes, np.nonzero(near), strict=True)], axis=1)
+    values[near] = shape(points)
+    return values
+
+
+def _up_to(n: int, axis: int) -> tuple[slice, ...]:
+    return (*(slice(None),) * axis, slice(n))
+
+
 def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> ObjectMesh:
     """Mesh of the zero level inside the box [-half, half] (3,) m, sampled every `spacing` m."""
     axes = [np.arange(-h - 2 * spacing, h + 2.5 * spacing, spacing) for h in half]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    values = shape(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    values = _sampled(shape, axes, spacing)
     inside = values < 0
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     cells = tuple(s - 1 for s in values.shape)
@@ -127,29 +147,36 @@ def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> Ob
     return ObjectMesh.from_arrays(vertices, np.concatenate(faces), name)
 
 
+def _primitive(size: float, rng: np.random.Generator) -> Sdf:
+    kind = rng.integers(4)
+    a, b, c = rng.uniform(0.25, 1, 3) * size
+    if kind == 0:
+        return sphere(a)
+    if kind == 1:
+        return box((a, b, c), rng.uniform(0, 0.3) * min(a, b, c))
+    if kind == 2:
+        return cylinder(a, b, rng.uniform(0, 0.3) * min(a, b))
+    return torus(0.8 * size, rng.uniform(0.1, 0.35) * size)
+
+
+def random_probe(rng: np.random.Generator, name: str) -> ObjectMesh:
+    """A single ball, box, pin or ring of 5 ... 20 mm: large beside the press, its outline within view."""
+    size = rng.uniform(0.005, 0.01)
+    return mesh_from_sdf(_primitive(size, rng), np.full(3, 1.2 * size), size / 40, name)
+
+
 def random_shape(rng: np.random.Generator, name: str) -> ObjectMesh:
     """A random object of 40 ... 100 mm: blended and cut primitives, some rippled."""
-
-    def primitive(size: float) -> Sdf:
-        kind = rng.integers(4)
-        a, b, c = rng.uniform(0.25, 1, 3) * size
-        if kind == 0:
-            return sphere(a)
-        if kind == 1:
-            return box((a, b, c), rng.uniform(0, 0.3) * min(a, b, c))
-        if kind == 2:
-            return cylinder(a, b, rng.uniform(0, 0.3) * min(a, b))
-        return torus(0.8 * size, rng.uniform(0.1, 0.35) * size)
 
     def anywhere(shape: Sdf, reach: float) -> Sdf:
         return placed(shape, se3.make(se3.random_rotations(1, rng)[0], rng.uniform(-reach, reach, 3)))
 
     size = rng.uniform(0.012, 0.03)
     shape = union(
-        *(anywhere(primitive(size), size * 0.9) for _ in range(rng.integers(2, 6))),
+        *(anywhere(_primitive(size, rng), size * 0.9) for _ in range(rng.integers(2, 6))),
         blend=rng.choice([0.0, 0.2]) * size,
     )
-    cuts = [anywhere(primitive(0.5 * size), 1.5 * size) for _ in range(rng.integers(0, 4))]
+    cuts = [anywhere(_primitive(0.5 * size, rng), 1.5 * size) for _ in range(rng.integers(0, 4))]
     if cuts:
         shape = difference(shape, *cuts)
     if rng.random() < 0.5:

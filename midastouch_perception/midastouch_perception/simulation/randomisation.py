@@ -3,7 +3,9 @@
 "My DIGIT is not your DIGIT": gain, light directions, colour mixing, shadows, gel smoothing, blur, noise, JPEG and the
 no-contact background differ from sensor to sensor. Each term is one method of `RandomSensor`; around half of the
 sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
-shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says.
+shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says. All of these add to a
+photograph, as TACTO does; sensors whose model says that their light is relative have the light and the gel of
+`gel_light.py` and `gel_surface.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +17,8 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from .colour_table import ColourTable
+from .gel_light import GelLight
+from .gel_surface import sunk_in
 from .optics import Illumination, gel_normals, shade
 
 
@@ -48,7 +52,7 @@ class RandomSensor:
         ranges: RandomisationRange = RandomisationRange(),
     ):
         self.sensor = sensor
-        self.wide = bool(rng.random() < ranges.wide_share)
+        self.wide = bool(rng.random() < ranges.wide_share) or sensor.light == "relative"
         self._tangents = sensor.rays
         self._rest_depth = sensor.gel_depth.astype(np.float32)
         self._rest_normals = gel_normals(sensor)
@@ -70,6 +74,11 @@ class RandomSensor:
         self.background = self._draw_background(backgrounds, rng)
         self._dark_share = ranges.dark_share
         self._rest = self._render(self._rest_depth, self._rest_normals, self._illumination)
+        self._gel = None
+        if sensor.light == "relative":
+            self._gel = GelLight(sensor, rng)
+            self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
+            self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size
 
     def images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
@@ -81,9 +90,19 @@ class RandomSensor:
         out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
             today = self.background * self._drift(rng)
-            out[i] = self._expose(today + self._difference(depth_map, surface, rng), rng)
+            if self._gel:
+                lit = today * (self._lit(depth_map) * np.exp(rng.normal(0, 0.08)))
+            else:
+                lit = today + self._difference(depth_map, surface, rng)
+            out[i] = self._expose(lit, rng)
         reference = self._expose(self.background + rng.normal(0, 1.0, 3).astype(np.float32), rng)
         return out, reference
+
+    def _lit(self, penetration: np.ndarray) -> np.ndarray:
+        """The gel's image over its no-contact image (H, W, 3): relative light."""
+        height = sunk_in(penetration, self.sensor.pixel_size, self._reach, self._share)
+        height = cv2.GaussianBlur(height, (0, 0), self._stiffness)
+        return cv2.GaussianBlur(self._gel.ratio(height), (0, 0), self._blur)
 
     def _difference(self, penetration: np.ndarray, surface: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         touching = penetration > 0

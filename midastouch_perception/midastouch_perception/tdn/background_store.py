@@ -1,4 +1,4 @@
-"""Captured no-contact images, one per sensor, kept between starts: each DIGIT looks different."""
+"""Captured no-contact images and calibrations, one per sensor, kept between starts: each DIGIT looks different."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import atomic_path
+from ..sensor_calibration import SensorCalibration
+from ..sensor_model import SensorModel
 from .background_file import read_background
 
 
@@ -25,7 +27,7 @@ def store_of(folder: str, serial: str) -> BackgroundStore | None:
 
 
 class BackgroundStore:
-    """The image of the sensor with this serial number in a folder, as `SERIAL.png`.
+    """The image of the sensor with this serial number in a folder, as `SERIAL.png`; its calibration, beside it.
 
     Raises InputError for a serial number that could not be a file's name.
     """
@@ -34,10 +36,23 @@ class BackgroundStore:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", serial):
             raise InputError(f"serial '{serial}': not a serial number; letters, digits, '.', '_' and '-' only")
         self.path = folder / f"{serial}.png"
+        self.calibration_path = folder / f"{serial}.calibration.npz"
+        self._serial = serial
 
     def load(self, height: int, width: int) -> np.ndarray | None:
         """RGB image (height, width, 3) uint8; None if none was kept. InputError as `read_background`."""
         return read_background(self.path, height, width) if self.path.exists() else None
+
+    def load_calibration(self, sensor: SensorModel) -> SensorCalibration | None:
+        """The sensor's calibration; None if none was kept. InputError if it is broken or another sensor's."""
+        if not self.calibration_path.exists():
+            return None
+        calibration = SensorCalibration.load(self.calibration_path)
+        try:
+            calibration.check_sensor(sensor, self._serial)
+        except InputError as error:
+            raise InputError(f"{self.calibration_path}: {error}") from error
+        return calibration
 
     def keep(self, image: np.ndarray) -> str:
         """As `save`; says in words where it is kept, or why it is not: it can be used all the same."""

@@ -8,21 +8,32 @@ from pathlib import Path
 import numpy as np
 
 from ..onnx_network import OnnxNetwork
+from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
-from .inputs import check_image, contact_change, reduce_image
+from .inputs import ContactLight, check_image, reduce_image
 
 
 class DepthNet(ABC):
     """A tactile depth network in an ONNX file: image and background to penetration (paper section 4.1).
 
+    calibration: of the sensor, or None; it may be set anew. Raises InputError if it is another sensor model's.
     Attributes: network_id; sensor, the map-resolution sensor model.
     """
 
-    def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
+    def __init__(
+        self,
+        name_or_path: str | Path = "fast",
+        sensor: SensorModel | None = None,
+        threads: int = 1,
+        calibration: SensorCalibration | None = None,
+    ):
         self._network = OnnxNetwork("tdn", name_or_path, threads)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
-        self._background: tuple[np.ndarray, np.ndarray] | None = None
+        self._background: tuple[np.ndarray, ContactLight] | None = None
+        if calibration is not None:
+            calibration.check_sensor(self._image_sensor)
+        self.calibration = calibration
 
     @property
     def network_id(self) -> str:
@@ -36,14 +47,16 @@ class DepthNet(ABC):
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
 
-        Less the frame's own brightness (`contact_change`). Raises InputError on wrong size or type. The last background
-        is kept reduced: do not write into it.
+        Less the frame's own brightness, and over a background of 100 if the sensor's light is relative
+        (`ContactLight`); a standard sensor's if this one is calibrated. Raises InputError on wrong size or type. The
+        last background is kept reduced: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")
-            self._background = background, reduce_image(background)
+            self._background = background, ContactLight(reduce_image(background), self.sensor.light)
         reduced = reduce_image(check_image(image, self._image_sensor, "tactile image"))
-        return contact_change(reduced, self._background[1])
+        change = self._background[1].difference(reduced)
+        return self.calibration.standardised(change) if self.calibration else change
 
     @abstractmethod
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:

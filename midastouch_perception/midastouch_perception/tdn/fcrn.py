@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .inputs import check_image
@@ -25,8 +26,14 @@ class FcrnDepthNet(DepthNet):
 
     has_embedding = False
 
-    def __init__(self, name_or_path: str | Path, sensor: SensorModel | None = None, threads: int = 1):
-        super().__init__(name_or_path, sensor, threads)
+    def __init__(
+        self,
+        name_or_path: str | Path,
+        sensor: SensorModel | None = None,
+        threads: int = 1,
+        calibration: SensorCalibration | None = None,
+    ):
+        super().__init__(name_or_path, sensor, threads, calibration)
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
 
     def height(self, image: np.ndarray) -> np.ndarray:

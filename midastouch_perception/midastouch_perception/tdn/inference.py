@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..model_card import read_card
-from ..onnx_network import network_path
+from ..onnx_network import WEIGHTS, network_path
+from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .fcrn import FcrnDepthNet
@@ -19,8 +20,14 @@ EMBEDDING = "embedding"  # name of the network's second output
 class TactileDepthNet(DepthNet):
     """Our depth network, which sees differences from the no-contact image."""
 
-    def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
-        super().__init__(name_or_path, sensor, threads)
+    def __init__(
+        self,
+        name_or_path: str | Path = "fast",
+        sensor: SensorModel | None = None,
+        threads: int = 1,
+        calibration: SensorCalibration | None = None,
+    ):
+        super().__init__(name_or_path, sensor, threads, calibration)
         self._geometry = geometry_input(self.sensor)[None]
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
@@ -49,8 +56,21 @@ class TactileDepthNet(DepthNet):
         return batch, np.ascontiguousarray(geometry)
 
 
-def load_tdn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1) -> DepthNet:
-    """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`)."""
+def load_tdn(
+    name_or_path: str | Path = "fast",
+    sensor: SensorModel | None = None,
+    threads: int = 1,
+    calibration: SensorCalibration | None = None,
+) -> DepthNet:
+    """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
+
+    A name stands for the network that was trained for the sensor's light: `fast_relative` for real gel, if there is
+    one.
+    calibration: of that very sensor, or None.
+    """
+    sensor = sensor or SensorModel.load("digit_tacto")
+    if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():
+        name_or_path = f"{name_or_path}_{sensor.light}"
     card = read_card(network_path("tdn", name_or_path))
     network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet
-    return network(name_or_path, sensor, threads)
+    return network(name_or_path, sensor, threads, calibration)

@@ -9,6 +9,8 @@ from ..errors import InputError
 from ..sensor_model import MAP_SCALE, SensorModel
 
 _GREY_LEVELS = 32.0
+_REFERENCE = 100.0  # grey levels of the background that a relative difference is expressed for
+_DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
 _EVERY = 4  # px; as many tell the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
@@ -32,15 +34,30 @@ def reduce_image(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
 
 
-def contact_change(image: np.ndarray, background: np.ndarray) -> np.ndarray:
-    """Change (H, W, 3) float32 of an image against the no-contact image, both (H, W, 3) float32 grey levels.
+class ContactLight:
+    """What of an image is due to contact, for one no-contact image `background` (H, W, 3) float32 grey levels.
 
-    Exposure and lamps change from frame to frame and turn a whole colour up or down; they are no contact, and most of
-    the image is untouched, so each colour's median ratio to the background is taken off.
+    light: as `SensorModel.light`. Exposure and lamps change from frame to frame and turn a whole colour up or down;
+    they are no contact, and most of the image is untouched, so each colour's median ratio to the background is taken
+    off. Of relative light what is left is divided by the background: the share by which real gel becomes brighter
+    where it slopes hardly differs from sensor to sensor or over the image, the grey levels do several times.
     """
-    sparse = np.s_[::_EVERY, ::_EVERY]
-    gain = np.median((image[sparse] / np.maximum(background[sparse], 1)).reshape(-1, 3), axis=0)
-    return image / np.maximum(gain, _LEAST_GAIN).astype(np.float32) - background
+
+    def __init__(self, background: np.ndarray, light: str):
+        self._background = background
+        self._sparse = 1 / np.maximum(background[::_EVERY, ::_EVERY], 1)
+        self._unit = _REFERENCE / np.maximum(background, _DARKEST) if light == "relative" else None
+
+    def difference(self, image: np.ndarray) -> np.ndarray:
+        """Change (H, W, 3) float32 by contact, of an image (H, W, 3) float32 grey levels.
+
+        In grey levels; of relative light in those it would have over a background of 100.
+        """
+        gain = np.median((image[::_EVERY, ::_EVERY] * self._sparse).reshape(-1, 3), axis=0)
+        # along whole rows, which is several times as fast as along three colours
+        gains = np.tile(np.maximum(gain, _LEAST_GAIN).astype(np.float32), image.shape[1])
+        change = (image.reshape(len(image), -1) / gains).reshape(image.shape) - self._background
+        return change if self._unit is None else change * self._unit
 
 
 def difference_input(difference: np.ndarray) -> np.ndarray:

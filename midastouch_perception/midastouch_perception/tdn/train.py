@@ -11,6 +11,7 @@ import torch
 from torch import nn
 
 from ..mesh import ObjectMesh
+from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange
 from ..training.export import export_onnx
@@ -18,6 +19,7 @@ from ..training.loading import rendered_batches, rendering_process
 from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from ..training.touches import shuffled, touches
+from ..training.unfolding import unfold
 from .inputs import difference_input, geometry_input
 from .network import UNet, UNetWithEmbedding
 
@@ -28,22 +30,28 @@ _SOFTENING = 0.03  # mm: below it the loss is quadratic
 CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 
-def training_sensors() -> list[SensorModel]:
-    """The geometries trained for: mostly TACTO's, the real DIGIT's, and some in between."""
+def training_sensors(light: str) -> list[SensorModel]:
+    """The geometries trained for. Of relative light: the real DIGIT's at several scales; of additive: mostly TACTO's,
+    some real ones, and some in between."""
     tacto, real = SensorModel.load("digit_tacto").for_maps, SensorModel.load("digit_real").for_maps
-    between = [dataclasses.replace(real, focal=f) for f in (150.0, 185.0, 225.0)]
-    return [tacto] * 5 + [real] * 2 + between
+    if light == "relative":
+        return [real] * 3 + [dataclasses.replace(real, focal=f) for f in (170.0, 190.0, 215.0, 235.0)]
+    real = dataclasses.replace(real, light=light)
+    return [tacto] * 5 + [real] * 2 + [dataclasses.replace(real, focal=f) for f in (150.0, 185.0, 225.0)]
 
 
 class _Batches(torch.utils.data.IterableDataset):
     """Batches (difference, geometry, penetration mm) of a worker's own seeded stream."""
 
-    def __init__(self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, seed: int):
-        self.meshes, self.backgrounds, self.ranges, self.seed = meshes, backgrounds, ranges, seed
+    def __init__(
+        self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, light: str, seed: int
+    ):
+        self.meshes, self.backgrounds, self.ranges = meshes, backgrounds, ranges
+        self.light, self.seed = light, seed
 
     def __iter__(self):
         rng = np.random.default_rng([self.seed, rendering_process()])
-        sensors = training_sensors()
+        sensors = training_sensors(self.light)
         geometry = {sensor: geometry_input(sensor) for sensor in sensors}
         stream = shuffled(touches(self.meshes, sensors, self.backgrounds, rng, self.ranges), _RESERVOIR, rng)
         while True:
@@ -83,17 +91,22 @@ def validate(model: nn.Module, batches: list) -> dict[str, float]:
 
 
 def train(options: TrainingOptions) -> Path:
-    """Train and write `tdn_fast.onnx` and `tdn_fast.json` into the options' folder; returns the ONNX path.
+    """Train and write the network and its card into the options' folder; returns the path of `tdn_fast.onnx`, or
+    `tdn_fast_relative.onnx` for relative light.
 
     Log and checkpoints go there too.
     """
     torch.manual_seed(options.seed)
     data = TrainingData.load(options)
     model = UNet().to(options.device, memory_format=torch.channels_last)
-    run = TrainingRun(model, options, 3e-3)
-    validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.seed + 1000)
+    if options.start and not options.resume:
+        batch = next(iter(_Batches(data.meshes, data.backgrounds, data.ranges, options.light, options.seed)))
+        unfold(model, network_path("tdn", options.start), *batch[:2])
+    run = TrainingRun(model, options, 1e-3 if options.start else 3e-3)
+    validation = _Batches(data.held_out, data.held_out_backgrounds, data.ranges, options.light, options.seed + 1000)
     checks = list(itertools.islice(iter(validation), _CHECKS))
-    stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.seed + 7919 * run.step)
+    seed = options.seed + 7919 * run.step
+    stream = _Batches(data.meshes, data.backgrounds, data.ranges, options.light, seed)
     batches = rendered_batches(stream, options, ahead=8)
 
     def loss_of(batch: tuple[torch.Tensor, ...]) -> torch.Tensor:
@@ -105,7 +118,8 @@ def train(options: TrainingOptions) -> Path:
 
     run.fit(batches, loss_of, lambda: validate(run.averaged(UNet), checks), every=250)
     card = {
-        "network": "tdn_fast",
+        "network": options.network("tdn"),
+        "light": options.light,
         "data": {
             "meshes": len(data.meshes),
             "touches": run.step * _BATCH,
@@ -114,7 +128,7 @@ def train(options: TrainingOptions) -> Path:
         },
         **run.card("tdn"),
     }
-    return export(run.averaged(UNet), card, options.out / "tdn_fast.onnx")
+    return export(run.averaged(UNet), card, options.out / f"{options.network('tdn')}.onnx")
 
 
 def export(model: UNet, card: dict, path: Path) -> Path:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..mesh import ObjectMesh
-from ..simulation.procedural import random_shape
+from ..simulation.procedural import random_probe, random_shape
 
 # the paper's ten test objects: never trained on
 TEST_OBJECTS = ("004_", "005_", "006_", "021_", "025_", "035_", "037_", "042_", "048_", "055_")
@@ -27,5 +27,6 @@ def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[O
     meshes = [ObjectMesh.load(path) for path in paths]
     held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
     rng = np.random.default_rng(seed)
-    shapes = [random_shape(rng, f"procedural_{i}") for i in range(procedural)]
+    makers = (random_shape, random_shape, random_probe)
+    shapes = [makers[i % 3](rng, f"procedural_{i}") for i in range(procedural)]
     return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..mesh import ObjectMesh
+from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.colour_table import ColourTable
 from ..simulation.randomisation import RandomisationRange
@@ -25,7 +26,8 @@ class TrainingOptions:
     Attributes: meshes, folder of YCB scans; backgrounds, folder of no-contact images; colour_table, file of a real
     DIGIT's colours (Taxim) or None; out, folder for weights, log and checkpoint; minutes, time budget; steps, if given
     the run ends after as many steps instead, and is repeatable with its seed; workers, rendering processes; device,
-    cpu or cuda; resume, folder of an earlier run to go on from, or None.
+    cpu or cuda; resume, folder of an earlier run to go on from, or None; start, network to begin with (a shipped one
+    by name, or an ONNX file), or None; light of the sensors that a depth network is trained for (`SensorModel`).
     """
 
     meshes: Path
@@ -38,13 +40,23 @@ class TrainingOptions:
     workers: int = 1
     device: str = "cpu"
     resume: Path | None = None
+    start: str | None = None
+    light: str = "additive"
+
+    def network(self, kind: str) -> str:
+        """Name of the network (of kind tdn or tcn) that is trained."""
+        return f"{kind}_fast" if self.light == "additive" else f"{kind}_fast_{self.light}"
 
     def commands(self, network: str) -> list[str]:
         """Every command that shaped the weights of `network` (tdn or tcn): those of the run resumed, and this one."""
         bound = f"--steps {self.steps}" if self.steps else f"--minutes {self.minutes:g}"
         table = " --colour-table FILE" if self.colour_table else ""
-        this = f"midastouch train-{network} {bound} --seed {self.seed}{table}{' --resume DIR' if self.resume else ''}"
-        card = self.resume and self.resume / f"{network}_fast.json"
+        start = " --resume DIR" if self.resume else f" --start {Path(self.start).name}" if self.start else ""
+        light = f" --light {self.light}" if self.light != "additive" else ""
+        this = f"midastouch train-{network} {bound} --seed {self.seed}{light}{table}{start}"
+        card = self.resume and self.resume / f"{self.network(network)}.json"
+        if self.start and not self.resume:
+            card = network_path(network, self.start).with_suffix(".json")
         return [*(json.loads(card.read_text())["commands"] if card and card.is_file() else []), this]
 
 

@@ -7,24 +7,33 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..ball_calibration.ball import ball_centre, ball_penetration
+from ..ball_calibration.response import ColourResponse, NormalEquations, press_equations
 from ..mesh import ObjectMesh
+from ..sensor_calibration import standard_colours
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..simulation.renderer import PenetrationRenderer
+from ..tdn.inputs import ContactLight
 
 _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8
 # wider than the paper's: small presses too, or light touches are missed
 _SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_share=0.04)
+_CALIBRATED_SHARE = 0.4  # of the sensors whose light is relative
+_BALL_SHARE = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
+_BALL_PRESSES = (5, 15)  # for a calibration
+_BALL_RADIUS = (1.5e-3, 8e-3)  # m
+_WIDEST = 4e-3  # m: radius of a ball's contact
 
 
 @dataclasses.dataclass(frozen=True)
 class Touch:
     """One simulated touch at the nets' resolution.
 
-    Attributes: difference (H, W, 3) float32, image minus reference no-contact image, grey levels; penetration
-    (H, W) float32 m; sensor, the geometry it was rendered with.
+    Attributes: difference (H, W, 3) float32 grey levels, as the depth network sees it; penetration (H, W) float32 m;
+    sensor, the geometry it was rendered with.
     """
 
     difference: np.ndarray
@@ -50,9 +59,42 @@ def touches(
         penetration, normals = renderer.render_with_normals(poses)
         for part in np.array_split(np.arange(len(poses)), _SENSORS_PER_OBJECT):
             imaginary = RandomSensor(sensor, backgrounds, rng, ranges)
-            images, reference = imaginary.images(penetration[part], normals[part], rng)
-            for image, depth in zip(images, penetration[part], strict=True):
-                yield Touch(image - reference, depth, sensor)
+            response, maps, facing = None, penetration[part], normals[part]
+            if sensor.light == "relative":
+                if rng.random() < _CALIBRATED_SHARE:
+                    response = calibrate(imaginary, rng)
+                if rng.random() < _BALL_SHARE:
+                    radius = float(rng.uniform(*_BALL_RADIUS))
+                    maps = np.maximum(ball_presses(radius, len(part), sensor, rng), 0)
+                    facing = np.zeros((*maps.shape, 3), np.float32)
+            images, reference = imaginary.images(maps, facing, rng)
+            light = ContactLight(reference, sensor.light)
+            for image, depth in zip(images, maps, strict=True):
+                difference = light.difference(image)
+                seen = standard_colours(response.slopes(difference)) if response else difference
+                yield Touch(seen, depth, sensor)
+
+
+def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
+    """Penetration (n, H, W) float32 m of a ball in random places, negative beside the contact."""
+    presses = []
+    for _ in range(n):
+        u, v = rng.uniform(0.05, 0.95, 2) * (sensor.width, sensor.height)
+        contact = min(rng.uniform(0.25, 0.85) * radius, _WIDEST)
+        presses.append(ball_penetration(ball_centre(u, v, contact, radius, sensor), radius, sensor))
+    return np.stack(presses)
+
+
+def calibrate(imaginary: RandomSensor, rng: np.random.Generator) -> ColourResponse:
+    """What an imaginary sensor's colours say of slopes, from simulated presses of a ball."""
+    sensor, radius = imaginary.sensor, float(rng.uniform(2e-3, 6e-3))
+    presses = ball_presses(radius, int(rng.integers(*_BALL_PRESSES)), sensor, rng)
+    contacts = np.maximum(presses, 0)
+    images, reference = imaginary.images(contacts, np.zeros((*contacts.shape, 3), np.float32), rng)
+    light, equations = ContactLight(reference, sensor.light), NormalEquations()
+    for image, penetration in zip(images, presses, strict=True):
+        equations += press_equations(light.difference(image), penetration, sensor.pixel_size)
+    return ColourResponse(equations.solve())
 
 
 def shuffled(stream: Iterator[Touch], size: int, rng: np.random.Generator) -> Iterator[Touch]:

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,18 @@ def test_no_table_for_sensors_near_tacto(touches, half, backgrounds):
         ranges = RandomisationRange(wide_share=0.0, table_share=1.0, colour_table=table)
         images.append(RandomSensor(half, backgrounds, rng, ranges).images(*touches, rng)[0])
     np.testing.assert_array_equal(*images)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_real_gel_changes_by_a_share_of_its_background(touches, half, backgrounds, seed):
+    """Twice as bright lamps: twice the change, which sensors whose light is additive do not show."""
+    relative = dataclasses.replace(half, light="relative")
+    dim = (backgrounds // 2).astype(np.uint8)
+    means = []
+    for shown in (dim, 2 * dim):
+        rng = np.random.default_rng(seed)
+        images, reference = RandomSensor(relative, shown, rng).images(*touches, rng)
+        assert np.isfinite(images).all()
+        assert (images.min() >= 0) & (images.max() <= 255)
+        means.append(np.abs(images - reference).mean())
+    assert 1.5 < means[1] / means[0] < 2.5

@@ -1,0 +1,94 @@
+"""Guides a person through the presses of a ball: which were taken, which were not and why, and where to press next."""
+
+from __future__ import annotations
+
+import collections
+
+import cv2
+import numpy as np
+
+from ..sensor_model import SensorModel
+from ..tdn.inputs import ContactLight, check_image, reduce_image
+from .presses import look_at
+from .search import Contact
+
+_BLOCK = 8  # px
+_TOUCHED = 8.0  # grey levels of a block: something touches
+_FREE = 5.0  # and nothing does any more
+_STILL = 5  # images that are alike
+_ALIKE = 2.5  # grey levels of a block between them
+_APART = 1e-3  # m between contacts, or they are the same
+_ROWS, _COLUMNS = ("top", "middle", "bottom"), ("left", "centre", "right")
+
+
+class PressCollector:
+    """Takes one image of each press that is held still and can be used; the gel must be left in between.
+
+    Args: background (320, 240, 3) uint8 RGB; ball_diameter m; sensor, full size; wanted, number of presses.
+    Attribute: images (320, 240, 3) uint8 RGB by name, those taken.
+    """
+
+    def __init__(self, background: np.ndarray, ball_diameter: float, sensor: SensorModel, wanted: int = 10):
+        self._light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
+        self._radius, self._sensor, self._half = 0.5 * ball_diameter, sensor, sensor.for_maps
+        self._wanted = wanted
+        self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL)
+        self._contacts: list[Contact] = []
+        self._judged = False  # the press that goes on
+        self.images: dict[str, np.ndarray] = {}
+
+    @property
+    def done(self) -> bool:
+        """Whether enough presses were taken."""
+        return len(self.images) >= self._wanted
+
+    @property
+    def next_step(self) -> str:
+        """What to do now, in words."""
+        return f"{len(self.images)} of {self._wanted}: press the ball at the {self._missing_region()}"
+
+    def observe(self, image: np.ndarray) -> str:
+        """One image (320, 240, 3) uint8 RGB; what became of the press, in words, empty while nothing is decided.
+
+        Raises InputError for an image of another size.
+        """
+        blocks = self._blocks(check_image(image, self._sensor, "tactile image"))
+        change = float(np.abs(blocks).max())
+        if change < (_FREE if self._judged else _TOUCHED):
+            self._judged = False
+            self._recent.clear()
+            return ""
+        self._recent.append(blocks)
+        still = len(self._recent) == _STILL and np.ptp(np.stack(self._recent), axis=0).max() < _ALIKE
+        if self._judged or not still:
+            return ""
+        self._judged = True
+        return self._judge(image)
+
+    def _judge(self, image: np.ndarray) -> str:
+        press = look_at("press", image, self._light, self._radius, self._half)
+        if press.problem:
+            return f"not taken: {press.problem}; lift and press again"
+        near = [self._distance(press.contact, other) for other in self._contacts]
+        if near and min(near) < _APART:
+            return "not taken: there was a press at this place already; lift and press elsewhere"
+        self._contacts.append(press.contact)
+        self.images[f"press_{len(self.images):02d}.png"] = image.copy()
+        return "taken: lift the ball"
+
+    def _blocks(self, image: np.ndarray) -> np.ndarray:
+        change = self._light.difference(reduce_image(image))
+        height, width = change.shape[:2]
+        return cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+
+    def _distance(self, one: Contact, other: Contact) -> float:
+        return float(np.hypot(one.u - other.u, one.v - other.v)) * self._half.pixel_size
+
+    def _missing_region(self) -> str:
+        """The ninth of the image with the fewest presses."""
+        count = np.zeros((3, 3), int)
+        for contact in self._contacts:
+            row, column = int(3 * contact.v / self._half.height), int(3 * contact.u / self._half.width)
+            count[np.clip(row, 0, 2), np.clip(column, 0, 2)] += 1
+        row, column = np.unravel_index(count.argmin(), count.shape)
+        return "centre" if (row, column) == (1, 1) else f"{_ROWS[row]} {_COLUMNS[column]}"

@@ -1,0 +1,118 @@
+"""Which images show one whole press of the ball, and why the others do not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from ..sensor_model import SensorModel
+from ..tdn.background import estimate_background
+from ..tdn.colour_layout import exposure_problem
+from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
+from ..tdn.inputs import ContactLight, reduce_image
+from .response import place_terms
+from .search import Contact, find_contact
+
+_FAINT = 8.0  # grey levels of a block: less is no contact
+_BLOCK = 8  # px
+_EXPLAINED = 0.45  # share of the change that a ball explains
+_SECOND = 0.25  # energy of another contact, of the first one's
+_APART = 2.0  # radii: what is further away is not of the same contact
+_VISIBLE = 0.8  # of the circle
+_MOST_SATURATED = 0.25  # of the circle
+_BRIGHT = 250
+_DRIFT_ROUNDS = 6
+_QUIET = 0.6  # of the image is free of contact and shadow
+_MASK = 1.7  # radii around a press that are no background
+_PASSES = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Press:
+    """One image: name; change (H, W, 3) float32 grey levels at the map's resolution; contact, None if none was found;
+    problem, why it is not used, empty if it is."""
+
+    name: str
+    change: np.ndarray
+    contact: Contact | None
+    problem: str = ""
+
+
+def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: float, sensor: SensorModel) -> Press:
+    """What an image (2 H, 2 W, 3) uint8 RGB shows; sensor at the map's resolution, ball_radius m."""
+    seen = light.difference(reduce_image(image)).astype(np.float32)
+    change = without_drift(seen)
+    if problem := exposure_problem(image, 0.5):
+        return Press(name, change, None, problem)
+    if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
+        return Press(name, change, None, f"differs from the no-contact image everywhere, by {quiet:.0f} grey levels")
+    height, width = change.shape[:2]
+    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+    if np.abs(blocks).max() < _FAINT:
+        return Press(name, change, None, "nothing touches the gel")
+    contact = find_contact(change, ball_radius, sensor.pixel_size)
+    return Press(name, change, contact, _problem(image, change, contact, ball_radius, sensor))
+
+
+def without_drift(change: np.ndarray) -> np.ndarray:
+    """A change (H, W, 3) less what varies slowly over the image: lamps that have warmed since the no-contact image.
+
+    A quadratic in the position, fitted to block means by least squares over and over, each time to the quieter ones.
+    """
+    height, width = change.shape[:2]
+    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+    places = place_terms(*blocks.shape[:2]).reshape(-1, 6)
+    blocks = blocks.reshape(-1, 3)
+    kept = np.ones(len(blocks), bool)
+    for _ in range(_DRIFT_ROUNDS):
+        factors = np.linalg.lstsq(places[kept], blocks[kept], rcond=None)[0]
+        off = np.abs(blocks - places @ factors).max(axis=1)
+        kept = off <= max(np.quantile(off, _QUIET), 1e-3)
+    return change - (place_terms(height, width) @ factors).astype(np.float32)
+
+
+def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:
+    """Pixels (H, W) bool within `scale` radii of the middle of a contact."""
+    rows, columns = np.mgrid[: sensor.height, : sensor.width]
+    return np.hypot(columns - contact.u, rows - contact.v) < scale * contact.radius / sensor.pixel_size
+
+
+def visible_share(contact: Contact, sensor: SensorModel) -> float:
+    """Share (0 ... 1) of a contact's circle that is in the image."""
+    return float(circle(contact, 1, sensor).sum() * sensor.pixel_area / (np.pi * contact.radius**2))
+
+
+def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radius: float, sensor: SensorModel) -> str:
+    if contact.explained < _EXPLAINED:
+        return f"what is seen is not one ball (it explains {100 * contact.explained:.0f} % of the change)"
+    near = circle(contact, _APART, sensor)
+    rest = np.where(near[..., None], np.float32(0), change)
+    other = find_contact(rest, ball_radius, sensor.pixel_size)
+    if other.explained * float((rest**2).sum()) > _SECOND * contact.explained * float((change**2).sum()):
+        return "two contacts"
+    if (share := visible_share(contact, sensor)) < _VISIBLE:
+        return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
+    touched = circle(contact, 1, sensor)
+    bright = cv2.resize((image >= _BRIGHT).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
+    if bright > _MOST_SATURATED:
+        return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
+    return ""
+
+
+def background_behind(images: list[np.ndarray], ball_radius: float, sensor: SensorModel) -> np.ndarray:
+    """No-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without what touches."""
+    background = estimate_background(images)
+    for _ in range(_PASSES):
+        light = ContactLight(reduce_image(background), sensor.light)
+        covered = []
+        for image in images:
+            change = without_drift(light.difference(reduce_image(image)))
+            contact = find_contact(change, ball_radius, sensor.pixel_size)
+            near = circle(contact, _MASK, sensor).astype(np.uint8)
+            covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
+        hidden = np.all(covered, axis=0)
+        masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
+        background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
+    return background

@@ -1,0 +1,112 @@
+"""Colour to slope: a small polynomial per sensor, fitted by least squares.
+
+The classic look-up table of photometric stereo (Yuan, Dong and Adelson, Sensors 2017) as a regression: the slopes are
+quadratic in the change of the three colours, with factors quadratic in the position.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+_LEVELS = 50.0  # grey levels of a typical contact
+TERMS = 12  # of the colours
+_PLACES = 6  # of the position
+_TOUCHED = 0.85  # radii: at the rim the gel leaves the ball
+_BESIDE = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
+_BESIDE_WEIGHT = 0.3  # of a pixel beyond, where it is flat and only shadows fall
+_EVERY = 2  # px; neighbours say the same
+_LEAST_EXPLAINED = 0.5
+_RIDGE = 1e-3  # share of the equations' mean weight: what presses do not tell stays small
+
+
+def colour_terms(change: np.ndarray) -> np.ndarray:
+    """Terms (..., 12) float32 of changes of colour (..., 3) grey levels.
+
+    Linear and quadratic ones, and the linear ones times the size of the change: brightness grows ever less with slope.
+    """
+    r, g, b = np.moveaxis(np.asarray(change, np.float32) / np.float32(_LEVELS), -1, 0)
+    size = np.sqrt(r * r + g * g + b * b)
+    return np.stack([r, g, b, r * r, g * g, b * b, r * g, g * b, r * b, r * size, g * size, b * size], axis=-1)
+
+
+def place_terms(height: int, width: int) -> np.ndarray:
+    """Terms (H, W, 6) float32 of the pixels' positions."""
+    v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
+    return np.stack([np.ones_like(u), u, v, u * u - 1 / 3, u * v, v * v - 1 / 3], axis=-1)
+
+
+class NormalEquations:
+    """Sums over presses of what a least-squares fit of the polynomial needs; they add up, and take back."""
+
+    def __init__(self) -> None:
+        size = TERMS * _PLACES
+        self.square, self.target = np.zeros((size, size)), np.zeros((size, 2))
+        self.weight = self.energy = 0.0  # of the pixels, and of their slopes
+
+    @classmethod
+    def of(cls, change: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> NormalEquations:
+        """Of one press: change (H, W, 3) grey levels, slopes (H, W, 2) right and down, weight (H, W), 0 for unknown."""
+        out = cls()
+        places = place_terms(*weight.shape)
+        change, slopes, weight, places = (a[::_EVERY, ::_EVERY] for a in (change, slopes, weight, places))
+        known = weight > 0
+        places = places[known]
+        design = (colour_terms(change[known])[:, :, None] * places[:, None, :]).reshape(len(places), -1)
+        weighted = design * weight[known][:, None]
+        out.square, out.target = (weighted.T @ a.astype(np.float32) for a in (design, slopes[known]))
+        out.weight = float(weight.sum())
+        out.energy = float((weight[known] * (slopes[known] ** 2).sum(axis=1)).sum())
+        return out
+
+    def __add__(self, other: NormalEquations) -> NormalEquations:
+        out = NormalEquations()
+        out.square, out.target = self.square + other.square, self.target + other.target
+        out.weight, out.energy = self.weight + other.weight, self.energy + other.energy
+        return out
+
+    def solve(self) -> np.ndarray:
+        """Coefficients (12, 6, 2) of the slopes. Few presses leave the position's terms small.
+
+        Least squares predict slopes too flat by the share that the colours do not explain: noise, and circles that are
+        off. Relief must not become flatter by that, so the slopes are made as steep as the balls', on average.
+        """
+        ridge = _RIDGE * self.weight * np.tile([0.1, 1, 1, 2, 2, 2], TERMS)
+        found = np.linalg.solve(self.square + np.diag(ridge + 1e-12), self.target)
+        explained = float((found * self.target).sum()) / max(self.energy, 1e-12)
+        return (found / max(explained, _LEAST_EXPLAINED)).reshape(TERMS, _PLACES, 2)
+
+
+def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
+    """What one press of a ball tells: steep as the ball well inside, flat away from it whatever the shadows.
+
+    change (H, W, 3) grey levels; penetration (H, W) m, negative beside the contact (`ball_penetration`); pixel, m per
+    pixel.
+    """
+    touched = (penetration > 0).astype(np.uint8)
+    radius = np.sqrt(touched.sum() / np.pi)
+    inside = cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * radius
+    beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
+    weight = np.where(inside, np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
+    return NormalEquations.of(change, height_slopes(np.maximum(penetration, 0), pixel), weight)
+
+
+def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:
+    """Slopes (H, W, 2) float32, to the right and down, of a height (H, W) float32 m."""
+    slopes = [cv2.Sobel(height, cv2.CV_32F, *axis) / np.float32(8 * pixel) for axis in ((1, 0), (0, 1))]
+    return np.stack(slopes, axis=-1)
+
+
+class ColourResponse:
+    """Slopes by the fitted polynomial. coefficients (12, 6, 2)."""
+
+    def __init__(self, coefficients: np.ndarray):
+        self._coefficients = coefficients
+        self._factors: np.ndarray | None = None
+
+    def slopes(self, change: np.ndarray) -> np.ndarray:
+        """Slopes (H, W, 2) float32 of the gel, to the right and down, of changes (H, W, 3) grey levels."""
+        if self._factors is None or self._factors.shape[:2] != change.shape[:2]:
+            places = place_terms(*change.shape[:2])
+            self._factors = np.einsum("tps,hwp->hwts", self._coefficients, places).astype(np.float32)
+        return (colour_terms(change)[..., None, :] @ self._factors)[..., 0, :]

@@ -1,0 +1,132 @@
+"""What is known of one sensor's colours, and what the depth network is shown of a calibrated sensor.
+
+A calibrated sensor's slopes are known in metres a metre. The network is shown them as the colours of a standard sensor:
+three lamps, 120 degrees apart, each colour proportional to the slope towards its lamp. It was trained on such images
+too, and tells them from those of a sensor that nobody calibrated, because their colours cancel.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import zipfile
+from functools import cached_property
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from .ball_calibration.response import ColourResponse
+from .errors import InputError
+from .files import atomic_path, require_file
+from .sensor_model import SensorModel
+
+_ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
+# change of the colours by a slope to the right and a slope downwards, as rows: bright where it falls towards the lamp
+_STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
+_BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
+_FORMAT = 1
+_GRID = (16, 12)  # rows, columns
+_OTHER_SCALE = 0.02  # by which the pixels' size may differ
+_OTHER_GEL = 0.1  # share by which three quarters of a no-contact image may differ, its brightness aside
+
+
+def standard_colours(slopes: np.ndarray) -> np.ndarray:
+    """Change (..., 3) float32 grey levels of a standard sensor by slopes (..., 2), to the right and down."""
+    return np.asarray(slopes, np.float32) @ _STANDARD
+
+
+def plain_slopes(change: np.ndarray) -> np.ndarray:
+    """Slopes (..., 2) float32 that changes (..., 3) grey levels of a standard sensor mean."""
+    return np.asarray(change, np.float32) @ _BACK
+
+
+def background_colours(background: np.ndarray) -> np.ndarray:
+    """What tells a gel and its light from another: colours (16, 12, 3) float32 of a no-contact image (H, W, 3)."""
+    return cv2.resize(background.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SensorCalibration:
+    """The response of one sensor, as `midastouch calibrate` found it.
+
+    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor model;
+    pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
+    (`ball_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
+    ISO 8601.
+    """
+
+    serial: str
+    ball_diameter: float
+    sensor: str
+    pixel_size: float
+    coefficients: np.ndarray
+    background: np.ndarray
+    presses: int
+    date: str
+
+    @cached_property
+    def response(self) -> ColourResponse:
+        """The fitted polynomial."""
+        return ColourResponse(self.coefficients)
+
+    def standardised(self, change: np.ndarray) -> np.ndarray:
+        """The change (H, W, 3) that a standard sensor would show where this one shows `change` (H, W, 3)."""
+        return standard_colours(self.response.slopes(change))
+
+    def check_sensor(self, sensor: SensorModel, serial: str = "") -> None:
+        """Raises InputError if it is not of the sensor with this model (full size) and serial number ("": any)."""
+        if serial and self.serial != serial:
+            raise InputError(f"calibration of the sensor '{self.serial}', not of '{serial}'; calibrate this one")
+        if self.sensor != sensor.name or abs(self.pixel_size / sensor.pixel_size - 1) > _OTHER_SCALE:
+            raise InputError(
+                f"calibration for the sensor model {self.sensor} with {1e-3 / self.pixel_size:.2f} px/mm, not for "
+                f"{sensor.name} with {1e-3 / sensor.pixel_size:.2f}; calibrate with the model in use"
+            )
+
+    def background_problem(self, background: np.ndarray) -> str:
+        """Why a no-contact image (H, W, 3) is of another gel or another sensor; empty if it is not."""
+        ratio = (background_colours(background) + 1) / (self.background + 1)
+        ratio /= np.median(ratio, axis=(0, 1))
+        if (off := float(np.quantile(np.abs(ratio - 1), 0.75))) <= _OTHER_GEL:
+            return ""
+        return (
+            f"the calibration of {self.date} was made with another gel or another sensor (the no-contact image differs "
+            f"by {100 * off:.0f} %); press the ball again and run midastouch calibrate"
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration; InputError if it cannot be written."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        try:
+            with atomic_path(path) as temporary, temporary.open("wb") as stream:
+                np.savez_compressed(stream, format=_FORMAT, **values)
+        except OSError as error:
+            raise InputError(f"{path}: {error.strerror or error}; the calibration was not kept") from error
+
+    @classmethod
+    def load(cls, path: str | Path) -> SensorCalibration:
+        """Read a calibration. Raises InputError if there is none or it is not one."""
+        require_file(path, "calibration")
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                if int(file["format"]) != _FORMAT:
+                    raise ValueError(f"format {int(file['format'])}")
+                return cls(
+                    serial=str(file["serial"]),
+                    ball_diameter=float(file["ball_diameter"]),
+                    sensor=str(file["sensor"]),
+                    pixel_size=float(file["pixel_size"]),
+                    coefficients=_finite(file["coefficients"], (12, 6, 2)),
+                    background=_finite(file["background"], (*_GRID, 3)),
+                    presses=int(file["presses"]),
+                    date=str(file["date"]),
+                )
+        except (OSError, EOFError, KeyError, ValueError, TypeError, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: not a calibration ({error}); make one with midastouch calibrate") from error
+
+
+def _finite(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    values = np.asarray(values, float)
+    if values.shape != shape or not np.isfinite(values).all():
+        raise ValueError(f"shape {values.shape}, need finite {shape}")
+    return values

@@ -1,0 +1,90 @@
+"""Light on real gel: by which share each colour of the image changes where the gel slopes.
+
+Divided by the no-contact image, presses look alike on every DIGIT measured so far and all over the image, though the
+grey levels differ several times: brightness of lamps, vignetting and exposure cancel. What is left is geometry. For
+light that arrives under an angle, brightness grows with the slope towards it (Lambert), its own share of a colour can
+only fall to nothing, and relief takes it from the gel behind.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ..sensor_model import SensorModel
+
+_ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
+_SOFT = 0.4  # lamps are no points
+_STEPS = np.array([0.25, 0.5, 0.9, 1.4, 2.0, 2.8]) * 1e-3  # m towards a light, where relief may stand before it
+_PENUMBRA = 0.15e-3, 0.25  # m of height between full shadow and none, and by how much it widens a metre away
+
+
+class GelLight:
+    """The lights of one imaginary DIGIT, for one sensor model at its resolution."""
+
+    def __init__(self, sensor: SensorModel, rng: np.random.Generator):
+        self._pixel = sensor.pixel_size
+        shape = sensor.height, sensor.width
+        self._grid = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j].astype(np.float32)
+        x, y = (t * sensor.gel_depth for t in sensor.rays)
+        angles = _ANGLES + rng.normal(0, np.radians(15), 3)
+        away = rng.uniform(0.012, 0.05)  # m from the middle
+        self._towards = []
+        for angle in angles:
+            direction = np.stack([away * np.cos(angle) - x, away * np.sin(angle) - y]).astype(np.float32)
+            self._towards.append(direction / np.linalg.norm(direction, axis=0))
+        self._angles = angles
+        overall = np.log(3.6) + rng.normal(0, 0.35)
+        self._incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.15)) for _ in angles]
+        # share (H, W) of each colour (first) that each light (second) brings; the rest is diffuse
+        self._shares = np.empty((3, 3, *shape), np.float32)
+        for colour in range(3):
+            own, leaked = rng.uniform(0.4, 0.85), rng.uniform(0, 0.25, 3)
+            leaked[colour] = own
+            self._shares[colour] = [part * np.exp(self._smooth(rng, 0.3)) for part in leaked]
+        diffuse = rng.uniform(0.0, 0.5)
+        self._shares /= np.maximum(self._shares.sum(axis=1, keepdims=True) + diffuse, 1)
+        self._shadow = rng.uniform(0, 1, 3) * (rng.random() < 0.8)
+        self._elevation = rng.uniform(0.02, 0.6, 3)  # tangent of the lights' height: how short the shadows are
+        self._brightest = np.exp(rng.uniform(np.log(1.5), np.log(8), 3))  # by how much each light can brighten
+        self._power = rng.uniform(0.85, 1.3)  # of the camera: gamma
+
+    def ratio(self, height: np.ndarray) -> np.ndarray:
+        """Image over no-contact image (H, W, 3) float32 of gel raised by `height` (H, W) m."""
+        right = cv2.Sobel(height, cv2.CV_32F, 1, 0) / (8 * self._pixel)
+        up = cv2.Sobel(height, cv2.CV_32F, 0, 1) / (-8 * self._pixel)
+        foreshortening = 1 / np.sqrt(1 + right**2 + up**2)
+        out = np.ones((*height.shape, 3), np.float32)
+        for light in range(3):
+            across = right * self._towards[light][0] + up * self._towards[light][1]
+            lit = foreshortening * _falling_to_nothing(1 - self._incidence[light] * across)
+            brighter = np.maximum(lit - 1, 0)
+            lit += self._brightest[light] * (1 - np.exp(-brighter / self._brightest[light])) - brighter
+            if self._shadow[light]:
+                lit *= 1 - self._shadow[light] * self._shadowed(height, light)
+            for colour in range(3):
+                out[..., colour] += self._shares[colour, light] * (lit - 1)
+        return np.maximum(out, 0.02) ** np.float32(self._power)
+
+    def _shadowed(self, height: np.ndarray, light: int) -> np.ndarray:
+        """How far (H, W) in [0, 1] relief hides the light from a pixel."""
+        angle, shadow = self._angles[light], np.zeros_like(height)
+        for step in _STEPS:
+            # rows run against y
+            shift = np.float32(
+                [[1, 0, -np.cos(angle) * step / self._pixel], [0, 1, np.sin(angle) * step / self._pixel]]
+            )
+            towards = cv2.warpAffine(height, shift, height.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+            higher = towards - height - np.float32(step * self._elevation[light])
+            np.maximum(shadow, higher / np.float32(_PENUMBRA[0] + _PENUMBRA[1] * step), out=shadow)
+        return cv2.GaussianBlur(np.minimum(shadow, 1), (0, 0), _PENUMBRA[0] / self._pixel)
+
+    def _smooth(self, rng: np.random.Generator, amplitude: float) -> np.ndarray:
+        y, x = self._grid
+        terms = np.stack([x, y, x * y, x * x - 0.3, y * y - 0.3])
+        return np.tensordot(rng.normal(0, amplitude, 5).astype(np.float32), terms, 1)
+
+
+def _falling_to_nothing(lit: np.ndarray) -> np.ndarray:
+    """Brightness of which nothing is left below 0; 1 stays 1."""
+    return 0.5 * (lit + np.sqrt(lit**2 + _SOFT)) / np.float32(0.5 * (1 + np.sqrt(1 + _SOFT)))

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.ball_calibration.collector import PressCollector
+from midastouch_perception.errors import InputError
+
+DIAMETER = 6e-3
+
+
+@pytest.fixture
+def collector(digit, real):
+    return PressCollector(digit.background, DIAMETER, real, wanted=2)
+
+
+def held(collector, image, frames: int = 6) -> list[str]:
+    """What is said of an image that stays."""
+    return [said for _ in range(frames) if (said := collector.observe(image))]
+
+
+def test_presses_are_taken_once_each_until_there_are_enough(collector, digit):
+    assert collector.next_step == "0 of 2: press the ball at the top left"
+    assert held(collector, digit.background) == []
+    first = digit.image([(60, 60, 1.5e-3)])
+    assert held(collector, first, 12) == ["taken: lift the ball"]
+    assert collector.next_step == "1 of 2: press the ball at the top centre"
+    assert not collector.done
+    held(collector, digit.background)
+    assert held(collector, digit.image([(180, 250, 1.5e-3)])) == ["taken: lift the ball"]
+    assert collector.done
+    assert list(collector.images) == ["press_00.png", "press_01.png"]
+    np.testing.assert_array_equal(collector.images["press_00.png"], first)
+
+
+def test_a_ball_that_moves_is_waited_for(collector, digit):
+    moving = [digit.image([(60 + 8 * i, 100, 1.5e-3)]) for i in range(10)]
+    assert [collector.observe(image) for image in moving] == [""] * 10
+    assert held(collector, moving[-1]) == ["taken: lift the ball"]
+
+
+def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
+    held(collector, digit.image([(120, 160, 1.5e-3)]))
+    held(collector, digit.background)
+    (said,) = held(collector, digit.image([(122, 161, 1.4e-3)]))
+    assert "already" in said
+    held(collector, digit.background)
+    (said,) = held(collector, digit.image([(60, 70, 1.5e-3), (180, 260, 1.5e-3)]))
+    assert said == "not taken: two contacts; lift and press again"
+    assert len(collector.images) == 1
+
+
+def test_images_of_another_size_are_refused(collector, digit):
+    with pytest.raises(InputError, match="tactile image"):
+        collector.observe(digit.background[::2])

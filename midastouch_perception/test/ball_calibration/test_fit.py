@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.ball_calibration.fit import calibrate
+from midastouch_perception.errors import InputError
+
+RADIUS = 3e-3  # m, of the ball that `digit` is pressed with
+DIAMETER = 2 * RADIUS
+
+
+@pytest.fixture(scope="module")
+def presses(digit):
+    return digit.presses(10)
+
+
+@pytest.fixture(scope="module")
+def result(digit, presses, real):
+    return calibrate(presses, digit.background, DIAMETER, real, "D20123")
+
+
+def test_slopes_of_unseen_presses_become_those_of_the_ball(result):
+    figures = result.figures
+    assert figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.12)
+    assert abs(figures["felt_radius_after"] - RADIUS) < abs(figures["felt_radius_before"] - RADIUS)
+    assert figures["explained_after"] > max(0.8, figures["explained_before"])
+
+
+def test_what_it_was_made_of_is_written_down(result, real):
+    made = result.calibration
+    assert (made.serial, made.sensor, made.ball_diameter, made.presses) == ("D20123", "digit_real", DIAMETER, 10)
+    assert all(not press.problem for press in result.presses)
+    made.check_sensor(real, "D20123")
+
+
+@pytest.mark.parametrize("seed", [6, 8, 10])
+def test_other_sensors(real, another_digit, seed):
+    digit = another_digit(real, seed)
+    figures = calibrate(digit.presses(8), digit.background, DIAMETER, real).figures
+    assert figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.2)
+
+
+def test_without_a_no_contact_image_one_is_made(digit, presses, real):
+    made = calibrate(presses, None, DIAMETER, real)
+    assert np.abs(made.background.astype(float) - digit.background).mean() < 8  # each frame drifts
+    assert made.figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda digit: digit.image([]), "nothing touches the gel"),
+        (lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]), "two contacts"),
+        (lambda digit: digit.image([(3, 160, 1.5e-3)]), "cut off|not one ball"),
+        (lambda digit: np.zeros_like(digit.background), "black"),
+        (lambda digit: np.full_like(digit.background, 255), "saturated"),
+        (lambda digit: np.roll(digit.background, 60, axis=1), "differs from the no-contact image everywhere"),
+    ],
+)
+def test_images_that_cannot_be_used_are_named_with_the_reason(digit, presses, real, spoil, said):
+    made = calibrate({**presses, "bad.png": spoil(digit)}, digit.background, DIAMETER, real)
+    (bad,) = (press for press in made.presses if press.name == "bad.png")
+    assert any(reason in bad.problem for reason in said.split("|")), bad.problem
+    assert made.calibration.presses >= 9
+
+
+def test_too_few_usable_presses_are_refused_with_the_reasons(digit, presses, real):
+    few = dict(list(presses.items())[:4])
+    with pytest.raises(InputError, match="4 images; calibration needs 5 to 40"):
+        calibrate(few, digit.background, DIAMETER, real)
+    free = {"free.png": digit.image([]), "again.png": digit.image([])}
+    with pytest.raises(InputError, match=r"4 of 6 presses can be used, 5 are needed\. free\.png: nothing touches"):
+        calibrate({**few, **free}, digit.background, DIAMETER, real)
+
+
+def test_another_ball_is_refused(digit, presses, real):
+    with pytest.raises(InputError, match="diameter"):
+        calibrate(presses, digit.background, 0.4 * DIAMETER, real)
+    with pytest.raises(InputError, match="diameter"):
+        calibrate(presses, digit.background, 3 * DIAMETER, real)
+
+
+def test_images_of_another_size_are_refused(digit, presses, real):
+    with pytest.raises(InputError, match=r"small\.png"):
+        calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)

@@ -1,0 +1,79 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_calibration import (
+    SensorCalibration,
+    background_colours,
+    plain_slopes,
+    standard_colours,
+)
+from midastouch_perception.sensor_model import SensorModel
+
+
+@pytest.fixture
+def real():
+    return SensorModel.load("digit_real")
+
+
+@pytest.fixture
+def background():
+    return np.random.default_rng(0).uniform(60, 150, (20, 15, 3)).repeat(16, 0).repeat(16, 1).astype(np.uint8)
+
+
+@pytest.fixture
+def calibration(real, background):
+    coefficients = np.random.default_rng(1).normal(0, 0.1, (12, 6, 2))
+    colours = background_colours(background)
+    return SensorCalibration(
+        "D20123", 6e-3, "digit_real", real.pixel_size, coefficients, colours, 10, "2026-11-22T09:00:00+00:00"
+    )
+
+
+def test_it_comes_back_from_its_file(calibration, tmp_path):
+    calibration.save(tmp_path / "a.npz")
+    again = SensorCalibration.load(tmp_path / "a.npz")
+    for field in dataclasses.fields(calibration):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(calibration, field.name))
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"not an archive"])
+def test_broken_files_are_refused(tmp_path, content):
+    path = tmp_path / "a.npz"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="not a calibration"):
+        SensorCalibration.load(path)
+
+
+def test_files_of_other_content_are_refused(calibration, tmp_path):
+    path = tmp_path / "a.npz"
+    dataclasses.replace(calibration, coefficients=np.full((12, 6, 2), np.nan)).save(path)
+    with pytest.raises(InputError, match="not a calibration"):
+        SensorCalibration.load(path)
+    with pytest.raises(InputError, match="no such calibration file"):
+        SensorCalibration.load(tmp_path / "none.npz")
+
+
+def test_another_sensor_or_scale_is_refused(calibration, real):
+    calibration.check_sensor(real, "D20123")
+    with pytest.raises(InputError, match="of the sensor 'D20123', not of 'D9'"):
+        calibration.check_sensor(real, "D9")
+    with pytest.raises(InputError, match="digit_tacto"):
+        calibration.check_sensor(SensorModel.load("digit_tacto"))
+    with pytest.raises(InputError, match="px/mm"):
+        calibration.check_sensor(dataclasses.replace(real, focal=1.1 * real.focal))
+
+
+def test_another_gel_is_told_from_the_same_under_another_brightness(calibration, background):
+    assert not calibration.background_problem(background)
+    assert not calibration.background_problem((0.8 * background).astype(np.uint8))
+    assert "another gel" in calibration.background_problem(background[:, ::-1].copy())
+
+
+def test_colours_of_the_standard_sensor_cancel_and_mean_the_slopes():
+    slopes = np.random.default_rng(0).normal(0, 0.4, (7, 5, 2)).astype(np.float32)
+    colours = standard_colours(slopes)
+    np.testing.assert_allclose(colours.sum(axis=-1), 0, atol=1e-3)
+    np.testing.assert_allclose(plain_slopes(colours), slopes, atol=1e-5)
