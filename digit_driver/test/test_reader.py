@@ -281,5 +281,5 @@ def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find
     watched.reader.start()
     status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
     assert "surprise" in status.last_error
-    watched.reader._thread.join()
+    assert watched.reader.stop(PATIENCE)
     assert kernel.descriptors == {}

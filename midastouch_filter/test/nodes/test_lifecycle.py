@@ -126,7 +126,7 @@ def test_what_was_felt_before_a_pause_counts_no_more(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(SECOND)
     bench.codes.publish(code_msg(2 * SECOND))  # waits for its transform
-    graph.spin_until(lambda: bench.node._codes.waiting == 1, "the code in the queue")
+    graph.spin_until(lambda: bench.waited(2 * SECOND), "the code in the queue")
     assert graph.change_state("particle_filter", "deactivate")
     for inputs in (bench.codes, bench.tf):
         graph.spin_until(lambda inputs=inputs: inputs.get_subscription_count() == 0, "the subscription's end")
