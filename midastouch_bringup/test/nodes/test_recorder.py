@@ -87,7 +87,7 @@ def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
 
 
 def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, monkeypatch):
-    monkeypatch.setattr("midastouch_bringup.nodes.recorder._MOST_EARLY", 1000)
+    monkeypatch.setattr("midastouch_bringup.nodes.recorder.MOST_EARLY", 1000)
     path = tmp_path / "x.mcap"
     topics = [Topic("/image_raw", "sensor_msgs/msg/Image"), Topic("/filter_status", TYPE_OF_STATUS, latched=True)]
     recorder = graph.add(Recorder, {"path": str(path), "use_sim_time": True}, topics=topics)
