@@ -17,8 +17,9 @@ from std_srvs.srv import SetBool
 
 from ..calibration import Calibration, load_calibration
 from ..errors import DeviceError, InputError
+from ..frame_slot import ReaderState, ReaderStatus
 from ..frame_source import Frame, FrameSource
-from ..reader import FrameReader, ReaderState, ReaderStatus
+from ..reader import FrameReader
 from ..ros import spin
 from ..ros.lifecycle import RobustLifecycleNode
 from ..stream_monitor import StreamMonitor
