@@ -47,6 +47,12 @@ _domain, _claim = _claim_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
 
 
+@pytest.fixture
+def brisk_health(monkeypatch) -> None:
+    """Nodes tell their health ten times a second, for tests that wait to hear of it."""
+    monkeypatch.setattr("midastouch_perception.ros.diagnostics.PERIOD_S", 0.1)
+
+
 @pytest.fixture(scope="session")
 def shared() -> Path:
     """The folder of scans and slides beside the clone."""
