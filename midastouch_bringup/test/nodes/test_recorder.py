@@ -108,6 +108,7 @@ def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, m
     assert len(list(bag_messages(path))) == sum(recorder.counts.values())
 
 
+@pytest.mark.slow
 def test_a_closed_terminal_does_not_cost_the_recording(graph, tmp_path):
     path = tmp_path / "x.mcap"
     domain = str(graph.companion.context.get_domain_id())

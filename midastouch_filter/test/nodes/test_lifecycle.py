@@ -185,6 +185,7 @@ def executable(*parameters: str) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_the_reason_unless_a_manager_may_mend_it(graph, tmp_path):
     missing = f"mesh:={tmp_path / 'missing.ply'}", f"codebook:={tmp_path / 'missing.npz'}"
     by_itself = executable(*missing)
