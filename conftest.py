@@ -5,10 +5,14 @@ the module `midastouch_filter.test.x`, whose parent would be the folder in the w
 that name inside it, unless that is loaded already.
 """
 
+from __future__ import annotations
+
 import itertools
 import os
 import socket
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
@@ -18,6 +22,9 @@ import midastouch_bringup  # noqa: F401
 import midastouch_filter  # noqa: F401
 import midastouch_kernels  # noqa: F401
 import midastouch_perception  # noqa: F401
+
+if TYPE_CHECKING:
+    from midastouch_perception.ros.testing import Graph
 
 # on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
@@ -45,6 +52,21 @@ def _claim_domain() -> tuple[int, socket.socket]:
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 _domain, _claim = _claim_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    """A ROS graph for one test."""
+    from midastouch_perception.ros.testing import open_graph
+
+    with open_graph() as opened:
+        yield opened
+
+
+@pytest.fixture
+def brisk_health(monkeypatch) -> None:
+    """Nodes tell their health ten times a second, for tests that wait to hear of it."""
+    monkeypatch.setattr("midastouch_perception.ros.diagnostics.PERIOD_S", 0.1)
 
 
 @pytest.fixture(scope="session")

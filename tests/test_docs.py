@@ -1,5 +1,6 @@
 """What the documents say, against the code and the reports: commands, launch files, topics, links, figures, ..."""
 
+import argparse
 import ast
 import importlib.metadata
 import importlib.util
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from midastouch_bringup.cli import build_parser
+from midastouch_bringup.cli import add_commands, build_parser
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -59,9 +60,8 @@ def test_every_midastouch_command_parses():
 
 
 def test_the_command_table_is_complete():
-    (action,) = (one for one in build_parser()._actions if hasattr(one, "choices") and one.choices)
     described = {shlex.split(row[0].strip("`"))[1] for row in table("docs/commands.md", "## midastouch")}
-    assert described == set(action.choices)
+    assert described == set(add_commands(argparse.ArgumentParser()))
 
 
 def test_every_make_target_exists():

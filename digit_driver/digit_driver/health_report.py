@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from .clock_offset import ClockOffset
+from .frame_slot import ReaderState, ReaderStatus
 from .image_health import ImageReport
-from .reader import ReaderState, ReaderStatus
 
 _SLOW = 0.9
 _SILENCE_S = 3.0

@@ -5,24 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import Enum
 
 from .errors import CorruptFrameError, DeviceError, EndOfStreamError, InputError
+from .frame_slot import FrameSlot, ReaderState, ReaderStatus
 from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
 
 _POLL_S = 0.1
 _PATIENCE_FRAMES = 5
-
-
-class ReaderState(Enum):
-    """What the reader is doing."""
-
-    STOPPED = "stopped"
-    CONNECTING = "connecting"
-    STREAMING = "streaming"
-    DISCONNECTED = "disconnected"
-    ENDED = "ended"
-    FAILED = "failed"
 
 
 @dataclass(frozen=True)
@@ -38,33 +27,6 @@ class ReaderTiming:
     wait_for_device: float = -1.0
     reconnect: float = 1.0
     stall: float = 1.0
-
-
-@dataclass(frozen=True)
-class ReaderStatus:
-    """Counters since ``start``.
-
-    Attributes:
-        state: see ReaderState.
-        info: the source, once it has been open.
-        frames: good frames read.
-        lost: frames that the source produced and nobody could read (gaps in its numbering).
-        corrupt: damaged frames, not passed on.
-        overwritten: good frames replaced by a newer one before they were taken.
-        reconnects: times the source came back.
-        last_error: why it failed last; kept after it came back.
-        silent_s: time since the thread last gave a sign of life; more than a second means a call that hangs.
-    """
-
-    state: ReaderState = ReaderState.STOPPED
-    info: SourceInfo | None = None
-    frames: int = 0
-    lost: int = 0
-    corrupt: int = 0
-    overwritten: int = 0
-    reconnects: int = 0
-    last_error: str = ""
-    silent_s: float = 0.0
 
 
 class FrameReader:
@@ -88,10 +50,8 @@ class FrameReader:
         self._on_event = on_event
         self._timing = timing or ReaderTiming()
         self._clock = clock or MonotonicClock()
-        self._lock = threading.Lock()
-        self._status = ReaderStatus()
+        self._slot = FrameSlot(ReaderState.STOPPED)
         self._alive_ns = 0
-        self._newest: Frame | None = None
         self._stopping = threading.Event()
         self._settled = threading.Event()
         self._thread: threading.Thread | None = None
@@ -108,9 +68,8 @@ class FrameReader:
             return
         self._stopping.clear()
         self._settled.clear()
-        self._newest = None
+        self._slot = FrameSlot(ReaderState.CONNECTING)
         self._alive_ns = self._clock.now_ns()
-        self._status = ReaderStatus(state=ReaderState.CONNECTING)
         self._thread = threading.Thread(target=self._run, name="digit_reader", daemon=True)
         self._thread.start()
 
@@ -125,7 +84,7 @@ class FrameReader:
             self._thread.join(timeout)
             if self._thread.is_alive():
                 return False
-        self._update(state=ReaderState.STOPPED)
+        self._slot.update(state=ReaderState.STOPPED)
         return True
 
     def wait_settled(self, timeout: float) -> bool:
@@ -134,22 +93,19 @@ class FrameReader:
 
     def take(self) -> Frame | None:
         """The newest frame that was not taken yet."""
-        with self._lock:
-            frame, self._newest = self._newest, None
-        return frame
+        return self._slot.take()
 
     def status(self) -> ReaderStatus:
         """The counters now."""
-        with self._lock:
-            running = self._thread is not None and self._thread.is_alive()
-            silent_s = (self._clock.now_ns() - self._alive_ns) * 1e-9 if running else 0.0
-            return replace(self._status, silent_s=silent_s)
+        running = self._thread is not None and self._thread.is_alive()
+        silent_s = (self._clock.now_ns() - self._alive_ns) * 1e-9 if running else 0.0
+        return replace(self._slot.status, silent_s=silent_s)
 
     def _run(self) -> None:
         try:
             self._connect_and_stream()
             # said here, too: the thread may get free only after ``stop`` has left it alone
-            self._update(state=ReaderState.STOPPED)
+            self._slot.update(state=ReaderState.STOPPED)
         except InputError as error:
             self._settle(ReaderState.FAILED, str(error))
         except EndOfStreamError:
@@ -201,13 +157,14 @@ class FrameReader:
                 frame = self._source.read(_POLL_S)
             except CorruptFrameError as error:
                 corrupt_since += 1
-                self._count_corrupt(str(error))
+                self._slot.count_corrupt(str(error))
                 frame = None
             if frame is not None:
                 gap = 0 if previous is None else max(0, frame.sequence - previous - 1 - corrupt_since)
                 previous, corrupt_since = frame.sequence, 0
                 last_good_ns = self._clock.now_ns()
-                self._put(frame, gap)
+                self._slot.put(frame, gap)
+                self._notify()
             elif (self._clock.now_ns() - last_good_ns) * 1e-9 > stall:
                 raise DeviceError(f"{info.name}: no good frame for {stall:g} s")
 
@@ -225,36 +182,15 @@ class FrameReader:
     def _sign_of_life(self) -> None:
         self._alive_ns = self._clock.now_ns()
 
-    def _put(self, frame: Frame, lost: int) -> None:
-        with self._lock:
-            overwritten = self._newest is not None
-            self._newest = frame
-            status = self._status
-            self._status = replace(
-                status,
-                frames=status.frames + 1,
-                lost=status.lost + lost,
-                overwritten=status.overwritten + overwritten,
-            )
-        self._notify()
-
-    def _count_corrupt(self, reason: str) -> None:
-        with self._lock:
-            self._status = replace(self._status, corrupt=self._status.corrupt + 1, last_error=reason)
-
     def _connected(self, info: SourceInfo, again: bool) -> None:
-        self._update(state=ReaderState.STREAMING, info=info, reconnects=self._status.reconnects + again)
+        self._slot.update(state=ReaderState.STREAMING, info=info, reconnects=self._slot.status.reconnects + again)
         self._settled.set()
         self._notify()
 
     def _settle(self, state: ReaderState, error: str | None = None) -> None:
-        self._update(state=state, last_error=self._status.last_error if error is None else error)
+        self._slot.update(state=state, last_error=self._slot.status.last_error if error is None else error)
         self._settled.set()
         self._notify()
-
-    def _update(self, **changes: object) -> None:
-        with self._lock:
-            self._status = replace(self._status, **changes)
 
     def _notify(self) -> None:
         if not self._stopping.is_set():

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from .clock_offset import ClockOffset
+from .frame_slot import ReaderStatus
 from .frame_source import Frame, MonotonicClock, SourceInfo
 from .health_report import Evidence, HealthReport, assess
 from .image_health import ImageHealth, ImageReport
 from .jitter_monitor import JitterMonitor
 from .rate_monitor import RateMonitor
-from .reader import ReaderStatus
 
 FROZEN_AFTER_S = 1.0
 

@@ -1,16 +1,7 @@
-"""A tactile camera on Video4Linux2: found by serial, streamed through the kernel's own interface.
-
-The kernel is spoken to directly, because a capture library hides what a robot needs: which node gives images,
-the acquisition time of a buffer, the flag of a damaged buffer, and a wait that ends when asked to.
-"""
+"""A tactile camera on Video4Linux2: found by serial, lit, and its images turned upright."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
-import errno
-import mmap
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,9 +15,9 @@ from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
 from .leds import MAX_LEVEL, packed
 from .pixels import decode
 from .system_calls import SystemCalls
+from .v4l2_stream import FilledBuffer, V4l2Stream
 
 FIRST_FIRMWARE_WITH_RGB = 200
-_BUFFERS = 4
 _OLDEST_CREDIBLE_STAMP_NS = 2_000_000_000
 
 
@@ -95,9 +86,7 @@ class V4l2Camera(FrameSource):
         self._leds = settings.leds
         self._firmware: int | None = None
         self._pixel_format = self._mode.pixel_format
-        self._name = ""
-        self._buffers: list[mmap.mmap] = []
-        self._fd: int | None = None
+        self._stream: V4l2Stream | None = None
         # LEDs are set from other threads; the descriptor must not be closed (and reused) under them.
         self._lock = threading.Lock()
 
@@ -105,14 +94,14 @@ class V4l2Camera(FrameSource):
         self.close()
         digit, nodes = self._locate()
         self._firmware = digit.firmware if digit else None
-        fd, self._name = self._open_capture_node(nodes)
+        stream = V4l2Stream(nodes, self._system, self._clock)
         with self._lock:
-            self._fd = fd
+            self._stream = stream
         try:
-            self._set_format()
-            fps = self._set_rate()
+            self._pixel_format = self._agree_on_format(stream)
+            fps = stream.set_rate(self._rate)
             warnings = self._light_up()
-            self._start_streaming()
+            stream.start()
         except (DeviceError, InputError):
             self.close()
             raise
@@ -121,46 +110,26 @@ class V4l2Camera(FrameSource):
         if fps != self._rate:
             warnings.append(f"the camera runs at {fps:g} frames per second instead of {self._rate}")
         serial = digit.serial if digit else ""
-        return SourceInfo(self._name, serial, *self._mode.output, fps, True, tuple(warnings))
+        return SourceInfo(stream.name, serial, *self._mode.output, fps, True, tuple(warnings))
 
     def read(self, timeout: float) -> Frame | None:
-        fd = self._fd
-        if fd is None:
+        stream = self._stream
+        if stream is None:
             raise DeviceError("the sensor is not open")
-        buffer = self._buffer()
-        try:
-            if not self._system.wait_readable(fd, timeout):
-                return None
-            self._system.ioctl(fd, v4l2.VIDIOC_DQBUF, buffer)
-        except BlockingIOError:
+        filled = stream.fetch(timeout)
+        if filled is None:
             return None
-        except OSError as error:
-            raise self._failure("fetching a frame", error) from error
-        fetched_ns = self._clock.now_ns()
-        # Copied before the buffer goes back: from then on the camera may overwrite it.
-        data = self._buffers[buffer.index][: buffer.bytesused]
-        damaged = bool(buffer.flags & v4l2.BUF_FLAG_ERROR)
-        stamp_ns = self._stamp(buffer, fetched_ns)
-        sequence = buffer.sequence
-        self._ioctl(v4l2.VIDIOC_QBUF, buffer, "returning a buffer")
-        if damaged:
-            raise CorruptFrameError(f"frame {sequence}: the camera reports a damaged transfer")
+        if filled.damaged:
+            raise CorruptFrameError(f"frame {filled.sequence}: the camera reports a damaged transfer")
         mode = self._mode
-        image = decode(data, self._pixel_format, mode.width, mode.height, mode.reduction)
-        return Frame(self._camera.upright(image, mode), stamp_ns, sequence)
+        image = decode(filled.data, self._pixel_format, mode.width, mode.height, mode.reduction)
+        return Frame(self._camera.upright(image, mode), self._stamp(filled), filled.sequence)
 
     def close(self) -> None:
         with self._lock:
-            fd, self._fd = self._fd, None
-        if fd is None:
-            return
-        # An unplugged camera cannot be stopped, but its descriptor must be given back all the same.
-        with contextlib.suppress(OSError):
-            self._system.ioctl(fd, v4l2.VIDIOC_STREAMOFF, ctypes.c_int(v4l2.BUF_TYPE_VIDEO_CAPTURE))
-        for buffer in self._buffers:
-            buffer.close()
-        self._buffers = []
-        self._system.close(fd)
+            stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
 
     def set_leds(self, rgb: tuple[int, int, int]) -> None:
         """See FrameSource. Raises DeviceError if the camera is there but refuses."""
@@ -168,16 +137,11 @@ class V4l2Camera(FrameSource):
             return
         with self._lock:
             self._leds = rgb
-            if self._fd is None:
-                return
-            # Old firmware knows one brightness for all three.
-            old = self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB
-            control = v4l2.Control(v4l2.CID_ZOOM_ABSOLUTE, max(rgb) if old else packed(rgb))
-            try:
-                self._system.ioctl(self._fd, v4l2.VIDIOC_S_CTRL, control)
-            except OSError as error:
-                if error.errno != errno.ENODEV:  # If it was unplugged, ``open`` lights it when it is back.
-                    raise self._failure("setting the LEDs", error) from error
+            # While it is unplugged this does nothing: ``open`` lights it when it is back.
+            if self._stream is not None:
+                # Old firmware knows one brightness for all three.
+                value = max(rgb) if self._has_old_firmware else packed(rgb)
+                self._stream.set_control(v4l2.CID_ZOOM_ABSOLUTE, value, "setting the LEDs")
 
     def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...]]:
         if self._settings.video_device:
@@ -189,55 +153,22 @@ class V4l2Camera(FrameSource):
         digit = select_camera(self._camera, self._find(self._camera), self._serial)
         return digit, digit.nodes
 
-    def _open_capture_node(self, nodes: tuple[Path, ...]) -> tuple[int, str]:
-        """Opens the first node that gives images; the others carry metadata."""
-        refusals = []
-        for node in nodes:
-            try:
-                fd = self._system.open(str(node))
-            except OSError as error:
-                refusals.append(f"{node}: {os.strerror(error.errno)}{_open_hint(error.errno)}")
-                continue
-            capability = v4l2.Capability()
-            try:
-                self._system.ioctl(fd, v4l2.VIDIOC_QUERYCAP, capability)
-            except OSError as error:
-                self._system.close(fd)
-                refusals.append(f"{node}: not a V4L2 device ({os.strerror(error.errno)})")
-                continue
-            per_node = capability.capabilities & v4l2.CAP_DEVICE_CAPS
-            caps = capability.device_caps if per_node else capability.capabilities
-            if caps & v4l2.CAP_VIDEO_CAPTURE and caps & v4l2.CAP_STREAMING:
-                return fd, str(node)
-            self._system.close(fd)
-            refusals.append(f"{node}: gives no images (metadata node)")
-        raise DeviceError("cannot open the sensor: " + "; ".join(refusals))
-
-    def _set_format(self) -> None:
-        request = v4l2.Format(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
-        pix = request.fmt.pix
+    def _agree_on_format(self, stream: V4l2Stream) -> int:
+        """The pixel format; InputError if the camera has not the size and the formats of the model."""
         wanted = self._mode.width, self._mode.height
-        pix.width, pix.height = wanted
-        pix.pixelformat, pix.field = self._mode.pixel_format, v4l2.FIELD_NONE
-        self._ioctl(v4l2.VIDIOC_S_FMT, request, "setting the format")
-        if (pix.width, pix.height) != wanted:
+        width, height, pixel_format = stream.set_format(self._mode)
+        if (width, height) != wanted:
             raise InputError(
-                f"{self._name} offers {pix.width}x{pix.height} instead of {wanted[0]}x{wanted[1]}: "
+                f"{stream.name} offers {width}x{height} instead of {wanted[0]}x{wanted[1]}: "
                 f"is it a {self._camera.label}? Set `serial`, or `video_device` to the right node."
             )
-        if pix.pixelformat not in (v4l2.PIX_FMT_YUYV, v4l2.PIX_FMT_MJPEG):
-            raise InputError(f"{self._name} offers neither YUYV nor MJPEG images: is it a {self._camera.label}?")
-        self._pixel_format = pix.pixelformat
+        if pixel_format not in (v4l2.PIX_FMT_YUYV, v4l2.PIX_FMT_MJPEG):
+            raise InputError(f"{stream.name} offers neither YUYV nor MJPEG images: is it a {self._camera.label}?")
+        return pixel_format
 
-    def _set_rate(self) -> float:
-        """Asks for the frame rate; returns the one the camera grants."""
-        request = v4l2.StreamParm(type=v4l2.BUF_TYPE_VIDEO_CAPTURE)
-        period = request.parm.capture.timeperframe
-        period.numerator, period.denominator = 1, self._rate
-        self._ioctl(v4l2.VIDIOC_S_PARM, request, "setting the frame rate")
-        if not period.numerator or not period.denominator:
-            return float(self._rate)
-        return period.denominator / period.numerator
+    @property
+    def _has_old_firmware(self) -> bool:
+        return self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB
 
     def _light_up(self) -> list[str]:
         """Sets the LEDs; a sensor that refuses still gives images, so this only warns."""
@@ -245,57 +176,13 @@ class V4l2Camera(FrameSource):
             self.set_leds(self._leds)
         except DeviceError as error:
             return [str(error)]
-        if self._camera.leds and self._firmware is not None and self._firmware < FIRST_FIRMWARE_WITH_RGB:
+        if self._camera.leds and self._has_old_firmware:
             return [f"firmware {self._firmware} cannot set the LEDs one by one (needs {FIRST_FIRMWARE_WITH_RGB})"]
         return []
 
-    def _start_streaming(self) -> None:
-        fd = self._fd
-        request = v4l2.RequestBuffers(_BUFFERS, v4l2.BUF_TYPE_VIDEO_CAPTURE, v4l2.MEMORY_MMAP)
-        self._ioctl(v4l2.VIDIOC_REQBUFS, request, "requesting buffers")
-        for index in range(request.count):
-            buffer = self._buffer(index)
-            self._ioctl(v4l2.VIDIOC_QUERYBUF, buffer, "asking for a buffer")
-            try:
-                self._buffers.append(self._system.mmap(fd, buffer.length, buffer.m.offset))
-            except OSError as error:
-                raise self._failure("mapping a buffer", error) from error
-            self._ioctl(v4l2.VIDIOC_QBUF, buffer, "queueing a buffer")
-        self._ioctl(v4l2.VIDIOC_STREAMON, ctypes.c_int(v4l2.BUF_TYPE_VIDEO_CAPTURE), "starting the stream")
-
-    def _stamp(self, buffer: v4l2.Buffer, fetched_ns: int) -> int:
+    def _stamp(self, filled: FilledBuffer) -> int:
         """Monotonic time of the frame; the time of fetching it where the kernel's is of no use."""
-        kind = buffer.flags & v4l2.BUF_FLAG_TIMESTAMP_MASK
-        if not self._settings.use_buffer_timestamps or kind != v4l2.BUF_FLAG_TIMESTAMP_MONOTONIC:
-            return fetched_ns
-        stamp_ns = buffer.timestamp.tv_sec * 1_000_000_000 + buffer.timestamp.tv_usec * 1_000
-        credible = 0 <= fetched_ns - stamp_ns <= _OLDEST_CREDIBLE_STAMP_NS
-        return stamp_ns if credible else fetched_ns
-
-    def _buffer(self, index: int = 0) -> v4l2.Buffer:
-        return v4l2.Buffer(index=index, type=v4l2.BUF_TYPE_VIDEO_CAPTURE, memory=v4l2.MEMORY_MMAP)
-
-    def _ioctl(self, request: int, argument: ctypes.Structure | ctypes._SimpleCData, doing: str) -> None:
-        try:
-            self._system.ioctl(self._fd, request, argument)
-        except OSError as error:
-            raise self._failure(doing, error) from error
-
-    def _failure(self, doing: str, error: OSError) -> DeviceError:
-        reason = os.strerror(error.errno) + _stream_hint(error.errno)
-        return DeviceError(f"{self._name}: {doing} failed: {reason}")
-
-
-def _open_hint(code: int) -> str:
-    if code in (errno.EACCES, errno.EPERM):
-        return " (install the udev rule of this package, or join the group `video` and log in again)"
-    return ""
-
-
-def _stream_hint(code: int) -> str:
-    hints = {
-        errno.EBUSY: " (another program uses the sensor; `fuser -v /dev/video*` shows which)",
-        errno.ENODEV: " (the sensor was unplugged)",
-        errno.ENOSPC: " (too little USB bandwidth: use another root port, or a lower frame rate)",
-    }
-    return hints.get(code, "")
+        if not self._settings.use_buffer_timestamps or filled.stamp_ns is None:
+            return filled.fetched_ns
+        credible = 0 <= filled.fetched_ns - filled.stamp_ns <= _OLDEST_CREDIBLE_STAMP_NS
+        return filled.stamp_ns if credible else filled.fetched_ns

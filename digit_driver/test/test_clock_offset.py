@@ -16,11 +16,11 @@ class Clocks:
     def __init__(self, offset: Callable[[int], int], delays: list[int]) -> None:
         self.now = 5 * SECOND
         self._offset = offset
-        self._delays = delays
+        self.delays = delays
         self._reads = 0
 
     def monotonic(self) -> int:
-        self.now += self._delays[self._reads % len(self._delays)]
+        self.now += self.delays[self._reads % len(self.delays)]
         self._reads += 1
         return self.now
 
@@ -85,7 +85,7 @@ def test_slew_is_followed_within_a_millisecond_and_time_never_runs_backward(offs
 def test_one_badly_measured_moment_hardly_moves_the_estimate() -> None:
     clocks = Clocks(lambda _: 0, [1000])
     estimate = clocks.estimator()
-    clocks._delays = [0, 0, 8_000_000]  # The process is preempted after each reading of the wall clock.
+    clocks.delays = [0, 0, 8_000_000]  # The process is preempted after each reading of the wall clock.
     clocks.now += SECOND // 60
     estimate.update()
     assert abs(estimate.offset_ns) < 200_000

@@ -12,8 +12,9 @@ from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
 from digit_driver.errors import DeviceError
+from digit_driver.frame_slot import ReaderState, ReaderStatus
 from digit_driver.image_folder import ImageFolder
-from digit_driver.reader import FrameReader, ReaderState, ReaderStatus, ReaderTiming
+from digit_driver.reader import FrameReader, ReaderTiming
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
 FAST = ReaderTiming(reconnect=0.02, stall=0.1)
@@ -281,5 +282,5 @@ def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find
     watched.reader.start()
     status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
     assert "surprise" in status.last_error
-    watched.reader._thread.join()
+    assert watched.reader.stop(PATIENCE)
     assert kernel.descriptors == {}

@@ -6,6 +6,7 @@ import argparse
 import os
 import shlex
 import sys
+from collections.abc import Mapping
 
 from midastouch_perception.errors import InputError
 
@@ -75,10 +76,16 @@ def build_parser() -> argparse.ArgumentParser:
         epilog="example:\n  midastouch demo\n\n`midastouch COMMAND --help` shows an example.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_commands(parser)
+    return parser
+
+
+def add_commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
+    """Add every sub-command; returns their parsers by name."""
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in _COMMANDS:
         command.add_parser(subparsers)
-    return parser
+    return subparsers.choices
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -18,7 +18,7 @@ from midastouch_perception.tcn import TactileCodeNet
 from .progress import progress_bar
 
 _CACHE = Path("out/cache/codebooks")
-_SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
+SAVE_INTERVAL_S = 30.0  # what a kill or a power cut may cost
 
 
 def build_and_save(
@@ -48,7 +48,7 @@ def build_and_save(
     def progress(done: int, total: int) -> None:
         nonlocal saved
         bar.update(done - bar.n)
-        if time.perf_counter() - saved > _SAVE_INTERVAL_S:
+        if time.perf_counter() - saved > SAVE_INTERVAL_S:
             build.save(unfinished)
             saved = time.perf_counter()
 

@@ -80,7 +80,7 @@ def test_what_another_build_left_is_passed_over(build, tmp_path, capsys):
 
 def test_a_running_build_is_kept_now_and_then(build, tmp_path, monkeypatch):
     """A kill leaves no time to save."""
-    monkeypatch.setattr(codebooks, "_SAVE_INTERVAL_S", 0.0)
+    monkeypatch.setattr(codebooks, "SAVE_INTERVAL_S", 0.0)
     kept = []
     saving = codebooks.CodebookBuild.save
     monkeypatch.setattr(

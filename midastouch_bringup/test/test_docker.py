@@ -63,10 +63,6 @@ def commands(service):
     return command
 
 
-def test_the_wanted_targets_exist():
-    assert set(FINAL) <= STAGES.keys()
-
-
 @pytest.mark.parametrize("stage", STAGES)
 def test_bases_are_stages_or_tagged_images(stage):
     base, _ = STAGES[stage]

@@ -35,7 +35,7 @@ def test_any_number_of_threads_gives_the_same_bits(threads):
 
 @pytest.mark.parametrize("build", ["_kernels", "_kernels_v3"])
 def test_builds_agree(build, tmp_path):
-    if build == "_kernels_v3" and not kernels._knows_v3():
+    if build == "_kernels_v3" and f"{kernels.__name__}.{build}" not in sys.modules:
         pytest.skip("this processor does not run that build")
     file = tmp_path / "results.npz"
     subprocess.run([sys.executable, Path(__file__).with_name("sheet.py"), build, file], check=True)

@@ -12,7 +12,7 @@ from .tcn import minkloc3d_network
 from .tcn.minkloc3d import save_minkloc3d
 from .tdn import fcrn_shapes
 
-_EXPECTED = {
+EXPECTED_SHAPES = {
     "tdn_fcrn": fcrn_shapes.expected_shapes,
     "tcn_minkloc3d": minkloc3d_network.expected_shapes,
 }
@@ -27,14 +27,14 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
     """
     path = Path(path)
     state = plain_names(read_checkpoint(path))
-    shared = {name: len(state.keys() & shapes().keys()) for name, shapes in _EXPECTED.items()}
+    shared = {name: len(state.keys() & shapes().keys()) for name, shapes in EXPECTED_SHAPES.items()}
     network = max(shared, key=shared.__getitem__)
     if not shared[network]:
         some = ", ".join(list(state)[:3]) or "none"
         raise InputError(
             f"{path}: holds neither the depth network (FCRN) nor the code network (MinkLoc3D); tensors: {some} ..."
         )
-    state = matched(state, _EXPECTED[network](), f"{path}: not the official {network}")
+    state = matched(state, EXPECTED_SHAPES[network](), f"{path}: not the official {network}")
     card = {
         "network": network,
         "source": {"file": path.name, "sha256": sha256(path)},

@@ -32,7 +32,7 @@ def test_a_code_network_becomes_loadable(checkpoint, tmp_path):
 
 def test_a_depth_network_becomes_loadable(tmp_path, monkeypatch):
     """Without its 64 million weights: the graph is tested in tdn/test_fcrn.py, here only the way to it."""
-    monkeypatch.setitem(official_weights._EXPECTED, "tdn_fcrn", lambda: {"conv.weight": (1, 3, 1, 1)})
+    monkeypatch.setitem(official_weights.EXPECTED_SHAPES, "tdn_fcrn", lambda: {"conv.weight": (1, 3, 1, 1)})
 
     def one_layer(state):
         graph = fcrn_graph.Graph(state)

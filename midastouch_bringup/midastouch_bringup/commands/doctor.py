@@ -13,7 +13,7 @@ _OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; sudo apt inst
 _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 
 # module, distribution, what it is for, required, the command that mends it
-_MODULES = (
+MODULES = (
     ("numpy", "numpy", "arrays", True, _SET_UP),
     ("scipy", "scipy", "rotations, search", True, _SET_UP),
     ("cv2", "opencv-contrib-python-headless", "images, cameras", True, _SET_UP),
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     print(f"{info['cpu']}, {info['cores']} cores, {info['memory_gib']} GiB, {info['system']}")
     print(f"Python {info['python']}\n")
     rows, mends = [], []
-    for module, distribution, purpose, required, mend in _MODULES:
+    for module, distribution, purpose, required, mend in MODULES:
         version, problem = _module_state(module, distribution)
         rows.append([distribution, purpose, version if not problem else _missing(required)])
         if problem:

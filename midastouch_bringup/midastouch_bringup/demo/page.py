@@ -22,7 +22,7 @@ from ..report.snapshot import Snapshot, moments
 from .result import result_rows
 
 _COLUMNS = 5
-_GIF_FRAMES = 60
+GIF_FRAMES = 60
 
 
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
@@ -36,7 +36,7 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     with atomic_path(final) as temporary:
         Image.fromarray(view.particles(run[-1])).save(temporary)
     with progress_bar(unit="picture") as bar:
-        animation = write_gif(out / "run.gif", view, run, _GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
+        animation = write_gif(out / "run.gif", view, run, GIF_FRAMES, lambda chosen: _ticked(chosen, bar))
     page = Page(f"MidasTouch demo: {mesh.name}")
     page.table(*result_rows(result))
     page.picture(animation, "The run: particles on the object, touch, errors")

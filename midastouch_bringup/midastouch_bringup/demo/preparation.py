@@ -13,7 +13,7 @@ from ..datasets.slide_simulation import simulate_sequence
 from ..output_paths import codebook_path, demo_slide
 from . import SEED, SLIDE_LENGTH
 
-_CODEBOOK_SIZE = 50_000  # as of `midastouch build-codebook`
+CODEBOOK_SIZE = 50_000  # as of `midastouch build-codebook`
 
 
 def prepare(object_name: str, mesh_path: str | Path) -> None:
@@ -22,4 +22,4 @@ def prepare(object_name: str, mesh_path: str | Path) -> None:
     slide = demo_slide(object_name)
     if not slide.is_dir():
         simulate_sequence(mesh, sensor, SLIDE_LENGTH, SEED, slide, progress=True)
-    ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, _CODEBOOK_SIZE)
+    ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 
-_RESERVE = 32 << 20
+RESERVE = 32 << 20
 
 
 def extract(path: Path, folder: Path) -> int:
@@ -25,7 +25,7 @@ def extract(path: Path, folder: Path) -> int:
             members = [info for info in archive.infolist() if not info.is_dir()]
             _check(path, members)
             wanted, free = sum(info.file_size for info in members), shutil.disk_usage(temporary.parent).free
-            if wanted + _RESERVE > free:
+            if wanted + RESERVE > free:
                 raise InputError(f"{path}: unpacks to {wanted >> 20} MiB, but {free >> 20} MiB are free; make room")
             temporary.mkdir()
             for info in members:

@@ -18,7 +18,7 @@ from midastouch_perception.files import atomic_path, sha256
 
 _BLOCK = 1 << 18
 _TIMEOUT_S = 30.0
-_RESERVE = 32 << 20  # bytes that stay free on the disk
+RESERVE = 32 << 20  # bytes that stay free on the disk
 _PASSING = {408, 425, 429, 500, 502, 503, 504}
 
 
@@ -133,7 +133,7 @@ def _validator_of(response: http.client.HTTPResponse) -> str | None:
 
 def _require_space(file: Path, wanted: int) -> None:
     free = shutil.disk_usage(file.parent).free
-    if wanted + _RESERVE > free:
+    if wanted + RESERVE > free:
         raise InputError(f"{file.parent}: needs {wanted >> 20} MiB, but {free >> 20} MiB are free; make room")
 
 

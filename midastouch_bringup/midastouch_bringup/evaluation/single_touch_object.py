@@ -24,7 +24,7 @@ from .single_touch import SingleTouchErrors, best_matches, single_touch_errors
 OURS = "tcn"
 BASELINES = ("image_embedding", "minkloc3d")
 _SAMPLING = ContactSampling(free_share=0.0)
-_BASELINE_QUERIES = 2000
+BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
 _QUANTILES = 501
 CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "error", "touches")
@@ -46,7 +46,7 @@ class SingleTouchPlan:
     @property
     def baseline_queries(self) -> int:
         """The first queries, by which the ways are compared."""
-        return min(self.queries, _BASELINE_QUERIES) if self.baseline_size else 0
+        return min(self.queries, BASELINE_QUERIES) if self.baseline_size else 0
 
     def touches(self, networks: Networks) -> int:
         """How many touches have to be simulated for one object, for a progress bar."""
@@ -83,7 +83,7 @@ def measure_object(
         "summary": errors.summary(),
         "baselines": baselines,
         "errors": _quantiles(errors),
-        "cells": _cells(poses, errors.six_vector.normalised),
+        "cells": error_by_place(poses, errors.six_vector.normalised),
     }
 
 
@@ -134,7 +134,7 @@ def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
     return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
 
 
-def _cells(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
+def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
     """Mean error of the touches in each 5 mm of the surface, one row of `CELL_COLUMNS` a cell.
 
     Opposite sides of a thin plate are apart: the cells are of place and, coarsely, of normal.

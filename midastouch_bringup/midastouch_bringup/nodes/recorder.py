@@ -50,7 +50,7 @@ PARAMETERS = (
 
 _DEPTH = 1000
 _MIB = 2**20
-_MOST_EARLY = 64 * _MIB  # of what comes before the clock starts
+MOST_EARLY = 64 * _MIB  # of what comes before the clock starts
 
 
 class Recorder(PipelineNode):
@@ -126,7 +126,7 @@ class Recorder(PipelineNode):
 
     def _keep_early(self, topic: Topic, data: bytes) -> None:
         self._early_size += len(data)
-        if self._early_size > _MOST_EARLY and not topic.latched:
+        if self._early_size > MOST_EARLY and not topic.latched:
             self._early_size -= len(data)
             self._diagnostics.problem(
                 "before_clock",

@@ -33,7 +33,7 @@ class ReplayControl:
     def keys(self) -> dict[str, Callable[[], object]]:
         """What the keys of `Keyboard` do."""
         return {
-            " ": self._playback.toggle,
+            " ": lambda: self._playback.resume() if self._playback.paused else self._playback.pause(),
             "right": self._playback.step,
             "left": lambda: self._set("seek_to", max(0.0, self._position() - _BACK_S)),
             "up": lambda: self._change_rate(_FACTOR),

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from .program import Program
 
-_GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
-_LAST_OUTPUT_S = 1.0
+GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
+LAST_OUTPUT_S = 1.0
 _LAST_LINES = 15
 
 Output = Callable[[str, str], None]
@@ -61,7 +61,7 @@ class Process:
         status = self._popen.poll()
         if status is not None:
             # its last words come before what is said about it; a process that it left behind may hold the pipe open
-            self._reader.join(_LAST_OUTPUT_S)
+            self._reader.join(LAST_OUTPUT_S)
         return status
 
     def send_signal(self, number: int) -> None:
@@ -89,7 +89,7 @@ def end(processes: Iterable[Process], await_ends: Callable[[list[Process], float
     await_ends(processes, seconds) returns once all of them have ended, or after so long.
     """
     processes = list(processes)
-    for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), _GRACE_S, strict=True):
+    for number, grace in zip((signal.SIGINT, signal.SIGTERM, signal.SIGKILL), GRACE_S, strict=True):
         left = [process for process in processes if process.runs]
         for process in left:
             process.send_signal(number)

@@ -6,7 +6,8 @@ import threading
 import time
 from collections.abc import Callable
 
-_SECOND = 1_000_000_000
+from .pace import Pace
+
 _SOON_S = 1e-6  # a wait shorter than this only spins
 
 
@@ -22,13 +23,11 @@ class Playback:
     """
 
     def __init__(self, rate: float = 1.0, paused: bool = False, now: Callable[[], float] = time.monotonic) -> None:
-        self._rate = rate
-        self._now = now
+        self._pace = Pace(rate, now)
         self._paused = paused
         self._steps = 0
         self._stopped = False
         self._sought: float | None = None
-        self._anchor: tuple[float, int] | None = None  # a clock time and the stamp that was due then
         self.changed = threading.Condition()
 
     def pause(self) -> None:
@@ -49,12 +48,6 @@ class Playback:
         with self.changed:
             return self._paused
 
-    def toggle(self) -> None:
-        """Pause, or resume if paused."""
-        with self.changed:
-            paused = self._paused
-        self.resume() if paused else self.pause()
-
     def step(self) -> bool:
         """Let one frame through; False, and nothing happens, if playback is not paused."""
         with self.changed:
@@ -67,12 +60,12 @@ class Playback:
     def wait_while_paused(self) -> None:
         """Return when it is not, or no longer, in pause, or is interrupted."""
         with self.changed:
-            self.changed.wait_for(lambda: not self._paused or self._is_interrupted())
+            self.changed.wait_for(lambda: not self._paused or self.interrupted)
 
     def set_rate(self, rate: float) -> None:
         """Go on at another pace, as the argument of the constructor."""
         with self.changed:
-            self._rate, self._anchor = rate, None
+            self._pace.set_rate(rate)
             self.changed.notify_all()
 
     def seek(self, offset_s: float) -> None:
@@ -91,10 +84,7 @@ class Playback:
     def interrupted(self) -> bool:
         """Whether what is being played is to be broken off: by a stop or a seek."""
         with self.changed:
-            return self._is_interrupted()
-
-    def _is_interrupted(self) -> bool:
-        return self._stopped or self._sought is not None
+            return self._stopped or self._sought is not None
 
     def stop(self) -> None:
         """End every wait, now and later."""
@@ -110,7 +100,7 @@ class Playback:
     def rewind(self) -> None:
         """Stamps start again from an earlier one."""
         with self.changed:
-            self._anchor = None
+            self._pace.restart()
 
     def wait_until_due(self, stamp_ns: int, on_tick: Callable[[int], None] | None = None, tick_s: float = 0.02) -> bool:
         """Wait until a message of this stamp may go out; False if playback was interrupted.
@@ -119,24 +109,20 @@ class Playback:
         """
         while True:
             with self.changed:
-                if self._is_interrupted():
+                if self.interrupted:
                     return False
-                if self._paused and self._steps == 0:
-                    self._anchor = None
+                if self._paused:
+                    if self._steps:
+                        return True
+                    self._pace.restart()
                     self.changed.wait()
                     continue
-                if self._paused or self._rate == 0:
-                    return True
-                now = self._now()
-                if self._anchor is None:
-                    self._anchor = (now, stamp_ns)
-                since, first = self._anchor
-                remaining = (stamp_ns - first) / _SECOND / self._rate - (now - since)
+                remaining = self._pace.remaining(stamp_ns)
                 if remaining < _SOON_S:
                     return True
                 self.changed.wait(min(remaining, tick_s))
-                reached = first + round((self._now() - since) * self._rate * _SECOND)
-            if on_tick is not None:
+                reached = self._pace.reached()
+            if on_tick is not None and reached is not None:
                 on_tick(min(reached, stamp_ns))
 
     def frame_sent(self) -> None:
@@ -147,5 +133,5 @@ class Playback:
     def wait_for(self, done: Callable[[], bool], timeout_s: float) -> bool:
         """Wait until `done()`, asked whenever `changed` is notified; False after `timeout_s` or when interrupted."""
         with self.changed:
-            self.changed.wait_for(lambda: self._is_interrupted() or done(), timeout_s)
-            return not self._is_interrupted() and done()
+            self.changed.wait_for(lambda: self.interrupted or done(), timeout_s)
+            return not self.interrupted and done()

@@ -11,7 +11,7 @@ from .flow_control import FlowControl
 from .playback import Playback
 from .source import ReplaySource, is_image
 
-_MOST_AFTER_AN_IMAGE = 50  # messages while the filter is busy with it: a subscriber of TF keeps 100
+MOST_AFTER_AN_IMAGE = 50  # messages while the filter is busy with it: a subscriber of TF keeps 100
 _PASS_NS = 100_000_000  # how far time goes on at once after the end, where some frames may wait for their time-out
 
 
@@ -86,7 +86,7 @@ class Player:
                     self._send(message)
                     continue
                 image = is_image(message.topic)
-                must_wait = image or after_image >= _MOST_AFTER_AN_IMAGE or self._playback.paused
+                must_wait = image or after_image >= MOST_AFTER_AN_IMAGE or self._playback.paused
                 if must_wait and not self._flow.wait():
                     return False
                 # A step ends when its frame is answered, which may take transforms that were recorded after the image.

@@ -28,14 +28,6 @@ def test_without_rerun_it_names_the_command_that_installs_it(monkeypatch, capsys
 
 
 @pytest.fixture
-def graph():
-    from midastouch_perception.ros.testing import open_graph
-
-    with open_graph() as opened:
-        yield opened
-
-
-@pytest.fixture
 def rerun():
     return pytest.importorskip("rerun", reason="the view extra (rerun-sdk) is not installed")
 

@@ -8,7 +8,7 @@ from midastouch_perception.objects import bundled_objects
 def test_slide_and_codebook_are_made_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(preparation, "SLIDE_LENGTH", 0.003)
-    monkeypatch.setattr(preparation, "_CODEBOOK_SIZE", 20)
+    monkeypatch.setattr(preparation, "CODEBOOK_SIZE", 20)
     mesh = bundled_objects()["ball"]
     preparation.prepare("ball", mesh)
     made = [tmp_path / "out" / "slides" / "ball" / "tactile_data.pkl", tmp_path / "out" / "codebooks" / "ball.npz"]

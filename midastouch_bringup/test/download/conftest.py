@@ -29,7 +29,7 @@ class FileServer:
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
-                outer._answer(self)
+                outer.answer(self)
 
             def log_message(self, *_: object) -> None:
                 pass
@@ -48,7 +48,7 @@ class FileServer:
     def ranges_asked(self) -> list[str | None]:
         return [asked for _, asked in self.requests]
 
-    def _answer(self, handler: BaseHTTPRequestHandler) -> None:
+    def answer(self, handler: BaseHTTPRequestHandler) -> None:
         asked = handler.headers.get("Range")
         self.requests.append((handler.path, asked))
         if self.fail:

@@ -59,7 +59,7 @@ def test_the_same_name_twice_is_refused(tmp_path):
 
 
 def test_more_than_the_disk_holds_is_noticed_before(tmp_path, monkeypatch):
-    monkeypatch.setattr(archive, "_RESERVE", 1 << 60)
+    monkeypatch.setattr(archive, "RESERVE", 1 << 60)
     packed = zipped(tmp_path / "a.zip", ("x", b"1"))
     with pytest.raises(InputError, match="MiB are free; make room"):
         extract(packed, tmp_path / "out")

@@ -135,7 +135,7 @@ def test_other_kinds_of_addresses_are_refused(address, path):
 
 
 def test_a_disk_that_is_too_small_is_noticed_before(server, url, path, monkeypatch):
-    monkeypatch.setattr(transfer, "_RESERVE", 1 << 60)
+    monkeypatch.setattr(transfer, "RESERVE", 1 << 60)
     with pytest.raises(InputError, match="MiB are free; make room"):
         fetch(url, path)
     assert not path.exists()

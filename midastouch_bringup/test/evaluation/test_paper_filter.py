@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -5,8 +6,8 @@ import pytest
 
 from midastouch_bringup.evaluation.paper_filter import PaperConfig, PaperFilter
 from midastouch_filter.filter import Measurement
-from midastouch_filter.particles import Particles
 from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
 
 SMALL = PaperConfig(n_start=2000, n_least=200)
 
@@ -72,13 +73,14 @@ def test_the_same_seed_gives_the_same_particles(paper_filter, slide):
     assert (run(paper_filter, slide, 4)[-1].pose != first[0]).any()
 
 
-def test_particles_off_the_surface_are_pruned(paper_filter, mesh, slide):
+@pytest.mark.parametrize("prune_distance", [1e-3, 2e-3])
+def test_particles_off_the_surface_are_pruned(mesh, codebook, slide, prune_distance):
+    config = replace(SMALL, noise_translation=3e-3, prune_distance=prune_distance)
+    paper_filter = PaperFilter(mesh, codebook, config, threads=1)
     paper_filter.initialise_uniform()
-    lifted = paper_filter._particles
-    lifted.positions[::2] += 0.01 * paper_filter.poses[::2, :3, 2].astype(np.float32)
-    paper_filter.step(None, slide[2][0])
+    paper_filter.step(np.eye(4), slide[2][0])
     distance = mesh.closest_points(paper_filter.poses[:, :3, 3])[1]
-    assert distance.max() < SMALL.prune_distance + 5e-4
+    assert 0.8 * prune_distance < distance.max() < prune_distance + 5e-4
     assert len(paper_filter.poses) == SMALL.n_start
 
 
@@ -91,33 +93,37 @@ def test_when_all_are_off_the_surface_they_return_to_the_codebook(paper_filter, 
     assert mesh.closest_points(paper_filter.poses[:, :3, 3])[1].max() < 3e-3
 
 
-def test_hypotheses_are_clusters_with_their_share_and_mean(paper_filter, codebook):
+def test_hypotheses_are_clusters_with_their_share_and_mean(mesh, codebook):
     rng = np.random.default_rng(2)
     ends = [codebook.poses[np.argmin(codebook.poses[:, 0, 3])], codebook.poses[np.argmax(codebook.poses[:, 0, 3])]]
     spread = [se3.exp(rng.normal(0, [2e-4] * 3 + [0.02] * 3, (n, 6))) for n in (300, 100)]
     poses = np.concatenate([end @ s for end, s in zip(ends, spread, strict=True)])
-    paper_filter.reset(0)
-    paper_filter._particles = Particles.from_poses(poses, np.zeros(len(poses)))
-    # codes that fit neither end leave the weights nearly even
+    # one code for all leaves the weights even
+    codebook = Codebook(poses, np.ones((len(poses), 48), np.float32), codebook.meta)
+    paper_filter = PaperFilter(mesh, codebook, replace(SMALL, n_start=len(poses)), threads=1)
+    paper_filter.initialise_uniform()  # once at each pose
     estimate = paper_filter.step(None, Measurement(True, np.ones(48, np.float32)))
     assert [mode.n for mode in estimate.modes] == [300, 100]
-    assert estimate.modes[0].weight == pytest.approx(0.75, abs=0.1)
+    assert [mode.weight for mode in estimate.modes] == pytest.approx([0.75, 0.25])
     for mode, end in zip(estimate.modes, ends, strict=True):
         assert np.linalg.norm(mode.pose[:3, 3] - end[:3, 3]) < 1e-3
         assert np.degrees(se3.rotation_angle(mode.pose[:3, :3].T @ end[:3, :3])) < 2
 
 
-def test_the_spread_of_the_hypotheses_sets_the_number_of_particles(paper_filter, codebook, slide):
-    paper_filter.reset(0)
-    paper_filter.initialise_gaussian(codebook.poses[7], 0.004, 0.1)
-    paper_filter.step(None, slide[2][0])
-    narrow = paper_filter._spread
-    paper_filter._spread = 2 * narrow
-    assert paper_filter.step(None, slide[2][0]).status.n_particles < 0.7 * SMALL.n_start
-    paper_filter._spread = 1e3 * narrow
-    assert paper_filter.step(None, slide[2][0]).status.n_particles == SMALL.n_least
-    paper_filter._spread = 1e-3 * narrow
-    assert paper_filter.step(None, slide[2][0]).status.n_particles == SMALL.n_start
+def test_the_spread_of_the_hypotheses_sets_the_number_of_particles(mesh, codebook, slide):
+    config = replace(SMALL, n_least=1000)
+    paper_filter = PaperFilter(mesh, codebook, config, threads=1)
+
+    def count(sigma: float) -> int:
+        """Particles after one step from another start, whose spread is compared with that of the step before."""
+        paper_filter.initialise_gaussian(codebook.poses[7], sigma, 0.1)
+        return paper_filter.step(np.eye(4), slide[2][0]).status.n_particles
+
+    assert count(0.008) == config.n_start
+    assert config.n_least < count(0.005) < 0.85 * config.n_start
+    assert count(0.012) == config.n_start
+    assert count(1e-5) == config.n_least
+    assert count(0.008) == config.n_start
 
 
 def test_without_contact_it_goes_on_with_a_random_code(paper_filter, slide):

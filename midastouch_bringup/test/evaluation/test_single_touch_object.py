@@ -8,7 +8,12 @@ import pytest
 from midastouch_bringup.evaluation import single_touch_object
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.simulated_touch import Lighting
-from midastouch_bringup.evaluation.single_touch_object import CELL_COLUMNS, SingleTouchPlan, measure_object
+from midastouch_bringup.evaluation.single_touch_object import (
+    CELL_COLUMNS,
+    SingleTouchPlan,
+    error_by_place,
+    measure_object,
+)
 from midastouch_bringup.evaluation.single_touch_summary import single_touch_table, summarise_objects
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
@@ -72,7 +77,7 @@ def test_without_a_comparison(measure):
 
 
 def test_only_the_first_queries_are_compared(measure, monkeypatch):
-    monkeypatch.setattr(single_touch_object, "_BASELINE_QUERIES", 40)
+    monkeypatch.setattr(single_touch_object, "BASELINE_QUERIES", 40)
     result = measure(SingleTouchPlan(100, Lighting(), baseline_size=300))
     assert result["baselines"]["queries"] == 40
     assert result["missed"] == 2 * MISSED  # of the compared, and of the others
@@ -100,7 +105,7 @@ def test_sides_of_a_thin_plate_are_different_cells():
     up, down = (
         se3.make(se3.frame_from_normal(np.array([[0, 0, z]]), np.zeros(1)), np.zeros((1, 3))) for z in (1.0, -1)
     )
-    cells = single_touch_object._cells(np.concatenate([up, down]), np.array([0.1, 0.9]))
+    cells = error_by_place(np.concatenate([up, down]), np.array([0.1, 0.9]))
     assert sorted(row[6] for row in cells) == [0.1, 0.9]
 
 

@@ -65,6 +65,7 @@ def test_a_ball_is_the_same_from_everywhere():
     assert found.free == "all"
 
 
+@pytest.mark.slow
 def test_the_handle_tool_has_none():
     found = find_symmetry(ObjectMesh.load(bundled_objects()["handle_tool"]))
     assert found.trivial

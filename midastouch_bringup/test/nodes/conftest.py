@@ -1,4 +1,4 @@
-"""A ROS graph per test."""
+"""Stand-ins that can be imported, and the handlers of signals."""
 
 from __future__ import annotations
 
@@ -9,17 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_perception.ros.testing import Graph, open_graph
-
 sys.path.insert(0, str(Path(__file__).parent))
 # The filter node's stand-ins are beside its own tests.
 sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes"))
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    with open_graph() as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesisWithP
 from midastouch_bringup.nodes.detection_prior import DetectionPrior
 from midastouch_msgs.msg import FilterStatus
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
 
 def hypothesis(x: float, class_id: str = "mug", score: float = 0.9, variance: float = 0.0) -> ObjectHypothesisWithPose:

@@ -87,7 +87,7 @@ def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
 
 
 def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, monkeypatch):
-    monkeypatch.setattr("midastouch_bringup.nodes.recorder._MOST_EARLY", 1000)
+    monkeypatch.setattr("midastouch_bringup.nodes.recorder.MOST_EARLY", 1000)
     path = tmp_path / "x.mcap"
     topics = [Topic("/image_raw", "sensor_msgs/msg/Image"), Topic("/filter_status", TYPE_OF_STATUS, latched=True)]
     recorder = graph.add(Recorder, {"path": str(path), "use_sim_time": True}, topics=topics)
@@ -108,6 +108,7 @@ def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, m
     assert len(list(bag_messages(path))) == sum(recorder.counts.values())
 
 
+@pytest.mark.slow
 def test_a_closed_terminal_does_not_cost_the_recording(graph, tmp_path):
     path = tmp_path / "x.mcap"
     domain = str(graph.companion.context.get_domain_id())

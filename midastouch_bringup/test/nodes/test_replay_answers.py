@@ -104,7 +104,7 @@ def test_after_a_loss_it_waits_until_all_listeners_are_back(graph, simulated_seq
 
 def test_transforms_do_not_overrun_a_busy_filter(graph, tmp_path, simulated_sequence, monkeypatch):
     """Nobody is told how many messages a subscriber has lost: no more go out than it keeps."""
-    monkeypatch.setattr(player, "_MOST_AFTER_AN_IMAGE", 5)
+    monkeypatch.setattr(player, "MOST_AFTER_AN_IMAGE", 5)
     static, *messages = sequence_messages(simulated_sequence(n=20))
     images = [m for m in messages if m.topic == "/image_raw"]
     with BagWriter(tmp_path / "x.mcap") as bag:

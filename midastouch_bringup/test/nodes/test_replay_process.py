@@ -29,19 +29,20 @@ def process(graph, *parameters):
     )
 
 
+@pytest.mark.slow
 def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, simulated_sequence):
     sequence = simulated_sequence(n=3)
     good = process(graph, f"source:={sequence.path}", "rate:=0.0")
     bad = process(graph, "source:=/nowhere/slide")
-    out, err = good.communicate(timeout=60)
+    out, err = good.communicate(timeout=120)
     assert good.returncode == 0, err
     assert "sent 3 frames, 0 repeated, 0 lost" in out + err
-    out, err = bad.communicate(timeout=60)
+    out, err = bad.communicate(timeout=120)
     assert bad.returncode == 2
     assert err.strip() == "/nowhere/slide: no such sequence folder; check the path"
     sequence.image_paths[1].write_bytes(b"")
     damaged = process(graph, f"source:={sequence.path}", "rate:=0.0")
-    out, err = damaged.communicate(timeout=60)
+    out, err = damaged.communicate(timeout=120)
     assert damaged.returncode == 2
     assert err.strip().endswith("1.jpg: not a readable image; get the file again")
 
@@ -60,21 +61,23 @@ def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_
     assert "surprise" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_an_interrupt_while_it_waits_for_listeners_ends_it_cleanly(graph, simulated_sequence):
     running = process(graph, f"source:={simulated_sequence(n=1).path}", "wait_for_subscribers:=9")
     heard = graph.listen(Log, "/rosout", latched=True)
     graph.spin_until(lambda: any("waiting for" in entry.msg for entry in heard), "its wait")
     running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=60)
+    _, err = running.communicate(timeout=120)
     assert running.returncode == 0, err
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_an_interrupt_ends_the_executable_cleanly(graph, simulated_sequence):
     running = process(graph, f"source:={simulated_sequence(n=3).path}", "loop:=true", "rate:=2.0")
     images = graph.listen(Image, "image_raw")
     graph.spin_until(lambda: images, "a first frame")
     running.send_signal(signal.SIGINT)
-    _, err = running.communicate(timeout=60)
+    _, err = running.communicate(timeout=120)
     assert running.returncode == 0, err
     assert "Traceback" not in err

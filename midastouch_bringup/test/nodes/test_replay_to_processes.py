@@ -21,7 +21,7 @@ from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MS = 1_000_000
 QUEUE = {"queue_depth": 100, "reliable": True, "use_sim_time": True}
 NODES = SHIPPED | {"particle_filter": [str(Path(__file__).with_name("stalling_filter.py"))]}

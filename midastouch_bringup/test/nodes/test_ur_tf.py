@@ -21,7 +21,7 @@ from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
 
 

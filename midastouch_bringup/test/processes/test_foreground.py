@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup.processes.back_off import BackOff
-from midastouch_bringup.processes.foreground import _woken_by_signals, run_in_foreground
+from midastouch_bringup.processes.foreground import run_in_foreground
 from midastouch_bringup.processes.program import Program
 
 SUPERVISE = """
@@ -25,8 +25,8 @@ from midastouch_bringup.processes.foreground import run_in_foreground
 from midastouch_bringup.processes.program import Program
 
 task = json.loads(sys.argv[1])
-process._GRACE_S = task["grace"]
-process._LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
+process.GRACE_S = task["grace"]
+process.LAST_OUTPUT_S = 60.0  # whatever the machine is busy with, last words are waited for
 programs = [Program(name, ("sh", "-c", line), name in task["ends"]) for name, line in task["programs"].items()]
 respawn = (lambda: BackOff(*task["back_off"])) if task["back_off"] else None
 sys.exit(run_in_foreground(programs, os.environ, respawn))
@@ -239,21 +239,3 @@ def test_what_our_output_cannot_hold_ends_nothing(supervise):
     run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
     assert run.status() == 1
     assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
-
-
-def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
-    """As soon as SIGINT does nothing by itself, `wait` knows of it."""
-    set_handler = signal.signal
-
-    def interrupted(number, handler):
-        former = set_handler(number, handler)
-        if number == signal.SIGINT and handler is not former and not raised:
-            raised.append(number)
-            signal.raise_signal(number)
-        return former
-
-    raised = []
-    monkeypatch.setattr(signal, "signal", interrupted)
-    with _woken_by_signals() as wait:
-        assert raised
-        assert wait(0.0)

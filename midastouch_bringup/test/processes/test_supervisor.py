@@ -29,7 +29,7 @@ def wait_for(condition) -> None:
 @pytest.fixture
 def heard(monkeypatch) -> list[str]:
     """What was printed and said, as `NAME LINE`."""
-    monkeypatch.setattr(process, "_LAST_OUTPUT_S", PATIENCE)
+    monkeypatch.setattr(process, "LAST_OUTPUT_S", PATIENCE)
     return []
 
 
@@ -66,7 +66,7 @@ def test_who_ends_too_early_has_failed_and_who_ends_by_itself_has_not(supervisor
     ("trap", "seconds"), [("trap 'echo bye; exit 0' INT", 600.0), ("trap 'echo bye; exit 0' TERM; trap '' INT", 0.05)]
 )
 def test_all_are_asked_before_they_are_killed(supervisor, heard, monkeypatch, trap, seconds):
-    monkeypatch.setattr(process, "_GRACE_S", (seconds, 600.0, 600.0))
+    monkeypatch.setattr(process, "GRACE_S", (seconds, 600.0, 600.0))
     supervisor.start(shell("h_polite", trap, "echo ready", FOR_EVER))
     wait_for(lambda: heard)
     supervisor.end()
@@ -74,7 +74,7 @@ def test_all_are_asked_before_they_are_killed(supervisor, heard, monkeypatch, tr
 
 
 def test_who_does_not_listen_is_killed(supervisor, heard, monkeypatch):
-    monkeypatch.setattr(process, "_GRACE_S", (0.05, 0.05, 600.0))
+    monkeypatch.setattr(process, "GRACE_S", (0.05, 0.05, 600.0))
     supervisor.start(shell("h_deaf", "trap '' INT TERM", "echo ready", FOR_EVER))
     wait_for(lambda: heard)
     supervisor.end()

@@ -82,6 +82,7 @@ def test_places_are_red_where_the_error_is_large(ball):
     assert small[2] > small[0] + 50
 
 
+@pytest.mark.slow
 def test_like_codes_have_like_colours():
     rng = np.random.default_rng(0)
     kinds = np.repeat(rng.standard_normal((3, 16)), 50, axis=0)

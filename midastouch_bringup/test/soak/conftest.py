@@ -22,7 +22,6 @@ from slide import Slide, make_slide
 
 from midastouch_bringup.evaluation.machine import machine_info
 from midastouch_bringup.evaluation.result_file import write_json
-from midastouch_perception.ros.testing import Graph, open_graph
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -51,9 +50,3 @@ def figures(minutes) -> Iterator[dict]:
 @pytest.fixture(scope="session")
 def slide(tmp_path_factory) -> Slide:
     return make_slide(tmp_path_factory.mktemp("slide"))
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    with open_graph() as opened:
-        yield opened

@@ -103,11 +103,6 @@ class CodeProcessor:
         """What the next answer waits for, in words."""
         return self._localiser.waiting_for or "waiting for tactile/code"
 
-    @property
-    def waiting(self) -> int:
-        """Number of codes that wait."""
-        return len(self._queue)
-
     def on_code(self, stamp: int, measurement: Measurement) -> None:
         """Take one code, stamp in ns; it is answered when its transform is there."""
         if self._newest is not None and stamp < self._newest - _JUMP_NS:

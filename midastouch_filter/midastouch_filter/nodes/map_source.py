@@ -18,7 +18,7 @@ from midastouch_perception.sensor_model import SensorModel
 from ..touch import reduced_penetration
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
-_PATIENCE = 0.25
+PATIENCE = 0.25
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
 _KEPT = 256
 
@@ -51,7 +51,7 @@ class MapSource:
 
         Clouds come in order: one whose successor is there was lost.
         """
-        if waited >= _PATIENCE or stamp in self._clouds:
+        if waited >= PATIENCE or stamp in self._clouds:
             return False
         if self._clouds and next(reversed(self._clouds)) > stamp:
             return False

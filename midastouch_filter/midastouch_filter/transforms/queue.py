@@ -16,7 +16,7 @@ from .errors import TransformError
 # Nobody is told of shorter waits: live, transforms often come some milliseconds after their image.
 _WORTH_SAYING = 0.05
 # Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
-_MOST = 4096
+MOST_WAITING = 4096
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class TransformQueue:
             waited = self._now() - arrival
             if not isinstance(found, Wait):
                 ready = Ready(stamp, payload, found)
-            elif waited < self._timeout() and len(self._items) <= _MOST:
+            elif waited < self._timeout() and len(self._items) <= MOST_WAITING:
                 self._lacks = f"no transform yet: {found.reason}"
                 return None
             else:

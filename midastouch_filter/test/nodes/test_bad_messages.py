@@ -104,7 +104,7 @@ def test_every_code_is_answered_and_nothing_published_is_not_finite(graph):
         outputs.append(graph.listen(kind, topic))
     codes, tf = graph.publisher(TactileCode, "tactile/code"), graph.publisher(TFMessage, "/tf")
     priors = [graph.publisher(PoseWithCovarianceStamped, t) for t in ("initialpose", "object_pose_prior")]
-    for i in range(1, 151):
+    for i in range(1, 101):
         stamp = i * SECOND // 10
         tf.publish(bad_transform(rng, stamp))
         if rng.random() < 0.3:

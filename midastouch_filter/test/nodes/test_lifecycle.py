@@ -126,7 +126,7 @@ def test_what_was_felt_before_a_pause_counts_no_more(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(SECOND)
     bench.codes.publish(code_msg(2 * SECOND))  # waits for its transform
-    graph.spin_until(lambda: bench.node._codes.waiting == 1, "the code in the queue")
+    graph.spin_until(lambda: bench.waited(2 * SECOND), "the code in the queue")
     assert graph.change_state("particle_filter", "deactivate")
     for inputs in (bench.codes, bench.tf):
         graph.spin_until(lambda inputs=inputs: inputs.get_subscription_count() == 0, "the subscription's end")
@@ -185,6 +185,7 @@ def executable(*parameters: str) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_the_process_ends_with_the_reason_unless_a_manager_may_mend_it(graph, tmp_path):
     missing = f"mesh:={tmp_path / 'missing.ply'}", f"codebook:={tmp_path / 'missing.npz'}"
     by_itself = executable(*missing)

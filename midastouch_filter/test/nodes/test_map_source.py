@@ -25,7 +25,7 @@ def penetration(depth: float) -> np.ndarray:
 
 
 def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
-    monkeypatch.setattr(map_source, "_PATIENCE", 30.0)
+    monkeypatch.setattr(map_source, "PATIENCE", 30.0)
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]

@@ -48,17 +48,19 @@ def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
     np.testing.assert_allclose(np.diagonal(covariance), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
 
 
-def test_silence_is_stale_once(graph):
-    bench = Bench(graph, **{**OBJECT, "input_timeout": 0.2})
+def test_silence_is_stale_once(graph, patience, brisk_health):
+    bench = Bench(graph, **OBJECT)
     bench.frame(SECOND, T_BASE_OBJ)
     before = time.time_ns()
+    patience.now += REPLAY["input_timeout"] + 1.0
     graph.spin_until(lambda: bench.statuses[-1].state == "stale")
     assert "no tactile/code" in bench.statuses[-1].reason
     assert before < stamp_ns(bench.statuses[-1].header.stamp) < time.time_ns(), "of no image, but of now"
-    count = len(bench.statuses)
-    graph.spin_for(0.5)
-    assert len(bench.statuses) == count
+    for _ in range(3):  # more than 100 ms apart, in which the node looks for silence every 50 ms
+        health = graph.listen(DiagnosticArray, "/diagnostics")
+        graph.spin_until(lambda health=health: health, "the diagnostics")
     assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous"
+    assert [status.state for status in bench.statuses] == ["ambiguous", "stale", "ambiguous"]
 
 
 def test_code_of_another_network_is_refused_with_a_reason(graph):

@@ -116,21 +116,20 @@ def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp
     assert bench.set_object("cup", f"file://{inside}").success
 
 
-def test_nobody_was_silent_while_an_object_was_read(graph):
+def test_nobody_was_silent_while_an_object_was_read(graph, patience):
     """That takes seconds, in which this node hears nothing."""
     bench = ObjectBench(graph, fingers="/right:right_gel", input_timeout=100.0)
     bench.frame(SECOND)
 
     def pass_time() -> None:
-        bench.node._codes._last_arrival -= 1000.0
-        for finger in bench.node._codes._fingers._fingers.values():
-            finger._heard -= 1000.0
+        patience.now += 1000.0
 
     bench.while_loading = pass_time
     assert bench.set_object("cup").success
-    graph.spin_for(0.2)
-    assert bench.statuses[-1].state == "uninitialised"
-    assert "without" not in bench.statuses[-1].reason
+    patience.now += 150.0
+    graph.spin_until(lambda: bench.statuses[-1].state == "stale", "the word that nothing comes")
+    assert [status.state for status in bench.statuses] == ["ambiguous", "uninitialised", "stale"]
+    assert bench.statuses[-1].reason == "no tactile/code for 150.0 s: is the sensor running? see /diagnostics"
     assert "silent_fingers" not in bench.node.diagnostics.counts
 
 
@@ -139,7 +138,7 @@ def test_codes_that_wait_for_their_transform_belong_to_the_old_object(graph):
     bench.frame(SECOND)
     for stamp in (2, 3):
         bench.codes.publish(code_msg(stamp * SECOND))
-    graph.spin_until(lambda: bench.node._codes.waiting == 2, "the codes in the queue")
+    graph.spin_until(lambda: bench.waited(3 * SECOND), "the codes in the queue")
     assert bench.set_object("cup").success
     graph.spin_until(lambda: bench.answers(2 * SECOND) and bench.answers(3 * SECOND), "an answer to both")
     assert "the object was changed" in bench.answers(3 * SECOND)[0].reason
@@ -173,7 +172,8 @@ def test_before_any_code_has_come_every_network_is_accepted_and_wrong_codes_are_
 def test_a_prior_for_the_old_object_is_forgotten(graph):
     bench = ObjectBench(graph, init_mode="wait")
     priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
-    priors.publish(pose_msg("base_link", T_BASE_OBJ))
-    graph.spin_until(lambda: bench.node._localiser._pending_prior is not None, "the prior")
+    for frame in ("base_link", ""):  # the second, which is refused, tells that the first was read
+        priors.publish(pose_msg(frame, T_BASE_OBJ))
+    graph.spin_until(lambda: bench.node.diagnostics.counts.get("bad_object_pose_prior"), "the priors")
     assert bench.set_object("cup").success
     assert bench.frame(SECOND).state == "uninitialised"

@@ -10,7 +10,7 @@ import pytest
 from filter_fakes import SECOND, tf_msg, translation
 from tf2_msgs.msg import TFMessage
 
-from midastouch_filter.nodes import tf2_buffer
+from midastouch_filter.nodes import tf2_buffer, transform_source
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import PastExtrapolationError, TransformError
 from midastouch_filter.transforms.queue import Wait
@@ -30,7 +30,10 @@ class Listening:
 
     def __init__(self, graph):
         self.graph, self.updates, self.jumps, self.bad, self.marks = graph, 0, [], [], 0
-        self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
+        self.buffer = tf2_buffer.make_buffer()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(transform_source, "make_buffer", lambda: self.buffer)
+            self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
         self.tf = graph.publisher(TFMessage, "/tf")
 
     def _update(self):
@@ -195,11 +198,11 @@ def test_the_time_of_any_frame_in_between_is_the_recordings(tree):
     assert not isinstance(listening.lookup(1 * SECOND), Wait)
 
 
-def test_only_what_links_the_frames_is_kept_and_once(tree):
+def test_only_what_links_the_frames_is_kept_and_once(tree, monkeypatch):
     listening, send = tree
     kept = []
-    inner = listening.source._buffer.insert
-    listening.source._buffer.insert = lambda *what: kept.append(what[1:3]) or inner(*what)
+    insert = listening.buffer.insert
+    monkeypatch.setattr(listening.buffer, "insert", lambda *what: kept.append(what[1:3]) or insert(*what))
     for stamp in (52, 53):
         send(stamp, ("world", "base_link"), ("base_link", "tool"), ("tool", "finger"), ("map", "camera"))
     assert kept == [("tool", 52 * SECOND), ("tool", 53 * SECOND)]

@@ -73,7 +73,7 @@ def test_no_hope_is_given_up_at_once():
 
 
 def test_a_clock_that_stands_still_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(queue, "_MOST", 3)
+    monkeypatch.setattr(queue, "MOST_WAITING", 3)
     world = World()
     for stamp in range(1, 6):
         world.queue.push(stamp, f"item {stamp}")

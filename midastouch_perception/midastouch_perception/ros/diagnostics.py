@@ -19,7 +19,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Publishes one status per period.
+    """Publishes one status per `PERIOD_S`.
 
     `describe` returns (level, message, values) when a status is due; counters are kept by the node itself.
     Events reported through `problem` raise the next status to WARN and are named in it.
@@ -30,15 +30,14 @@ class Diagnostics:
         node: Node,
         describe: Callable[[], tuple[bytes, str, dict]],
         hardware_id: str = "",
-        period: float = PERIOD_S,
     ):
-        self._node, self._describe, self._hardware_id, self._period = node, describe, hardware_id, period
+        self._node, self._describe, self._hardware_id = node, describe, hardware_id
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._problems: dict[str, int] = {}
         self._log_again: dict[str, float] = {}
         self._recent = ""
         # steady: a bag that is paused must not silence a node's health
-        node.create_timer(period, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def problem(self, kind: str, message: str) -> None:
         """Count an event of bad input under `kind`, name it in the next status and log it now and then."""
@@ -62,7 +61,7 @@ class Diagnostics:
                 except RCLError:  # told to stop in the middle of the call
                     if self._node.context.ok():
                         raise
-                over.wait(self._period)
+                over.wait(PERIOD_S)
 
         thread = threading.Thread(target=publish, name="diagnostics", daemon=True)
         thread.start()

@@ -12,7 +12,8 @@ from digit_driver.ros.lifecycle import RobustLifecycleNode
 
 from ..errors import InputError
 from . import diagnostics
-from .node import PipelineNode, refuse_unused_overrides
+from .connections import Connections
+from .node import PipelineNode
 from .parameters import Parameter, Parameters
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
@@ -41,7 +42,7 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         super().__init__(name, **node_options)
         self._doing, self._starting = _UNCONFIGURED, False
         self._error: Exception | None = None
-        self._lasting: set | None = None  # what the active node listened with before; None: it is not
+        self._connections = Connections(self, self.connect, self.disconnect)
         try:
             self.parameters = Parameters(self, table, lambda: self.lifecycle_state == "unconfigured")
         except InputError:
@@ -99,7 +100,7 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
 
     def destroy_node(self) -> None:
         """As rclpy's, once what was begun has ended."""
-        self._disconnect_all()
+        self._connections.close()
         super().destroy_node()
 
     # --- transitions, called by rclpy
@@ -108,13 +109,13 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         return self._carry_out(self._configure_or_unload, "configured, but not active (ros2 lifecycle set)")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        result = self._carry_out(self._connect_or_undo, "")
+        result = self._carry_out(self._connections.open, "")
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info("active")
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._carry_out(self._disconnect_all, "deactivated")
+        return self._carry_out(self._connections.close, "deactivated")
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._carry_out(self.unload, _UNCONFIGURED)
@@ -143,29 +144,9 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
             self.unload()
             raise
 
-    def _connect_or_undo(self) -> None:
-        self._lasting = {*self.subscriptions, *self.timers}
-        try:
-            self.connect()
-            refuse_unused_overrides(self)
-        except Exception:
-            self._disconnect_all()
-            raise
-
     def _disconnect_and_unload(self) -> None:
-        self._disconnect_all()
+        self._connections.close()
         self.unload()
-
-    def _disconnect_all(self) -> None:
-        """Undo `connect`, as far as it has come."""
-        if self._lasting is None:
-            return
-        self.disconnect()
-        for subscription in {*self.subscriptions} - self._lasting:
-            self.destroy_subscription(subscription)
-        for timer in {*self.timers} - self._lasting:
-            self.destroy_timer(timer)
-        self._lasting = None
 
     def _fail(self, error: Exception) -> TransitionCallbackReturn:
         """A transition's failure; the node stays in the state it was in before."""

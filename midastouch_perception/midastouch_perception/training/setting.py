@@ -16,7 +16,7 @@ from ..simulation.randomisation import RandomisationRange
 from .backgrounds import load_backgrounds
 from .objects import load_objects
 
-_PROCEDURAL = 24
+PROCEDURAL_OBJECTS = 24
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +77,7 @@ class TrainingData:
         table = ColourTable.load(options.colour_table) if options.colour_table else None
         sensor = SensorModel.load("digit_tacto").for_maps
         return cls(
-            *load_objects(options.meshes, _PROCEDURAL, options.seed),
+            *load_objects(options.meshes, PROCEDURAL_OBJECTS, options.seed),
             *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
             RandomisationRange(colour_table=table),
         )

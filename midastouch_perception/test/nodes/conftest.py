@@ -1,25 +1,16 @@
-"""A ROS graph per test, and what `tdn` is started with; the stand-ins beside this file can be imported."""
+"""What `tdn` is started with; the stand-ins beside this file can be imported."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import pytest
 
-from midastouch_perception.ros.testing import Graph, open_graph
-
 sys.path.insert(0, str(Path(__file__).parent))
 
 from perception_fakes import BACKGROUND, FakeDepthStage
-
-
-@pytest.fixture
-def graph() -> Iterator[Graph]:
-    with open_graph() as opened:
-        yield opened
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from midastouch_msgs.msg import TactileContact
 from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
 
 def test_bad_images_are_counted_and_survived(graph, depth, background):

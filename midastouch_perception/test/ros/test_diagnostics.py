@@ -6,16 +6,14 @@ from rclpy.node import Node
 
 from midastouch_perception.ros import diagnostics
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
 
 class _Node(Node):
     def __init__(self):
         super().__init__("patient")
         self.level = diagnostics.OK
-        self.diagnostics = diagnostics.Diagnostics(
-            self, lambda: (self.level, "fine", {"depth": 3}), hardware_id="D1", period=0.05
-        )
+        self.diagnostics = diagnostics.Diagnostics(self, lambda: (self.level, "fine", {"depth": 3}), hardware_id="D1")
 
 
 def test_status_and_problems(graph):

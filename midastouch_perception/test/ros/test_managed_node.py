@@ -20,7 +20,7 @@ from midastouch_perception.ros import diagnostics, qos
 from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_perception.ros.parameters import Parameter
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 WAITING = {"autostart": False}
 UNCONFIGURED = "not configured (ros2 lifecycle set)"
 

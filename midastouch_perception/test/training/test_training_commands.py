@@ -16,7 +16,7 @@ from midastouch_perception.training.setting import TrainingData, TrainingOptions
 
 @pytest.fixture
 def options(tmp_path, monkeypatch):
-    monkeypatch.setattr(setting, "_PROCEDURAL", 0)
+    monkeypatch.setattr(setting, "PROCEDURAL_OBJECTS", 0)
     meshes, backgrounds = tmp_path / "meshes", tmp_path / "backgrounds"
     meshes.mkdir()
     backgrounds.mkdir()
