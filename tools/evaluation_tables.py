@@ -32,8 +32,12 @@ COMMANDS = {
     "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
     "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
     "--ball-diameter 0.0088 --px-per-mm 18.68",
+    "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "--ball-diameter 0.0088 --px-per-mm 18.68 --calibrate-with 10",
     "presses_vocdex": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
     "--ball-diameter 0.006",
+    "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
+    "--ball-diameter 0.006 --calibrate-with 10",
     "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds "
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz",
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
@@ -216,12 +220,13 @@ def depth() -> Table:
 def presses() -> Table:
     """The depth network on two real sensors, against the ball under the labelled outline."""
     rows = []
-    for name in ("presses_d20641", "presses_vocdex"):
+    for name in ("presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"):
         content = report(name)
         one = content["summary"]
         rows.append(
             [
                 f"{1e3 * content['ball_diameter']:.1f} mm, {one['presses']} times",
+                f"with {content['calibrated_with']} others" if content["calibrated_with"] else "without",
                 f"{one['rmse_in_circle_mm']:.2f} mm",
                 f"{one['peak_ratio']:.2f}",
                 f"{one['depth_correlation']:.2f}",
@@ -230,7 +235,7 @@ def presses() -> Table:
                 f"[{name}]",
             ]
         )
-    header = ["ball", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both", "radius felt"]
+    header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both", "radius felt"]
     return [*header, "IoU", "report"], rows
 
 
