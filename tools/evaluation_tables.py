@@ -235,8 +235,8 @@ def presses() -> Table:
                 f"[{name}]",
             ]
         )
-    header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both", "radius felt"]
-    return [*header, "IoU", "report"], rows
+    header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both"]
+    return [*header, "radius felt", "IoU", "report"], rows
 
 
 def checks() -> Table:
