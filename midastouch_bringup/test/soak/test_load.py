@@ -22,6 +22,7 @@ from midastouch_bringup.processes.supervisor import Supervisor
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
+from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.testing import Graph, open_graph
 
 pytestmark = pytest.mark.dds
@@ -47,6 +48,7 @@ class Rig:
         node.create_subscription(FilterStatus, "filter_status", self._on_status, qos.latched(100))
         self._images = node.create_publisher(Image, "image_raw", qos.stream_publisher())
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
+        self._nodes = LifecycleWatch(node, NODES)
 
     def _on_modes(self, msg: PoseModes) -> None:
         stamp = stamp_ns(msg.header.stamp)
@@ -84,6 +86,16 @@ class Rig:
         """What the filter says it has skipped since its start, by name."""
         _, status = self.states[-1]
         return dict(zip(status.skipped_names, map(int, status.skipped_counts), strict=True))
+
+    def listens(self) -> bool:
+        """Whether all nodes are active and the first one hears images."""
+        return not self._nodes.waiting_for and self._images.get_subscription_count() > 0
+
+    def first_pose(self, sender: Sender) -> float:
+        """Seconds from the first image that this sender sent to the first pose."""
+        self.until(lambda: any(stamp in self.answers for stamp in sender.sent), "a first pose")
+        stamp = next(stamp for stamp in sender.sent if stamp in self.answers)
+        return 1e-9 * (stamp - sender.sent[0]) + self.answers[stamp]
 
     def run_for(self, seconds: float) -> None:
         """Let the sender send for so long."""
@@ -138,7 +150,9 @@ def latencies_ms(rig: Rig, sent: list[int]) -> dict[str, float]:
 def test_images_at_the_sensors_rate(rig, minutes, figures):
     """Frames may be left out on a slow machine, but they do not queue up, and nothing grows."""
     fps, seconds = (60.0, 60 * minutes) if minutes else (20.0, 2.0)
+    rig.until(rig.listens, "nodes that listen")
     with rig.sender(fps) as sender:
+        first_pose = rig.first_pose(sender)
         rig.warm_up(sender)
         first, before = len(sender.sent), rig.memory()
         rig.run_for(seconds)
@@ -155,6 +169,7 @@ def test_images_at_the_sensors_rate(rig, minutes, figures):
         "sent": len(sent),
         "answered": answered,
         "left_out": len(sent) - answered,
+        "first_pose_s": first_pose,
         "image_to_pose_ms": latency,
         "filter_skipped": rig.skipped(),
         "resident_mb": {name: {"start": before[name], "growth": after[name] - before[name]} for name in NODES},
