@@ -40,7 +40,7 @@ PARAMETERS = (
 )
 
 _JUMP_NS = 500_000_000
-_SILENT_S = 3.0
+SILENT_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class View(PipelineNode):
         self._scene = scene
         self._newest: dict[str, bytes] = {}
         self._stamp = 0
-        self._quiet_ticks, self._silent_after = 0, max(1, round(_SILENT_S * settings["rate"]))
+        self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
         topics = (
             # In the order in which they are drawn: the mesh clears what was about the last object.

@@ -160,7 +160,17 @@ def test_unusable_messages_do_not_end_the_view(graph, scene, view):
     assert not scene.of("particles")
 
 
-def test_it_says_when_the_filter_falls_silent(graph, scene, view):
+def test_it_says_when_the_filter_falls_silent(graph, scene, monkeypatch):
+    monkeypatch.setattr("midastouch_bringup.nodes.view.SILENT_S", 0.3)
+    graph.add(lambda **options: View(scene, **options), {"rate": 20.0})
     graph.publisher(FilterStatus, "filter_status", latched=True).publish(FilterStatus(header=header(), state="lost"))
-    graph.spin_until(lambda: len(scene.of("status")) == 2, "the silence")
-    assert [call[0] for call in scene.of("status")] == ["lost", "no filter_status"]
+
+    def said() -> list[str]:
+        return [call[0] for call in scene.of("status")]
+
+    graph.spin_until(lambda: said()[-2:] == ["lost", "no filter_status"], "the silence")
+    status = graph.publisher(FilterStatus, "filter_status", latched=True)
+    before = len(said())
+    status.publish(FilterStatus(header=header(), state="ambiguous"))
+    graph.spin_until(lambda: len(said()) == before + 2, "the next silence")
+    assert said()[before:] == ["ambiguous", "no filter_status"]
