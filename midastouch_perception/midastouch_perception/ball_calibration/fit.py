@@ -163,15 +163,21 @@ def _check_diameter(presses: list[Press], ball_diameter: float, sensor: SensorMo
     widest = float(np.median([press.contact.radius for press in used])) / radius
     if widest > _WIDEST:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
-    strength = []
+    strength = []  # across and along the finger, and altogether
     for press in used:
         truth, inside = contact_slopes(press, radius, sensor)
-        seen = plain_slopes(press.change)[inside]
-        strength.append(float((seen * truth[inside]).sum() / (truth[inside] ** 2).sum()))
-    middle = float(np.median(strength))
+        product, square = plain_slopes(press.change)[inside] * truth[inside], truth[inside] ** 2
+        strength.append([*(product.sum(axis=0) / square.sum(axis=0)), product.sum() / square.sum()])
+    across, along, middle = np.median(strength, axis=0)
+    if min(across, along) < 0:
+        raise InputError(
+            "the colours answer to slopes the other way round than on other DIGITs: the images are turned or mirrored, "
+            "have red and blue swapped, or the no-contact image shows a contact; check the driver's rotation and "
+            "encoding, and capture the no-contact image anew"
+        )
     if not _STRENGTH[0] < middle < _STRENGTH[1]:
-        likely = 1e3 * ball_diameter / max(middle, 0.05)
+        likely = 1e3 * ball_diameter / middle
         raise InputError(
             f"for a ball of {1e3 * ball_diameter:g} mm the colours change {middle:.1f} times as much as on other "
-            f"DIGITs; one of about {likely:.0f} mm would fit. Give the true diameter in metres, and check the colours"
+            f"DIGITs; one of about {likely:.0f} mm would fit. Give the true diameter in metres"
         )

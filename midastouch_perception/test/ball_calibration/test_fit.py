@@ -79,6 +79,15 @@ def test_another_ball_is_refused(digit, presses, real):
         calibrate(presses, digit.background, 3 * DIAMETER, real)
 
 
+@pytest.mark.parametrize(
+    "wrong", [lambda image: image[..., ::-1], lambda image: image[:, ::-1], lambda image: image[::-1]]
+)
+def test_turned_or_swapped_images_are_refused(digit, presses, real, wrong):
+    images = {name: np.ascontiguousarray(wrong(image)) for name, image in presses.items()}
+    with pytest.raises(InputError, match="turned or mirrored, have red and blue swapped"):
+        calibrate(images, np.ascontiguousarray(wrong(digit.background)), DIAMETER, real)
+
+
 def test_images_of_another_size_are_refused(digit, presses, real):
     with pytest.raises(InputError, match=r"small\.png"):
         calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)
