@@ -15,7 +15,7 @@ def keep(window, number):
 
 
 def test_a_touch_is_due_at_the_start_and_after_some_path():
-    window = KeyframeWindow(4, 0.02)
+    window = KeyframeWindow(4, 0.02, shortlist=3)
     assert window.due
     window.keep([Measurement(True)], SILENT)
     window.moved(STEP, 0.015, in_contact=True)
@@ -25,7 +25,7 @@ def test_a_touch_is_due_at_the_start_and_after_some_path():
 
 
 def test_the_oldest_keyframe_goes_and_motion_is_from_the_start():
-    window = KeyframeWindow(4, 0.02)
+    window = KeyframeWindow(4, 0.02, shortlist=3)
     keep(window, 6)
     assert len(window) == 4
     np.testing.assert_allclose(window.keyframes[0].motion, np.linalg.matrix_power(STEP, 3), atol=1e-12)
@@ -33,7 +33,7 @@ def test_the_oldest_keyframe_goes_and_motion_is_from_the_start():
 
 
 def test_only_keyframes_from_before_a_lift_are_forgotten():
-    window = KeyframeWindow(8, 0.02)
+    window = KeyframeWindow(8, 0.02, shortlist=3)
     keep(window, 3)
     assert not window.forget_before_lift()
     window.moved(STEP, 0.02, in_contact=False)
@@ -46,9 +46,17 @@ def test_only_keyframes_from_before_a_lift_are_forgotten():
 
 
 def test_further_fingers_are_aligned_to_once_the_place_is_settled():
-    window = KeyframeWindow(2, 0.02)
+    window = KeyframeWindow(2, 0.02, shortlist=3)
     blind, first, second = (Measurement(True, penetration=p) for p in (None, np.zeros(1), np.ones(1)))
     window.keep([blind, first, second], 3 * SILENT)
     (keyframe,) = window.keyframes
     assert keyframe.maps(settled=False) == [first]
     assert keyframe.maps(settled=True) == [first, second]
+
+
+def test_fingers_share_a_shortlist_of_what_fits_best():
+    window = KeyframeWindow(2, 0.02, shortlist=4)
+    log_ratios = [np.array([0.0, 3.0, 1.0, 2.0]), np.array([5.0, 0.0, 6.0, 1.0])]
+    window.keep([Measurement(True), Measurement(True)], log_ratios)
+    (keyframe,) = window.keyframes
+    assert [set(best.tolist()) for best in keyframe.shortlists] == [{1, 3}, {0, 2}]
