@@ -61,10 +61,6 @@ class MeasurementModel:
         """Length of the codes."""
         return self._codes.shape[1]
 
-    def code_of(self, entry: int) -> np.ndarray:
-        """Code (D,) float32 of a codebook entry."""
-        return self._codes[entry]
-
     def unit_code(self, code: np.ndarray | None) -> np.ndarray:
         """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
         if code is None:

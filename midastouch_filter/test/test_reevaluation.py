@@ -31,6 +31,12 @@ def keep(reevaluation, *fingers):
     reevaluation.keep(list(touches), list(log_ratios))
 
 
+def keep_three_more(slide):
+    """What is felt at the slide's end, by codes that tell nothing."""
+    for _ in range(3):
+        keep(slide.reevaluation, felt(slide.penetrations[-1], np.zeros(len(slide.book))))
+
+
 class Slide:
     """A slide over a bumpy object, with the codes' opinion that each of some places could be the right one.
 
@@ -172,8 +178,7 @@ def test_it_waits_longer_once_no_place_rivals_the_mode(uneven):
 def test_who_asks_while_it_rests_gets_an_answer_too(uneven):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])
-    for _ in range(3):
-        keep(uneven.reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    keep_three_more(uneven)
     assert uneven.reevaluation.rests
     assert any(uneven.reevaluation.compare([truth]) is not None for _ in range(300))
 
@@ -185,22 +190,19 @@ def test_when_contradicted_it_forgets_what_was_before_a_lift(uneven, lifted):
     reevaluation, modes = uneven.reevaluation, [truth, HALF_TURN @ truth]
     reevaluation.moved(np.eye(4), 8e-3, in_contact=False)
     reevaluation.moved(np.eye(4), 8e-3, in_contact=not lifted)  # 8 mm without contact are but a gap in the slide
-    for _ in range(3):
-        keep(reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    keep_three_more(uneven)
     reevaluation.contradicted()
     answers = [reevaluation.compare(modes) for _ in range(300)]
     assert all(answer is None for answer in answers) == lifted  # three touches say nothing
     reevaluation.contradicted()
-    for _ in range(3):
-        keep(reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    keep_three_more(uneven)
     assert any(reevaluation.compare(modes) is not None for _ in range(300))  # six do
 
 
 def test_a_rival_ends_the_wait(uneven):
     truth = uneven.truth[-1]
     uneven.run([np.eye(4)], [truth])
-    for _ in range(3):
-        keep(uneven.reevaluation, felt(uneven.penetrations[-1], np.zeros(len(uneven.book))))
+    keep_three_more(uneven)
     assert uneven.reevaluation.rests
     uneven.reevaluation.compare([truth, HALF_TURN @ truth])
     assert not uneven.reevaluation.rests

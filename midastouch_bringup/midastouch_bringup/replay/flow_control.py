@@ -36,11 +36,6 @@ class FlowControl:
         """Frames of which the filter has only said that they wait."""
         return len(self._waiting)
 
-    @property
-    def in_flight(self) -> bool:
-        """Whether the filter has not yet spoken of the frame sent last."""
-        return self._in_flight is not None
-
     def sent(self, stamp_ns: int) -> None:
         """The image of this stamp is about to go out."""
         with self._playback.changed:
