@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import midastouch_kernels as kernels
+
 MAP_SCALE = 0.25
 """Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""
 
@@ -32,4 +34,4 @@ class Measurement:
 def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
     """Map (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
     rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
-    return np.ascontiguousarray(penetration.reshape(80, rows, 60, columns).mean(axis=(1, 3)), np.float32)
+    return kernels.block_means(np.ascontiguousarray(penetration, np.float32), rows, columns)

@@ -125,6 +125,14 @@ def test_canvas_of_different_sizes():
         kernels.corner_normals(np.int32([[0, 0, 1]]), np.ones((1, 3)), np.ones((1, 3)), start[:1], start, 0.7)
 
 
+def test_means_over_blocks_that_do_not_fit():
+    with pytest.raises(ValueError, match="odd"):
+        kernels.halve_image(np.zeros((4, 5, 3), np.uint8))
+    for rows, columns in ((3, 1), (1, 3), (0, 1), (1, 0)):
+        with pytest.raises(ValueError, match="multiples"):
+            kernels.block_means(np.zeros((4, 5), np.float32), rows, columns)
+
+
 def test_threads():
     with pytest.raises(ValueError, match="negative"):
         kernels.set_threads(-1)

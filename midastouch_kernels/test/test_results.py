@@ -54,6 +54,16 @@ def test_render_of_a_pose_that_is_not_a_number_draws_nothing(scene):
     assert not penetration.any()
 
 
+def test_means_over_blocks():
+    rng = np.random.default_rng(4)
+    image = rng.integers(0, 256, (32, 24, 3), np.uint8)
+    expected = image.reshape(16, 2, 12, 2, 3).mean(axis=(1, 3))
+    np.testing.assert_array_equal(kernels.halve_image(image), expected.astype(np.float32))
+    heights = rng.random((32, 24), np.float32)
+    expected = heights.reshape(8, 4, 8, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(kernels.block_means(heights, 4, 3), expected, rtol=1e-6)
+
+
 def test_shade_is_brighter_towards_the_light():
     depth = np.full((8, 8), GEL_DISTANCE, np.float32)
     tangent = np.zeros((8, 8), np.float32)

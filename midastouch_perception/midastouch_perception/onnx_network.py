@@ -44,6 +44,8 @@ class OnnxNetwork:
         except Exception as error:  # ONNX Runtime's exceptions have no common base
             reason = str(error).splitlines()[0]
             raise InputError(f"{path}: not a usable ONNX network ({reason}); copy or export it again") from error
+        self._options = onnxruntime.RunOptions()
+        self._options.only_execute_path_to_fetches = True  # not the layers of other outputs too
         self._inputs = [i.name for i in self.session.get_inputs()]
         self.outputs = [o.name for o in self.session.get_outputs()]
         self.card = read_card(path)
@@ -51,8 +53,5 @@ class OnnxNetwork:
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
         """The output of that name, by default the first, for the network's inputs in their declared order."""
-        options = None
-        if output:
-            options = onnxruntime.RunOptions()
-            options.only_execute_path_to_fetches = True  # not the layers of other outputs too
-        return self.session.run([output or self.outputs[0]], dict(zip(self._inputs, inputs, strict=True)), options)[0]
+        names = [output or self.outputs[0]]
+        return self.session.run(names, dict(zip(self._inputs, inputs, strict=True)), self._options)[0]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
+import midastouch_kernels as kernels
+
 from ..errors import InputError
-from ..sensor_model import MAP_SCALE, SensorModel
+from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
 _REFERENCE = 100.0  # grey levels of the background that a relative difference is expressed for
@@ -30,8 +31,7 @@ def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray
 
 def reduce_image(image: np.ndarray) -> np.ndarray:
     """Camera image (320, 240, 3) uint8 as (160, 120, 3) float32 grey levels, each pixel the mean of four."""
-    height, width = round(image.shape[0] * MAP_SCALE), round(image.shape[1] * MAP_SCALE)
-    return cv2.resize(image.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+    return kernels.halve_image(np.ascontiguousarray(image))
 
 
 class ContactLight:

@@ -47,7 +47,9 @@ class UNet(nn.Module):
         out = features.pop()
         for layer in self.up:
             skip = features.pop()
-            out = nn.functional.interpolate(out, size=skip.shape[-2:], mode="bilinear", align_corners=False)
+            # by factors that are numbers when exported: ONNX Runtime then scales in the layout of its convolutions
+            factors = tuple(float(skip.shape[k]) / float(out.shape[k]) for k in (-2, -1))
+            out = nn.functional.interpolate(out, scale_factor=factors, mode="bilinear", align_corners=False)
             out = layer(torch.cat([out, skip], 1))
         return self.head(out)
 
