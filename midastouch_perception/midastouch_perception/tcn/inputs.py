@@ -16,10 +16,11 @@ def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
     away, are kept: x and y are the pixels' places on the gel.
     """
     n, height, width = penetration.shape
-    blocks = penetration.reshape(n, height // 2, 2, width // 2, 2)
+    # slices, not a mean over axes: that takes five times as long
+    corners = [penetration[:, row::2, column::2] for row in (0, 1) for column in (0, 1)]
     out = np.empty((n, 4, height // 2, width // 2), np.float32)
-    out[:, 0] = blocks.mean(axis=(2, 4)) * 1e3
-    out[:, 1] = (blocks > 0).mean(axis=(2, 4))
+    out[:, 0] = sum(corners) * np.float32(1e3 / 4)
+    out[:, 1] = sum((corner > 0).astype(np.float32) for corner in corners) / 4
     out[:, 2:] = _places(sensor)
     return out
 
