@@ -17,12 +17,11 @@ def add_parser(subparsers) -> None:
         default="additive",
         help="of the sensors to train for: additive, TACTO's (default), or relative, real gel's",
     )
-    parser.add_argument("--start", metavar="NET", help="begin with the weights of this network, name or file")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    options = dataclasses.replace(training_options(args), start=args.start, light=args.light)
+    options = dataclasses.replace(training_options(args), light=args.light)
     from midastouch_perception.tdn.train import train
 
     print(f"{train(options)}: trained")

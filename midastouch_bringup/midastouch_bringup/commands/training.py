@@ -32,6 +32,7 @@ def add_training_command(subparsers, name: str, run: Callable, summary: str) -> 
         "--steps", type=arguments.positive_int, help="end after so many steps instead: repeatable with its seed"
     )
     parser.add_argument("--resume", metavar="FILE", help="checkpoint of an earlier run, or its folder, to go on from")
+    parser.add_argument("--start", metavar="NET", help="begin with the weights of this network, name or file")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
     parser.add_argument(
         "--meshes",
@@ -81,4 +82,5 @@ def training_options(args: argparse.Namespace) -> TrainingOptions:
         workers=max((os.cpu_count() or 2) - 1, 1),
         device=args.device,
         resume=resume,
+        start=args.start,
     )

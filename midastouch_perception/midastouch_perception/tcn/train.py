@@ -18,7 +18,9 @@ from torch import nn
 
 from .. import se3
 from ..codebook_poses import PRESS, codebook_poses
+from ..contact import ContactDetector
 from ..mesh import ObjectMesh
+from ..onnx_network import network_path
 from ..pose_metric import geodesic_distances
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
@@ -27,13 +29,18 @@ from ..simulation.renderer import PenetrationRenderer
 from ..tdn.inference import TactileDepthNet
 from ..training.export import export_onnx
 from ..training.loading import rendered_batches, rendering_process
+from ..training.objects import stretched
 from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
+from ..training.unfolding import unfold
 from .inputs import code_input
+from .misreading import misread
 from .network import CodeNet
 
 _GROUP = 256  # touches of one object that are told apart
-_REUSE = 5  # times each group of touches is shown, with fresh entries and another mirroring
+_REUSE = 12  # times each group of touches is shown, with fresh entries, another mirroring and other misreadings
+_POOL = 24, 160  # fewest and most groups that wait to be shown again
+_EVERY = 400  # steps between validations
 _QUERIES, _BOOK = 160, 3072  # touches and entries of each object to validate with
 _SENSORS = 16  # imaginary DIGITs a group
 _SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_share=0.0)
@@ -43,44 +50,39 @@ _MIN_PIXELS = 40  # of contact: fewer say nothing
 
 @dataclasses.dataclass
 class _TouchGroup:
-    poses: np.ndarray  # (N, 4, 4) true gel poses
-    maps: np.ndarray  # (N, H, W) float32 m, as the depth network saw them
+    """Touches of one object.
+
+    Attributes: poses (N, 4, 4), true gel poses; maps (N, H, W) m, the contacts that were felt, in half precision as
+    many groups wait; renderer of the object.
+    """
+
+    poses: np.ndarray
+    maps: np.ndarray
+    renderer: PenetrationRenderer
 
 
 class _Touches:
-    """Groups of touches of random objects, through optics and depth network."""
+    """Groups of touches through random optics and the depth network, and the entries they belong to."""
 
-    def __init__(
-        self,
-        meshes: list[ObjectMesh],
-        backgrounds: np.ndarray,
-        ranges: RandomisationRange,
-        tdn: TactileDepthNet,
-        seed: int,
-    ):
-        self.meshes, self.backgrounds, self.ranges, self.tdn = meshes, backgrounds, ranges, tdn
+    def __init__(self, backgrounds: np.ndarray, ranges: RandomisationRange, tdn: TactileDepthNet, seed: int):
+        self.backgrounds, self.ranges, self.tdn = backgrounds, ranges, tdn
         self.sensor = tdn.sensor
         self.rng = np.random.default_rng(seed)
-        self.renderers: dict[int, PenetrationRenderer] = {}
 
-    def renderer(self, index: int) -> PenetrationRenderer:
-        if index not in self.renderers:
-            self.renderers[index] = PenetrationRenderer(self.meshes[index], self.sensor)
-        return self.renderers[index]
-
-    def group(self, index: int, size: int) -> _TouchGroup:
-        rng, renderer = self.rng, self.renderer(index)
-        poses = self._clustered(index, sample_contact_poses(self.meshes[index], size, rng, self.sensor, _SAMPLING))
+    def group(self, mesh: ObjectMesh, size: int) -> _TouchGroup:
+        rng, renderer = self.rng, PenetrationRenderer(mesh, self.sensor)
+        poses = self._clustered(renderer, sample_contact_poses(mesh, size, rng, self.sensor, _SAMPLING))
         penetration, normals = renderer.render_with_normals(poses)
         maps = np.empty_like(penetration)
         for part in np.array_split(rng.permutation(size), _SENSORS):
             imaginary = RandomSensor(self.sensor, self.backgrounds, rng, self.ranges)
             images, reference = imaginary.images(penetration[part], normals[part], rng)
-            maps[part] = self.tdn.penetration(images - reference)
+            felt = self.tdn.penetration(images - reference)
+            maps[part] = [ContactDetector(self.sensor).update(one).penetration for one in felt]
         kept = ((maps > 0).sum(axis=(1, 2)) >= _MIN_PIXELS) & ((penetration > 0).sum(axis=(1, 2)) >= _MIN_PIXELS)
-        return _TouchGroup(poses[kept], maps[kept])
+        return _TouchGroup(poses[kept], maps[kept].astype(np.float16), renderer)
 
-    def _clustered(self, index: int, poses: np.ndarray) -> np.ndarray:
+    def _clustered(self, renderer: PenetrationRenderer, poses: np.ndarray) -> np.ndarray:
         """Half of the poses moved next to others: the hard negatives a tracking filter meets.
 
         Half of these turn any way about the normal: the same place upside down is the most frequent mistake.
@@ -93,24 +95,22 @@ class _Touches:
             rng.random(count) < 0.5, np.radians(30) * rng.standard_normal(count), rng.uniform(-np.pi, np.pi, count)
         )
         near = near @ se3.exp(shift) @ se3.exp(turn)
-        mesh = self.meshes[index]
-        closest, _, face = mesh.closest_points(near[:, :3, 3])
-        normal = mesh.face_normals[face]
+        closest, _, face = renderer.mesh.closest_points(near[:, :3, 3])
+        normal = renderer.mesh.face_normals[face]
         same_side = (normal * near[:, :3, 2]).sum(axis=1) > 0.7
         # back onto the surface with a press of its own; the tilt stays whatever the surface made of it
         near[:, :3, 3] = closest - rng.uniform(*_SAMPLING.press, (count, 1)) * near[:, :3, 2]
-        deepest = self.renderer(index).render(near).max(axis=(1, 2))
+        deepest = renderer.render(near).max(axis=(1, 2))
         good = same_side & (deepest > 0.2e-3) & (deepest < MAX_PENETRATION + 0.3e-3)
         poses = poses.copy()
         poses[-count:][good] = near[good]
         return poses
 
-    def entries(self, index: int, poses: np.ndarray) -> np.ndarray:
+    def entries(self, group: _TouchGroup) -> np.ndarray:
         """Maps (N, H, W) m of the codebook entries the poses would fall to: up to half a cell away, standard press."""
-        rng = self.rng
-        renderer, mesh = self.renderer(index), self.meshes[index]
-        moved = poses @ se3.exp(rng.uniform(-1, 1, (len(poses), 6)) * _CELL)
-        closest, _, _ = mesh.closest_points(moved[:, :3, 3])
+        renderer, poses = group.renderer, group.poses
+        moved = poses @ se3.exp(self.rng.uniform(-1, 1, (len(poses), 6)) * _CELL)
+        closest, _, _ = renderer.mesh.closest_points(moved[:, :3, 3])
         moved[:, :3, 3] = closest - PRESS * moved[:, :3, 2]
         deepest = renderer.render(moved).max(axis=(1, 2)).astype(float)
         moved[:, :3, 3] += np.maximum(deepest - MAX_PENETRATION, 0)[:, None] * moved[:, :3, 2]
@@ -118,7 +118,8 @@ class _Touches:
 
 
 class _Batches(torch.utils.data.IterableDataset):
-    """Endless (touch inputs, entry inputs) of one object each; old touches return with new entries, mirrored."""
+    """Endless (touch inputs, entry inputs) of one object each, often a stretched one; old touches return with new
+    entries, mirrored and misread."""
 
     def __init__(
         self, meshes: list[ObjectMesh], backgrounds: np.ndarray, ranges: RandomisationRange, tdn: str, seed: int
@@ -127,25 +128,24 @@ class _Batches(torch.utils.data.IterableDataset):
 
     def __iter__(self):
         seed = self.seed + rendering_process()
-        source = _Touches(self.meshes, self.backgrounds, self.ranges, TactileDepthNet(self.tdn), seed)
+        source = _Touches(self.backgrounds, self.ranges, TactileDepthNet(self.tdn), seed)
         rng = source.rng
-        waiting: list[tuple[int, _TouchGroup, int]] = []
+        waiting: list[tuple[_TouchGroup, int]] = []
         while True:
-            if len(waiting) < 24 or rng.random() < 1 / _REUSE:
-                index = int(rng.integers(len(self.meshes)))
-                entry = (index, source.group(index, _GROUP), 0)
+            if len(waiting) < _POOL[0] or rng.random() < 1 / _REUSE:
+                mesh = self.meshes[int(rng.integers(len(self.meshes)))]
+                group, shown = source.group(stretched(mesh, rng) if rng.random() < 0.5 else mesh, _GROUP), 0
             else:
-                entry = waiting.pop(int(rng.integers(len(waiting))))
-            index, group, shown = entry
+                group, shown = waiting.pop(int(rng.integers(len(waiting))))
             if len(group.poses) < _GROUP // 3:
                 continue
             flips = tuple(axis for axis in (1, 2) if rng.random() < 0.5)
-            touched = code_input(np.flip(group.maps, flips), source.sensor)
-            entries = code_input(np.flip(source.entries(index, group.poses), flips), source.sensor)
+            touched = code_input(np.flip(misread(group.maps.astype(np.float32), rng), flips), source.sensor)
+            entries = code_input(np.flip(source.entries(group), flips), source.sensor)
             yield torch.from_numpy(touched), torch.from_numpy(entries)
             if shown + 1 < 2 * _REUSE:
-                waiting.append((index, group, shown + 1))
-            if len(waiting) > 160:
+                waiting.append((group, shown + 1))
+            if len(waiting) > _POOL[1]:
                 waiting.pop(int(rng.integers(len(waiting))))
 
 
@@ -166,17 +166,15 @@ class _ValidationObject:
 
 def validation_objects(data: TrainingData, tdn: TactileDepthNet, seed: int) -> list[_ValidationObject]:
     """Touches and small codebooks of unseen objects with unseen backgrounds."""
-    source = _Touches(data.held_out, data.held_out_backgrounds, data.ranges, tdn, seed)
+    source = _Touches(data.held_out_backgrounds, data.ranges, tdn, seed)
     full = SensorModel.load("digit_tacto")
     out = []
-    for index, mesh in enumerate(data.held_out):
-        group = source.group(index, _QUERIES)
+    for mesh in data.held_out:
+        group = source.group(mesh, _QUERIES)
         poses = codebook_poses(mesh, _BOOK, full, source.rng)
-        maps = source.renderer(index).render(poses)
+        touched, book = group.maps.astype(np.float32), group.renderer.render(poses)
         out.append(
-            _ValidationObject(
-                code_input(group.maps, source.sensor), group.poses, code_input(maps, source.sensor), poses
-            )
+            _ValidationObject(code_input(touched, source.sensor), group.poses, code_input(book, source.sensor), poses)
         )
     return out
 
@@ -239,7 +237,10 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
     data = TrainingData.load(options)
     objects = validation_objects(data, depth, options.seed + 1000)
     model = CodeNet().to(options.device, memory_format=torch.channels_last)
-    run = TrainingRun(model, options, 2e-3)
+    if options.start and not options.resume:
+        batch = torch.from_numpy(np.concatenate([np.concatenate([one.touched, one.book[::16]]) for one in objects]))
+        unfold(model, network_path("tcn", options.start), batch)
+    run = TrainingRun(model, options, 1e-3 if options.start else 2e-3)
     stream = _Batches(data.meshes, data.backgrounds, data.ranges, tdn, options.seed + 7919 * run.step)
     batches = rendered_batches(stream, options, ahead=4)
 
@@ -255,7 +256,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
         quality, _ = validate(run.averaged(CodeNet), objects)
         return {"temperature": float(torch.exp(model.log_temperature)), **quality}
 
-    run.fit(batches, loss_of, figures, every=100)
+    run.fit(batches, loss_of, figures, every=_EVERY)
     final = run.averaged(CodeNet)
     _, scores = validate(final, objects)
     card = {

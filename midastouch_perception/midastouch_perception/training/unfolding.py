@@ -18,15 +18,15 @@ def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
 
     A folded convolution says what comes out of its normalisation, not what its mean and variance were: those are
     measured on `batch`, the model's inputs, and the normalisation's factors follow. Raises InputError if the
-    convolutions are others.
+    convolutions or linear layers are others.
     """
     graph = onnx.load(str(path)).graph
     values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
-    exported = [node.input for node in graph.node if node.op_type == "Conv"]
-    layers = [layer for layer in model.modules() if isinstance(layer, nn.Conv2d)]
+    exported = [node.input for node in graph.node if node.op_type in ("Conv", "Gemm")]
+    layers = [layer for layer in model.modules() if isinstance(layer, (nn.Conv2d, nn.Linear))]
     shapes = [(tuple(values[w].shape), tuple(values[b].shape)) for _, w, b in exported]
-    if shapes != [(tuple(layer.weight.shape), (layer.out_channels,)) for layer in layers]:
-        raise InputError(f"{path}: its convolutions are not those of the network to train; start from another one")
+    if shapes != [(tuple(layer.weight.shape), tuple(layer.weight.shape[:1])) for layer in layers]:
+        raise InputError(f"{path}: its layers are not those of the network to train; start from another one")
     bias = []
     for layer, (_, weight, offset) in zip(layers, exported, strict=True):
         layer.weight.copy_(values[weight])

@@ -10,7 +10,9 @@ import trimesh
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import sha256
+from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.training import setting
+from midastouch_perception.training.objects import stretched
 from midastouch_perception.training.setting import TrainingData, TrainingOptions
 
 
@@ -42,6 +44,19 @@ def test_folders_without_data_are_refused(options, tmp_path):
         TrainingData.load(replace(options, meshes=tmp_path / "empty"))
     with pytest.raises(InputError, match="0 readable no-contact images"):
         TrainingData.load(replace(options, backgrounds=tmp_path / "empty"))
+
+
+def test_a_stretched_object_has_other_proportions():
+    ball = ObjectMesh.from_arrays(*_ball(), "ball")
+    extents = [np.ptp(stretched(ball, np.random.default_rng(s)).vertices, axis=0) for s in range(20)]
+    assert 0.7 * 0.04 - 1e-9 <= np.min(extents) < 0.8 * 0.04
+    assert 1.25 * 0.04 < np.max(extents) <= 1.4 * 0.04 + 1e-9
+    assert max(e.max() / e.min() for e in extents) > 1.2
+
+
+def _ball():
+    ball = trimesh.creation.icosphere(3, 0.02)
+    return ball.vertices, ball.faces
 
 
 @pytest.mark.parametrize("network", ["tdn", "tcn"])

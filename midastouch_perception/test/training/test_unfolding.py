@@ -5,7 +5,8 @@ from midastouch_perception.errors import InputError
 
 torch = pytest.importorskip("torch")
 
-from midastouch_perception.onnx_network import OnnxNetwork  # noqa: E402
+from midastouch_perception.onnx_network import OnnxNetwork, network_path  # noqa: E402
+from midastouch_perception.tcn.network import CodeNet  # noqa: E402
 from midastouch_perception.tdn.network import UNet  # noqa: E402
 from midastouch_perception.tdn.train import export  # noqa: E402
 from midastouch_perception.training.unfolding import unfold  # noqa: E402
@@ -42,6 +43,16 @@ def test_a_new_network_computes_the_same(exported):
     assert np.abs(trained - expected).mean() < 0.05 * np.abs(expected).mean()
 
 
+def test_the_shipped_code_network_can_be_trained_on():
+    path = network_path("tcn", "fast")
+    maps = torch.rand(8, 4, 80, 60, generator=torch.Generator().manual_seed(3))
+    model = CodeNet()
+    unfold(model, path, maps)
+    with torch.no_grad():
+        codes = model.eval()(maps).numpy()
+    np.testing.assert_allclose(codes, OnnxNetwork("tcn", path).run(maps.numpy()), atol=1e-4)
+
+
 def test_another_architecture_is_refused(exported):
-    with pytest.raises(InputError, match="its convolutions are not those of the network to train"):
+    with pytest.raises(InputError, match="its layers are not those of the network to train"):
         unfold(UNet((8, 16, 32)), exported, *batch())
