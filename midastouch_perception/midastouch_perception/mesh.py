@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from .errors import InputError
-from .files import require_file, sha256
+from .files import atomic_path, require_file, sha256
 from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
@@ -80,6 +80,11 @@ class ObjectMesh:
         if extent > _LARGEST_EXTENT:
             raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
         return mesh
+
+    def save(self, path: str | Path) -> None:
+        """Write vertices, in single precision, and faces in the format of the path's ending."""
+        with atomic_path(path) as temporary:
+            trimesh.Trimesh(self.vertices.astype(np.float32), self.faces, process=False).export(temporary)
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:

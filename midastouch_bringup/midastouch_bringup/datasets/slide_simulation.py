@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
 
 from ..progress import progress_bar
 from . import write_sequence
@@ -43,18 +42,41 @@ def no_contact_image(sensor: SensorModel, rng: np.random.Generator) -> np.ndarra
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
+class TactoCamera:
+    """A DIGIT as TACTO sees through it; `background` (H, W, 3) uint8 RGB is its no-contact image."""
+
+    def __init__(self, sensor: SensorModel, rng: np.random.Generator):
+        self.background = no_contact_image(sensor, rng)
+        self._optics = TactoOptics(sensor)
+
+    def image(self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Image (H, W, 3) uint8 RGB of a penetration map (H, W) m with its surface normals (H, W, 3)."""
+        return self._optics.image(penetration, self.background, rng, normals)
+
+
+CAMERAS = {"tacto": TactoCamera}
+"""What images of a simulated slide are taken with, by name: made of sensor model and generator."""
+
+
 def simulate_sequence(
-    mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int, out: Path, progress: bool = False
+    mesh: ObjectMesh,
+    sensor: SensorModel,
+    length: float,
+    seed: int,
+    out: Path,
+    progress: bool = False,
+    leap: Leap | None = None,
+    camera: str = "tacto",
 ) -> int:
     """Simulate a slide of `length` m over the mesh, write it to `out` and return the number of frames.
 
     One seed fixes the path, the sensor's noise, its no-contact image and the measured poses.
     """
     rng = np.random.default_rng(seed)
-    poses = simulate_slide(mesh, sensor, length, rng)
+    poses = simulate_slide(mesh, sensor, length, rng, leap=leap)
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
-    background = no_contact_image(sensor, rng)
-    optics, renderer = TactoOptics(sensor), PenetrationRenderer(mesh, sensor)
+    camera = CAMERAS[camera](sensor, rng)
+    renderer = PenetrationRenderer(mesh, sensor)
     # a generator per image, so that the order in which threads draw does not matter
     noises = rng.spawn(len(poses))
     bar = progress_bar(total=len(poses), unit="frame", desc=f"slide over {mesh.name}", disable=not progress)
@@ -64,7 +86,7 @@ def simulate_sequence(
             for start in range(0, len(poses), _CHUNK):
                 chunk = slice(start, start + _CHUNK)
                 penetration, normals = renderer.render_with_normals(poses[chunk])
-                images = pool.map(optics.image, penetration, repeat(background), noises[chunk], normals)
+                images = pool.map(camera.image, penetration, normals, noises[chunk])
                 for frame in zip(images, penetration, strict=True):
                     yield frame
                     bar.update()
@@ -74,7 +96,7 @@ def simulate_sequence(
         frames(),
         poses,
         measured,
-        background=background,
+        background=camera.background,
         object_name=mesh.name,
         sensor=sensor,
         noise={"sig_t": NOISE_T, "sig_r": float(np.degrees(NOISE_R))},

@@ -7,12 +7,16 @@ from scipy.stats import chi2
 
 from .calibration import KINDS, LEVELS, observed_shares
 from .comparison import comparison_table, front_text, rows_by_init, wrong_converged
-from .summary import summarise_trials
+from .intervals import ENOUGH, bootstrap_interval, share_interval
+from .summary import final_errors, is_right, summarise_trials
 from .table import number, text_table
+from .trial import AFTER_EVENT, STAGES
 from .variants import DEFAULT
 
 _NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
 _IN_FULL = (DEFAULT, "paper")
+_ERRORS = ("e", "closest_mode", "estimate")
+_REGION = 0.95
 _SUMMARISED = ("coverage", "filter_stages_ms", "initial", "protocol")
 _PAPER = {"particles": ("e", "mean", 7.4, 9.43), "closest mode": ("min_cluster", "median", 2.8, 2.03)}
 """The paper's final errors over its ten objects in simulation: metric, statistic, mm, deg."""
@@ -39,9 +43,69 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
     if not in_full:
         del out["objects"]
         return out
+    out["trust"] = trust(trials)
     for name, one in out["objects"].items():
         one["wrong_converged"] = wrong_converged([trial for trial in trials if trial["object"] == name])
     return out
+
+
+def trust(trials: list[dict]) -> dict:
+    """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
+
+    converged_wrong, of all frames; right_at_end; right_modulo_symmetry_at_end; region_95, share of converged frames
+    whose 95 % region holds the truth; right_after_event, of trials, so many frames later; frames_until_right; final
+    errors of particles, closest mode and published pose, mean and median; ms of a frame, of which filter_cpu_ms.
+    enough: whether there are trials enough to claim anything.
+    """
+    groups = [(t["object"], t["slide"]) for t in trials]
+
+    def shares(part: list[float], whole: list[float]) -> dict:
+        total = float(np.sum(whole))
+        return {
+            "share": float(np.sum(part)) / total if total else None,
+            "interval": share_interval(part, whole, groups),
+        }
+
+    def values(some: list[float]) -> dict:
+        some = np.array(some, float)
+        known = some[np.isfinite(some)]
+        return {
+            name: {
+                "value": float(statistic(known)) if len(known) else None,
+                "interval": bootstrap_interval(some, groups, statistic),
+            }
+            for name, statistic in (("mean", np.mean), ("median", np.median))
+        }
+
+    ones = [1] * len(trials)
+    converged = [t["coverage"]["converged"] for t in trials]
+    within = int(np.searchsorted(LEVELS, _REGION - 1e-9)) + 1
+    asked = [t["right_after_event"] is not None for t in trials]
+    out = {
+        "trials": len(trials),
+        "enough": len(trials) >= ENOUGH,
+        "converged_wrong": shares(
+            [t["frames_converged"] - t["frames_converged_right"] for t in trials], [t["frames"] for t in trials]
+        ),
+        "right_at_end": shares([is_right(t) for t in trials], ones),
+        "right_modulo_symmetry_at_end": shares([is_right(t, "symmetric_estimate_trans_mm") for t in trials], ones),
+        "region_95": shares([sum(one[:within]) for one in converged], [sum(one) for one in converged]),
+        "right_after_event": shares([bool(t["right_after_event"]) for t in trials], asked) | {"frames": AFTER_EVENT},
+        "frames_until_right": values([_frames_until_right(t) for t in trials]),
+        "ms": values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
+        "filter_cpu_ms": values([t["filter_cpu_ms"] for t in trials]),
+    }
+    for prefix in _ERRORS:
+        for unit in ("trans_mm", "rot_deg"):
+            out[f"{prefix}_{unit}"] = values(final_errors(trials, f"{prefix}_{unit}"))
+    return out
+
+
+def _frames_until_right(trial: dict) -> float:
+    """From the event to where it is right until the end; without an event from the start; nan if never."""
+    if trial["right_from_frame"] is None:
+        return np.nan
+    return max(trial["right_from_frame"] - (trial["event_at"] or 0), 0)
 
 
 def stage_means(trials: list[dict]) -> dict[str, float]:
@@ -60,15 +124,13 @@ def compact_trials(trials: list[dict]) -> list[dict]:
 
 
 def recovery(trials: list[dict]) -> dict | None:
-    """How the filter came back after the sensor had been lifted: trials; recovered, in how many it was right from some
-    frame to the end; median_frames and p90_frames of sliding until then. None if no trial was lifted."""
-    lifted = [t for t in trials if t["touched_again_at"] is not None]
-    if not lifted:
+    """How the filter came back after an event: trials; recovered, in how many it was right from some frame to the end;
+    median_frames and p90_frames of sliding until then. None if nothing happened."""
+    disturbed = [t for t in trials if t["event_at"] is not None]
+    if not disturbed:
         return None
-    frames = [
-        max(t["right_from_frame"] - t["touched_again_at"], 0) for t in lifted if t["right_from_frame"] is not None
-    ]
-    out = {"trials": len(lifted), "recovered": len(frames)}
+    frames = [_frames_until_right(t) for t in disturbed if t["right_from_frame"] is not None]
+    out = {"trials": len(disturbed), "recovered": len(frames)}
     if frames:
         out |= {"median_frames": float(np.median(frames)), "p90_frames": float(np.percentile(frames, 90))}
     return out
@@ -127,7 +189,43 @@ def recovery_text(back: dict) -> str:
         if back["recovered"]
         else ""
     )
-    return f"right again in {back['recovered']} of {back['trials']} trials after the sensor was lifted{after}"
+    return f"right again in {back['recovered']} of {back['trials']} trials after the event{after}"
+
+
+def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
+    """Header and rows of `trust`: what, figure, 95 % interval; in place of figures "too few" below `ENOUGH` trials."""
+    after = trust["right_after_event"]["frames"]
+    percent = {
+        "converged_wrong": "frames converged wrong",
+        "right_at_end": "right at the end",
+        "right_modulo_symmetry_at_end": "right at the end, modulo symmetry",
+        "right_after_event": f"right {after} frames after the event",
+        "region_95": "converged frames whose 95 % region holds the truth",
+    }
+    plain = {
+        ("frames_until_right", "median"): "frames until right, median",
+        ("e_trans_mm", "mean"): "particles mm, mean",
+        ("e_rot_deg", "mean"): "particles deg, mean",
+        ("closest_mode_trans_mm", "median"): "closest mode mm, median",
+        ("closest_mode_rot_deg", "median"): "closest mode deg, median",
+        ("filter_cpu_ms", "mean"): "CPU ms of the filter a frame, mean",
+    }
+    rows = [
+        [label, *_figure(one["share"], one["interval"], "{:.1%}")]
+        for label, one in ((label, trust[key]) for key, label in percent.items())
+    ]
+    rows += [
+        [label, *_figure(one["value"], one["interval"], "{:.1f}")]
+        for label, one in ((label, trust[key][statistic]) for (key, statistic), label in plain.items())
+    ]
+    if not trust["enough"]:
+        rows = [[label, f"too few ({trust['trials']})", ""] for label, *_ in rows]
+    return [f"over {trust['trials']} trials", "figure", "95 % interval"], rows
+
+
+def _figure(value: float | None, interval: list[float] | None, form: str) -> tuple[str, str]:
+    shown = "-" if interval is None else " ... ".join(map(form.format, interval))
+    return "-" if value is None else form.format(value), shown
 
 
 def share(part: int, whole: int) -> str:
@@ -160,6 +258,7 @@ def accuracy_text(result: dict) -> str:
         parts.append(f"init {init}\n" + text_table(*object_table(summary, result["objects"]), left=2))
         if init == "paper":
             parts.append(paper_text(summary))
+        parts.append(text_table(*trust_table(summary["trust"])))
         parts.append("truth within the published Gaussian\n" + text_table(*coverage_table(summary["coverage"])))
         if summary["recovery"]:
             parts.append(recovery_text(summary["recovery"]))

@@ -16,15 +16,18 @@ import numpy as np
 import midastouch_filter
 import midastouch_kernels
 from midastouch_filter.config import FilterConfig
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
 
-from . import paper_filter
+from . import disturbances, paper_filter
 from .calibration import likelihood_counts
-from .disturbances import DISTURBANCES, PLAIN
+from .disturbances import Disturbed, Scene
+from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import TrialPlan
 from .short_codes import ShortCodes
 from .stock import Stock
-from .trial import RECORD, TrialFrame, run_trial
+from .trial import RECORD, TrialFrame, Yardstick, run_trial
 from .trial_log import TrialLog, key_of, source_digest
 from .variants import VARIANTS
 
@@ -32,8 +35,8 @@ from .variants import VARIANTS
 @dataclasses.dataclass(frozen=True)
 class Plan:
     """What is run: stock; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
-    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, "plain" or one of
-    `DISTURBANCES`; threads of the filter (0: one per core)."""
+    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`; threads of
+    the filter (0: one per core)."""
 
     stock: Stock
     config: FilterConfig
@@ -55,7 +58,8 @@ class Plan:
             "seeds": self.seeds,
             "stride": self.stride,
             "protocol": self.protocol,
-            "slide_length_m": self.stock.length,
+            "slide_length_m": self.stock.slides.length,
+            **PROTOCOLS[self.protocol].describe(),
             "codebook_size": self.stock.codebook_size,
             "networks": self.stock.networks.describe(),
             "filter": dataclasses.asdict(self.config),
@@ -75,15 +79,18 @@ class Plan:
             "protocol": self.protocol,
         }
 
-    def key(self, mesh: ObjectMesh, codebook_digest: str, labels: dict) -> str:
-        """Name of everything that the trial with these labels depends on."""
+    def key(self, mesh: ObjectMesh, foreign: ObjectMesh | None, codebook_digest: str, labels: dict) -> str:
+        """Name of everything that the trial with these labels depends on; foreign, the other object touched."""
         variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
             "settings": dataclasses.asdict(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
-            "length": self.stock.length,
+            "slides": self.stock.slides.name,
+            "foreign": foreign.sha256 if foreign else None,
+            "protocol_code": _protocol_code(),
+            **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
             "networks": self.stock.networks.describe(),
             "filter_code": _filter_code(),
@@ -98,9 +105,10 @@ class Plan:
 
 @dataclasses.dataclass(frozen=True)
 class _Unit:
-    """One filter's work: trials of one variant on one object, by their labels and keys."""
+    """One filter's work: trials of one variant on one object, by their labels and keys; foreign, the other object."""
 
     mesh: Path
+    foreign: Path | None
     variant: str
     trials: list[tuple[str, dict]]
 
@@ -121,13 +129,16 @@ def run_campaign(
     """
     deadline = time.monotonic() + 60 * minutes
     workers = dataclasses.replace(plan, stock=dataclasses.replace(plan.stock), threads=1) if jobs > 1 else plan
-    for _ in _map(_prepare, [(workers, mesh.path, deadline) for mesh in meshes], jobs):
+    foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
+    slid_over = {mesh.path: mesh for mesh in [*meshes, *filter(None, foreign.values())]}
+    with_book = {mesh.path for mesh in meshes}
+    for _ in _map(_prepare, [(workers, path, path in with_book, deadline) for path in slid_over], jobs):
         pass
     sizes = plan.codebook_sizes()
     digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
     wanted = {
         (mesh.path, variant, seed): [
-            (plan.key(mesh, digests[mesh.path, VARIANTS[variant].codebook_size], labels), labels)
+            (plan.key(mesh, foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size], labels), labels)
             for slide, init in product(plan.slides, plan.inits)
             for labels in [plan.labels(mesh, variant, slide, init, seed)]
         ]
@@ -136,7 +147,8 @@ def run_campaign(
     units = []
     for (path, variant, _), trials in wanted.items():
         if open_ := [trial for trial in trials if log.get(trial[0]) is None]:
-            units.append((workers, _Unit(path, variant, open_), deadline))
+            other = foreign[path]
+            units.append((workers, _Unit(path, other.path if other else None, variant, open_), deadline))
     progress = start_progress(sum(len(unit.trials) for _, unit, _ in units))
     for key, trial in _map(_run_unit, units, jobs):
         log.add(key, trial)
@@ -150,7 +162,7 @@ def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
     networks = plan.stock.networks.describe()
     digest = plan.stock.codebook_digest(mesh)
-    content = [mesh.sha256, networks, digest, plan.stock.length, plan.slides, _filter_code()]
+    content = [mesh.sha256, networks, digest, plan.stock.slides.name, plan.slides, _filter_code()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
     if (entry := log.get(key)) is None:
         codes, poses = [], []
@@ -182,12 +194,23 @@ def _as_list(function: Callable, arguments: tuple) -> list:
     return list(function(*arguments))
 
 
-def _prepare(plan: Plan, path: Path, deadline: float) -> Iterator[None]:
+def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
+    """For each object the other one that is touched; InputError if there is none."""
+    if protocol.foreign == NEXT:
+        if len(meshes) < 2:
+            raise InputError("the wrong object cannot be touched with one object only; give two with --objects")
+        return [*meshes[1:], meshes[0]]
+    bundled = ObjectMesh.load(bundled_objects()[protocol.foreign]) if protocol.foreign else None
+    return [bundled] * len(meshes)
+
+
+def _prepare(plan: Plan, path: Path, with_book: bool, deadline: float) -> Iterator[None]:
     """Make what the trials on one object need, as far as it is not there."""
     mesh = ObjectMesh.load(path)
-    plan.stock.symmetry(mesh)
-    for size in plan.codebook_sizes():
-        plan.stock.codebook(mesh, size)
+    if with_book:
+        plan.stock.symmetry(mesh)
+        for size in plan.codebook_sizes():
+            plan.stock.codebook(mesh, size)
     for slide in plan.slides:
         if time.monotonic() < deadline:
             plan.stock.touches(mesh, slide)
@@ -199,41 +222,53 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
     if time.monotonic() >= deadline:
         return
     mesh = ObjectMesh.load(unit.mesh)
-    symmetry = plan.stock.symmetry(mesh)
-    variant = VARIANTS[unit.variant]
+    foreign = ObjectMesh.load(unit.foreign) if unit.foreign else None
+    protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[unit.variant]
+    yardstick = Yardstick(plan.stock.symmetry(mesh), protocol.right, protocol.twins)
     codebook = plan.stock.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
     particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, plan.threads)
 
-    def frames(slide: int) -> list[TrialFrame]:
-        plain = _frames(plan, mesh, slide)
-        return [short.frame(frame) for frame in plain] if short else plain
+    def scene(slide: int) -> Disturbed:
+        disturbed = _disturbed(plan, mesh, foreign, slide)
+        if short is None:
+            return disturbed
+        return dataclasses.replace(disturbed, frames=[short.frame(frame) for frame in disturbed.frames])
 
-    def trial(frames: list[TrialFrame], labels: dict) -> dict:
+    def trial(scene: Disturbed, labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
-        TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, frames[0].truth)
-        return labels | run_trial(frames, particle_filter, symmetry=symmetry, series=False)
+        TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, scene.frames[0].truth)
+        return labels | run_trial(scene.frames, particle_filter, None, yardstick, series=False, event=scene.event)
 
-    frames_of: dict[int, list[TrialFrame]] = {}
+    scenes: dict[int, Disturbed] = {}
     for key, labels in unit.trials:
         if time.monotonic() >= deadline:
             return
         slide = labels["slide"]
-        if slide not in frames_of:
-            frames_of[slide] = frames(slide)
-        yield key, trial(frames_of[slide], labels)
+        if slide not in scenes:
+            scenes[slide] = scene(slide)
+        yield key, trial(scenes[slide], labels)
 
 
-def _frames(plan: Plan, mesh: ObjectMesh, slide: int) -> list[TrialFrame]:
-    """Frames of the trials on one slide, disturbed as the plan says."""
-    sequence, touches = plan.stock.touches(mesh, slide)
-    frames = touches.frames(sequence, plan.stride)
-    if plan.protocol == PLAIN:
-        return frames
-    return DISTURBANCES[plan.protocol](frames, np.random.default_rng(slide))
+def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: int) -> Disturbed:
+    """One slide as the plan's protocol has it."""
+
+    def frames(mesh: ObjectMesh) -> list[TrialFrame]:
+        sequence, touches = plan.stock.touches(mesh, slide)
+        return touches.frames(sequence, plan.stride)
+
+    scene = Scene(
+        frames(mesh), np.random.default_rng(slide), frames(foreign) if foreign else [], plan.stock.codebook(mesh)
+    )
+    return PROTOCOLS[plan.protocol].disturb(scene)
 
 
 @cache
 def _filter_code() -> str:
     packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
     return source_digest(*packages, Path(paper_filter.__file__))
+
+
+@cache
+def _protocol_code() -> str:
+    return source_digest(Path(disturbances.__file__))

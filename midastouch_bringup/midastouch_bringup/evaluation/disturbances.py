@@ -1,19 +1,21 @@
-"""Test protocols beside the plain one: what real arms and real work do to a slide.
+"""What real arms, hands and work do to a slide: each takes a scene and returns the frames of the disturbed one.
 
-Each takes the frames of a trial and returns those of the disturbed one; only what the filter is told differs, except
-for rests and slow cameras, which repeat frames, and a kidnapping, which also leaves frames out.
+Only what the filter is told differs, except for rests and slow cameras, which repeat frames, and for a touch of the
+wrong object, which has no truth. Lift, kidnap and jump need a slide with a `Leap`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 
 from .trial import TrialFrame
@@ -23,65 +25,139 @@ FRAME_TIME = 0.05
 
 _BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
 _DELAY = 0.05  # s
-_KIDNAP = 0.05  # m
 _LIFTED = 10  # frames
 _HEIGHT = 0.02  # m
-_MOVING, _RESTING = 40, 20  # frames
+_RESTING = 400  # frames, 20 s
 _REST_T, _REST_R = 2e-5, np.radians(0.02)  # sigma per axis of an arm's joints at rest
 _CODE_NOISE = 0.01  # length of a code's change by the camera's noise
+_PUSH_T, _PUSH_R = 5e-3, np.radians(5.0)
+_PUSHED = 5  # frames, 20 mm/s
+_UNEXPLAINED = 12  # frames
 
-Disturbance = Callable[[list[TrialFrame], np.random.Generator], list[TrialFrame]]
+
+@dataclass(frozen=True)
+class Scene:
+    """frames of a slide; rng; foreign, frames of a slide over another object, and codebook, of the slide's own, for
+    those that need them."""
+
+    frames: list[TrialFrame]
+    rng: np.random.Generator
+    foreign: list[TrialFrame] = field(default_factory=list)
+    codebook: Codebook | None = None
+
+    @property
+    def middle(self) -> int:
+        """Position of the frame at which something happens: after a third, as a `Leap` of the slide."""
+        if len(self.frames) < 3:
+            raise InputError(f"a slide of {len(self.frames)} frames is too short to disturb it; give a longer one")
+        return len(self.frames) // 3
 
 
-def tool_bias(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+@dataclass(frozen=True)
+class Disturbed:
+    """frames as the trial has them; event, position of the first ordinary frame after what happened, None if nothing
+    happened at a certain frame."""
+
+    frames: list[TrialFrame]
+    event: int | None = None
+
+
+Disturbance = Callable[[Scene], Disturbed]
+
+
+def plain(scene: Scene) -> Disturbed:
+    """Nothing is wrong."""
+    return Disturbed(scene.frames)
+
+
+def tool_bias(scene: Scene) -> Disturbed:
     """A wrong hand-eye calibration: the same 2 mm and 2 deg, in a random direction, on every measured pose."""
-    directions = rng.standard_normal((2, 3))
-    directions *= np.array([[_BIAS_T], [_BIAS_R]]) / np.linalg.norm(directions, axis=1, keepdims=True)
-    bias = se3.exp(directions.reshape(6))
-    return [dataclasses.replace(frame, measured=frame.measured @ bias) for frame in frames]
+    bias = _random_motion(scene.rng, _BIAS_T, _BIAS_R)
+    return Disturbed([dataclasses.replace(frame, measured=frame.measured @ bias) for frame in scene.frames])
 
 
-def time_offset(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+def late(scene: Scene) -> Disturbed:
     """Clocks that disagree: each image gets the arm's pose of 50 ms before."""
+    frames = scene.frames
     measured = np.array([frame.measured for frame in frames])
-    late = np.maximum(np.arange(len(frames)) - _DELAY / FRAME_TIME, 0)
-    low = np.floor(late).astype(int)
+    before = np.maximum(np.arange(len(frames)) - _DELAY / FRAME_TIME, 0)
+    low = np.floor(before).astype(int)
     high = np.minimum(low + 1, len(frames) - 1)
     step = se3.log(se3.inverse(measured[low]) @ measured[high])
-    delayed = measured[low] @ se3.exp((late - low)[:, None] * step)
-    return [dataclasses.replace(frame, measured=pose) for frame, pose in zip(frames, delayed, strict=True)]
+    delayed = measured[low] @ se3.exp((before - low)[:, None] * step)
+    return Disturbed([dataclasses.replace(f, measured=pose) for f, pose in zip(frames, delayed, strict=True)])
 
 
-def lift(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
-    """Half-way the arm lifts the sensor and puts it down 50 mm away, which the odometry tells."""
-    return _moved_away(frames, told=True)
+def jump(scene: Scene) -> Disturbed:
+    """The slide leaps, and the odometry says so."""
+    return Disturbed(scene.frames, _leap(scene))
 
 
-def kidnap(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
-    """Half-way the sensor is lifted, and the object is moved 50 mm before the next touch: nothing tells the filter."""
-    return _moved_away(frames, told=False)
+def lift(scene: Scene) -> Disturbed:
+    """The arm lifts the sensor and puts it down where the slide leaps to, which the odometry tells."""
+    return _moved_away(scene, told=True)
 
 
-def rest(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
-    """Every 2 s the arm stops for one: poses and codes then differ by the noise of joints and camera only."""
-    out = []
-    for i, frame in enumerate(frames, start=1):
-        out.append(frame)
-        if i % _MOVING == 0:
-            out += [_at_rest(frame, rng) for _ in range(_RESTING)]
-    return out
+def kidnap(scene: Scene) -> Disturbed:
+    """The sensor is lifted, and the object is moved before the next touch: nothing tells the filter."""
+    return _moved_away(scene, told=False)
 
 
-def slow_camera(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+def push(scene: Scene) -> Disturbed:
+    """The object is pushed by 5 mm and 5 deg under contact, within 5 frames: the arm's poses do not know.
+
+    With D the object's motion in the base, about the contact, the arm is at D T_obj_gel.
+    """
+    frames, start = scene.frames, scene.middle
+    about = se3.make(np.eye(3), frames[start].truth[:3, 3])
+    whole = se3.log(_random_motion(scene.rng, _PUSH_T, _PUSH_R))
+    pushed = [
+        about @ se3.exp(whole * np.clip((k - start + 1) / _PUSHED, 0, 1)) @ se3.inverse(about)
+        for k in range(len(frames))
+    ]
+    moved = [dataclasses.replace(f, measured=d @ f.measured) for f, d in zip(frames, pushed, strict=True)]
+    return Disturbed(moved, min(start + _PUSHED, len(frames) - 1))
+
+
+def unexplained(scene: Scene) -> Disturbed:
+    """12 consecutive touches are those of another object: of its slide, the ones that the codebook explains least."""
+    frames, start = scene.frames, scene.middle
+    felt = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
+    strange = [dataclasses.replace(f, felt=touch) for f, touch in zip(frames[start:], felt, strict=False)]
+    end = start + len(strange)
+    return Disturbed([*frames[:start], *strange, *frames[end:]], end)
+
+
+def wrong_mesh(scene: Scene) -> Disturbed:
+    """Another object is touched: no pose is true."""
+    nowhere = np.full((4, 4), np.nan)
+    return Disturbed([dataclasses.replace(frame, truth=nowhere) for frame in scene.foreign])
+
+
+def rest(scene: Scene) -> Disturbed:
+    """The arm stops in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
+    frames, k = scene.frames, scene.middle
+    still = [_at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
+    return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], k + 1 + _RESTING)
+
+
+def slow_camera(scene: Scene) -> Disturbed:
     """Every image comes twice, the second time half-way to where the next one is taken."""
-    out = [frames[0]]
-    for frame, following in pairwise(frames):
+    out = scene.frames[:1]
+    for frame, following in pairwise(scene.frames):
         half = {
             name: getattr(frame, name) @ se3.exp(0.5 * se3.log(se3.inverse(getattr(frame, name)) @ pose))
             for name, pose in (("measured", following.measured), ("truth", following.truth))
         }
         out += [dataclasses.replace(frame, ms={}, **half), following]
-    return out
+    return Disturbed(out)
+
+
+def _random_motion(rng: np.random.Generator, translation: float, rotation: float) -> np.ndarray:
+    """A motion (4, 4) of so many m and rad in a random direction, about a random axis."""
+    directions = rng.standard_normal((2, 3))
+    directions *= np.array([[translation], [rotation]]) / np.linalg.norm(directions, axis=1, keepdims=True)
+    return se3.exp(directions.reshape(6))
 
 
 def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
@@ -92,16 +168,18 @@ def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
     return dataclasses.replace(frame, felt=felt, measured=frame.measured @ se3.exp(noise))
 
 
-def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
-    """The first half, frames without contact in which the sensor goes up and down again, and the rest from the first
-    frame 50 mm away; without one, the farthest."""
-    last = frames[len(frames) // 2]
-    rest = frames[len(frames) // 2 + 1 :]
-    if not rest:
-        raise InputError(f"a slide of {len(frames)} frames is too short to lift the sensor; give a longer one")
-    distance = np.linalg.norm([f.truth[:3, 3] - last.truth[:3, 3] for f in rest[: len(rest) // 2 + 1]], axis=1)
-    far = int(np.argmax(distance >= _KIDNAP)) if (distance >= _KIDNAP).any() else int(np.argmax(distance))
-    after = rest[far:]
+def _leap(scene: Scene) -> int:
+    """Position of the first frame after the slide's longest step, of those around the middle."""
+    around = range(max(scene.middle - 1, 1), scene.middle + 2)
+    truth = [frame.truth[:3, 3] for frame in scene.frames]
+    return max(around, key=lambda k: np.linalg.norm(truth[k] - truth[k - 1]))
+
+
+def _moved_away(scene: Scene, told: bool) -> Disturbed:
+    """Frames without contact, in which the sensor goes up and down again, before the slide's leap."""
+    k = _leap(scene)
+    before, after = scene.frames[:k], scene.frames[k:]
+    last = before[-1]
     jump = np.eye(4) if told else last.measured @ se3.inverse(after[0].measured)
     air = Measurement(in_contact=False)
     heights = [_HEIGHT * min(k, _LIFTED - k) / (_LIFTED // 2) for k in range(1, _LIFTED + 1)]
@@ -109,19 +187,20 @@ def _moved_away(frames: list[TrialFrame], told: bool) -> list[TrialFrame]:
         dataclasses.replace(last, felt=air, ms={}, measured=last.measured @ up, truth=last.truth @ up)
         for up in (se3.make(np.eye(3), np.array([0.0, 0.0, height])) for height in heights)
     ]
-    return [
-        *frames[: len(frames) // 2 + 1],
-        *lifted,
-        *(dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after),
-    ]
+    moved = [dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after]
+    return Disturbed([*before, *lifted, *moved], k + _LIFTED)
 
 
-DISTURBANCES: dict[str, Disturbance] = {
-    "tool_bias": tool_bias,
-    "time_offset": time_offset,
-    "rest": rest,
-    "slow_camera": slow_camera,
-    "lift": lift,
-    "kidnap": kidnap,
-}
-PLAIN = "plain"
+def _least_explained(foreign: list[TrialFrame], codebook: Codebook, n: int) -> list[Measurement]:
+    """n consecutive touches whose best match in the codebook is the worst, by the cosine of their codes, in the mean;
+    InputError if there are not so many."""
+    codes = codebook.codes / np.linalg.norm(codebook.codes, axis=1, keepdims=True)
+    best = np.array([_best_cosine(frame.felt, codes) for frame in foreign])
+    if len(best) < n or not np.isfinite(means := np.convolve(best, np.full(n, 1 / n), "valid")).any():
+        raise InputError(f"the other object's slide has no {n} touches in a row; give a longer one with --length")
+    first = int(np.nanargmin(means))
+    return [frame.felt for frame in foreign[first : first + n]]
+
+
+def _best_cosine(felt: Measurement, codes: np.ndarray) -> float:
+    return float((codes @ (felt.code / np.linalg.norm(felt.code))).max()) if felt.in_contact else np.nan

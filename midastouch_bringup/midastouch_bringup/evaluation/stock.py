@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import sha256
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.simulation.slide import Leap
 
 from ..codebooks import cached_codebook, cached_codebook_path
 from ..datasets import Sequence, load_sequence
@@ -23,17 +26,35 @@ _NEXT_SEED = 1000
 
 
 @dataclass(frozen=True)
+class SlideKind:
+    """length [m]; leap, on the way; camera, one of `datasets.slide_simulation.CAMERAS`."""
+
+    length: float = 0.5
+    leap: Leap | None = None
+    camera: str = "tacto"
+
+    @property
+    def name(self) -> str:
+        """For folders and keys."""
+        parts = [f"{1e3 * self.length:.0f}mm"]
+        if self.leap is not None:
+            parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")
+            parts += [f"{np.degrees(self.leap.angle):.0f}deg"] if self.leap.angle is not None else []
+        return "_".join(parts if self.camera == "tacto" else [*parts, self.camera])
+
+
+@dataclass(frozen=True)
 class Stock:
     """What trials are made of.
 
-    folder: where it is kept; tdn, tcn, sensor: as for `Networks.load`; length [m] of a slide; codebook_size, poses.
+    folder: where it is kept; tdn, tcn, sensor: as for `Networks.load`; slides, their kind; codebook_size, poses.
     """
 
     folder: Path
     tdn: str = "fast"
     tcn: str = "fast"
     sensor: str = "digit_tacto"
-    length: float = 0.5
+    slides: SlideKind = SlideKind()
     codebook_size: int = 50_000
 
     @cached_property
@@ -56,21 +77,24 @@ class Stock:
 
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
-        kind = f"{1e3 * self.length:.0f}mm_{mesh.sha256[:8]}"
+        kind = f"{self.slides.name}_{mesh.sha256[:8]}"
         path = self.folder / "slides" / kind / mesh.name / f"{number:02d}"
         if not path.is_dir():
             self._simulate(mesh, number, path)
         return load_sequence(path)
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
+        kind = self.slides
         for attempt in range(_SEEDS):
             seed = number + _NEXT_SEED * attempt
             try:
-                simulate_sequence(mesh, self.networks.sensor, self.length, seed, path, progress=True)
+                simulate_sequence(
+                    mesh, self.networks.sensor, kind.length, seed, path, True, leap=kind.leap, camera=kind.camera
+                )
                 return
             except InputError as error:
                 stuck = error
-        raise InputError(f"{mesh.name}: no slide of {self.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
+        raise InputError(f"{mesh.name}: no slide of {kind.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
 
     def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
         """Slide `number` over the object and what the networks make of it."""

@@ -48,7 +48,7 @@ def _summarise(trials: list[dict]) -> dict:
                 "p90": np.percentile(known, 90),
                 "max": known.max(),
             }
-    out["initial"] = {k: np.mean([t["initial"][k] for t in trials]) for k in ("e_trans_mm", "e_rot_deg")}
+    out["initial"] = {k: np.array([t["initial"][k] for t in trials], float).mean() for k in ("e_trans_mm", "e_rot_deg")}
     out["states"] = dict(Counter(t["final"]["state"] for t in trials))
     out["converged"] = out["states"].get(CONVERGED, 0)
     out["right"] = sum(map(is_right, trials))

@@ -23,6 +23,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pose_metric import ROTATION_SCALE
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
+_SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m, and of the diagonal of what is smaller: a nut is no ring
 _SHARE = 0.9  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
 _TURNS = 40  # by which a sphere is told
 _FACING = np.cos(np.radians(45))  # a thin plate's other side is near, but not the same surface
@@ -133,13 +134,14 @@ for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     _LEVI_CIVITA[_i, _j, _k], _LEVI_CIVITA[_i, _k, _j] = 1.0, -1.0
 
 
-def find_symmetry(mesh: ObjectMesh, tolerance: float = TOLERANCE) -> Symmetry:
-    """The symmetries of a mesh: motions after which 90 % of its surface lies within `tolerance` [m] of the surface
-    and faces the same way.
+def find_symmetry(mesh: ObjectMesh) -> Symmetry:
+    """The symmetries of a mesh: motions after which 90 % of its surface lies within 1 mm of the surface (on small parts
+    within half a percent of their diagonal) and faces the same way.
 
     Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then agree are kept.
     An axis about which every angle agrees, and a centre about which nearly every rotation does, are told by trying.
     """
+    tolerance = TOLERANCE if mesh.diagonal > _SMALL else _SMALL_TOLERANCE * mesh.diagonal
     surface = _Surface(mesh, tolerance)
     centre = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
     turned = _about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())

@@ -20,11 +20,14 @@ from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 2
+RECORD = 3
 """Version of what `run_trial` returns: kept trials of another one are run again."""
 
 RIGHT = 0.01
 """m: a published pose nearer to the truth than this is right."""
+
+AFTER_EVENT = 30
+"""Frames after an event at which the filter is asked again whether it is right."""
 
 AnyFilter = ParticleFilter | PaperFilter
 
@@ -32,7 +35,7 @@ AnyFilter = ParticleFilter | PaperFilter
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
     """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
-    true `T_obj_gel` (4, 4).
+    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object.
 
     Only differences of the measured pose reach the filter.
     """
@@ -44,6 +47,20 @@ class TrialFrame:
     truth: np.ndarray
 
 
+@dataclasses.dataclass(frozen=True)
+class Yardstick:
+    """What errors are measured by: symmetry of the object; right [m]: a published pose nearer to the truth is right;
+    twins: the symmetric pose nearest to the truth is taken for every error, as no touch tells it from the other."""
+
+    symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
+    right: float = RIGHT
+    twins: bool = False
+
+    def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Poses (N, 4, 4) as they are compared with the truth (4, 4)."""
+        return self.symmetry.nearest(poses, truth) if self.twins and len(poses) else poses
+
+
 Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
 
@@ -51,8 +68,9 @@ def run_trial(
     frames: Iterable[TrialFrame],
     particle_filter: AnyFilter,
     observe: Observer | None = None,
-    symmetry: Symmetry | None = None,
+    yardstick: Yardstick | None = None,
     series: bool = True,
+    event: int | None = None,
 ) -> dict:
     """Run an initialised filter over the frames; the `trials` entry of the `evaluate` JSON without its
     labels.
@@ -61,10 +79,10 @@ def run_trial(
     filter's CPU time, of all its threads, is what holds on a busy machine.
     Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
     Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take
-    longer than the filter. With a `symmetry` the final errors are given modulo it too. `observe` sees every frame
-    with its estimate and the filter, outside the timing.
+    longer than the filter. The final errors are given modulo the yardstick's symmetry too. `observe` sees every frame
+    with its estimate and the filter, outside the timing. `event`: position of the first frame after a disturbance.
     """
-    record = _Record(symmetry or Symmetry(), series)
+    record = _Record(yardstick or Yardstick(), series, event)
     previous = None
     for frame in frames:
         if previous is None:
@@ -81,8 +99,8 @@ def run_trial(
 
 
 class _Record:
-    def __init__(self, symmetry: Symmetry, series: bool) -> None:
-        self._symmetry, self._series = symmetry, series
+    def __init__(self, yardstick: Yardstick, series: bool, event: int | None) -> None:
+        self._yardstick, self._series, self._event = yardstick, series, event
         self._rows: list[dict] = []
         self._ms: dict[str, list[float]] = {stage: [] for stage in STAGES}
         self._initial: dict[str, float] = {}
@@ -95,7 +113,8 @@ class _Record:
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
         """Errors before the first step, of the start itself."""
-        self._initial = _error("e", particle_rmse(particle_filter.poses, truth, particle_filter.weights))
+        poses = self._yardstick.counted(particle_filter.poses, truth)
+        self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
 
     def add(
         self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float, filter_cpu_ms: float
@@ -106,25 +125,29 @@ class _Record:
         self._filter_cpu_ms.append(filter_cpu_ms)
         self._states.append((frame.index, estimate.status.state))
         self._in_contact.append(frame.felt.in_contact)
-        known = estimate.pose is not None
-        self._right.append(known and bool(pose_errors(estimate.pose, frame.truth)[0] <= RIGHT))
-        if known and frame.felt.in_contact:
-            self._coverage.add(estimate, frame.truth, self._right[-1])
+        self._right.append(False)
+        if estimate.pose is not None and np.isfinite(frame.truth).all():
+            # the twin of the truth, not of the estimate: the covariance belongs to the pose as published
+            truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
+            self._right[-1] = bool(pose_errors(estimate.pose, truth)[0] <= self._yardstick.right)
+            if frame.felt.in_contact:
+                self._coverage.add(estimate, truth, self._right[-1])
         self._last = frame, estimate
         if self._series:
             self._rows.append(self._row(frame, estimate, particle_filter))
 
     def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
         """Everything that is told of one frame."""
-        status, truth = estimate.status, frame.truth
-        poses, weights = particle_filter.poses, particle_filter.weights
-        modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
+        status, truth, counted = estimate.status, frame.truth, self._yardstick.counted
+        poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
+        modes = counted(np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4), truth)
+        pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
         row = {"frame": frame.index}
         row |= _error("e", particle_rmse(poses, truth, weights))
         row |= _error("e_unweighted", particle_rmse(poses, truth))
         row |= _error("min_cluster", min_cluster_error(modes, truth))
         row |= _error("closest_mode", closest_mode_error(modes, truth))
-        row |= _error("estimate", (np.nan, np.nan) if estimate.pose is None else pose_errors(estimate.pose, truth))
+        row |= _error("estimate", pose_errors(pose, truth))
         return row | {
             "n_particles": status.n_particles,
             "n_modes": status.n_modes,
@@ -156,7 +179,8 @@ class _Record:
             "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
             "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
             "right_from_frame": _from_then_on((converged & right) | ~in_contact),
-            "touched_again_at": _from_then_on(in_contact) if not in_contact.all() else None,
+            "event_at": self._event,
+            "right_after_event": self._right_after_event(converged & right),
             "frames_in_contact": int(in_contact.sum()),
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
@@ -166,13 +190,20 @@ class _Record:
             out["per_frame"] = {key: [row[key] for row in self._rows] for key in last}
         return out
 
+    def _right_after_event(self, right: np.ndarray) -> bool | None:
+        """Whether it is right (N,) some frames after the event; None without one, or if the slide ends before."""
+        if self._event is None or self._event + AFTER_EVENT >= len(right):
+            return None
+        return bool(right[self._event + AFTER_EVENT])
+
     def _modulo_symmetry(self, particle_filter: AnyFilter) -> dict[str, float]:
         frame, estimate = self._last
-        if self._symmetry.trivial or estimate.pose is None:
+        symmetry = self._yardstick.symmetry
+        if symmetry.trivial or estimate.pose is None:
             return {}
         truth = frame.truth
-        poses = self._symmetry.nearest(particle_filter.poses, truth)
-        pose = self._symmetry.nearest(estimate.pose[None], truth)[0]
+        poses = symmetry.nearest(particle_filter.poses, truth)
+        pose = symmetry.nearest(estimate.pose[None], truth)[0]
         out = _error("symmetric_e", particle_rmse(poses, truth, particle_filter.weights))
         return out | _error("symmetric_estimate", pose_errors(pose, truth))
 

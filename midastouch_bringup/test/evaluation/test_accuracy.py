@@ -12,6 +12,8 @@ from midastouch_bringup.evaluation.accuracy import (
     recovery,
     recovery_text,
     summarise_accuracy,
+    trust,
+    trust_table,
 )
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
 from midastouch_bringup.evaluation.comparison import compare_variants
@@ -62,13 +64,33 @@ def test_coverage_adds_up_over_trials(trials):
     assert added["observed"][9] == 1
 
 
-def test_recovery_counts_frames_from_the_next_touch(trials):
+def test_recovery_counts_frames_from_the_event(trials):
     assert recovery(trials) is None
-    lifted = [trials[0] | {"touched_again_at": 20, "right_from_frame": k} for k in (25, 5, None)]
+    lifted = [trials[0] | {"event_at": 20, "right_from_frame": k} for k in (25, 5, None)]
     back = recovery([*lifted, trials[1]])
     assert (back["trials"], back["recovered"], back["median_frames"]) == (3, 2, 2.5)
     assert recovery_text(back).startswith("right again in 2 of 3 trials")
-    assert recovery_text(recovery(lifted[2:])).endswith("lifted")
+    assert recovery_text(recovery(lifted[2:])).endswith("event")
+
+
+def test_trust_has_an_interval_for_every_figure(trials):
+    many = [trials[k % 2] | {"slide": k, "event_at": 2, "right_after_event": k % 4 > 0} for k in range(120)]
+    one = trust(many)
+    assert (one["converged_wrong"]["share"], one["right_at_end"]["share"]) == (pytest.approx(0.2), 1)
+    assert one["right_after_event"]["share"] == 0.75
+    low, high = one["right_after_event"]["interval"]
+    assert 0.66 < low < 0.75 < high < 0.83
+    assert one["right_at_end"]["interval"] == [pytest.approx(0.97, abs=0.005), 1]
+    assert one["frames_until_right"]["median"]["value"] == 1
+    assert one["e_trans_mm"]["mean"]["value"] == 3
+    assert one["e_trans_mm"]["mean"]["interval"] == [pytest.approx(2.8, abs=0.1), pytest.approx(3.2, abs=0.1)]
+    _, rows = trust_table(one)
+    assert ["right 30 frames after the event", "75.0%", "66.5% ... 81.9%"] in rows
+
+
+def test_too_few_trials_claim_nothing(trials):
+    _, rows = trust_table(trust(trials[:3]))
+    assert {row[1] for row in rows} == {"too few (3)"}
 
 
 def test_it_is_printed_and_written_in_few_lines(trials, tmp_path):

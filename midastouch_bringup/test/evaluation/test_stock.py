@@ -1,7 +1,7 @@
 import pytest
 
 from midastouch_bringup.evaluation import stock as module
-from midastouch_bringup.evaluation.stock import Stock
+from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_bringup.evaluation.touches import Touches
 from midastouch_perception.errors import InputError
 
@@ -9,7 +9,7 @@ from midastouch_perception.errors import InputError
 @pytest.fixture
 def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
     """A stock whose slides are all the stub sequence and whose networks know the answer."""
-    stock = Stock(tmp_path, length=0.1)
+    stock = Stock(tmp_path, slides=SlideKind(0.1))
     networks.sensor = None
     vars(stock)["networks"] = networks  # in place of those that would be loaded
     monkeypatch.setattr(module, "load_sequence", lambda path: type(sequence)(**vars(sequence) | {"path": path}))
@@ -19,7 +19,7 @@ def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
 def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypatch):
     seeds = []
 
-    def simulate(mesh, sensor, length, seed, out, progress):
+    def simulate(mesh, sensor, length, seed, out, progress, leap, camera):
         seeds.append((length, seed))
         if seed < 2000:
             raise InputError("stuck")

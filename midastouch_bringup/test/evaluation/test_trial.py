@@ -6,7 +6,13 @@ import pytest
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.sequence_trials import TrialPlan, run_sequence
 from midastouch_bringup.evaluation.summary import summarise_trials, summary_table
+from midastouch_bringup.evaluation.symmetry import Symmetry
+from midastouch_bringup.evaluation.trial import AFTER_EVENT, TrialFrame, Yardstick, run_trial
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Estimate, Mode
+from midastouch_filter.filter import Measurement
+from midastouch_filter.state import CONVERGED, Status
+from midastouch_perception import se3
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300)
 KEYS = {
@@ -96,3 +102,62 @@ def test_missing_errors_are_counted_not_averaged(evaluated):
     summary = summarise_trials(trials)["estimate_trans_mm"]
     assert summary["missing"] == 1
     assert np.isfinite(summary["mean"])
+
+
+HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+
+
+class KnowsThePoses:
+    """A filter that is sure of the poses it was given, one a step."""
+
+    weights = np.ones(1)
+
+    def __init__(self, poses: np.ndarray):
+        self._left = list(poses)
+        self.poses = poses[:1]
+
+    def step(self, odometry, measurement) -> Estimate:
+        pose = self._left.pop(0)
+        self.poses = pose[None]
+        status = Status(CONVERGED, "sure", n_particles=1, n_modes=1, mode_mass=1.0)
+        return Estimate([Mode(1.0, pose, np.eye(6) * 1e-6, 1)], status, np.eye(6) * 1e-6)
+
+
+def run_knowing(known: np.ndarray, truth: np.ndarray, **options) -> dict:
+    frames = [TrialFrame(i, Measurement(True), {}, pose, pose) for i, pose in enumerate(truth)]
+    return run_trial(frames, KnowsThePoses(known), **options)
+
+
+@pytest.fixture(scope="module")
+def poses(sequence) -> np.ndarray:
+    """60 poses on the block."""
+    return np.concatenate([sequence.poses_true, sequence.poses_true[::-1]])
+
+
+def test_a_twin_of_the_truth_is_as_good_where_the_yardstick_says_so(poses):
+    symmetry = Symmetry(np.array([np.eye(4), HALF_TURN]))
+    turned, plain = HALF_TURN @ poses, run_knowing(poses, poses)
+    assert plain["frames_converged_right"] == 60
+    strict, lenient = (run_knowing(turned, poses, yardstick=Yardstick(symmetry, twins=t)) for t in (False, True))
+    assert strict["frames_converged_right"] == 0
+    assert strict["final"]["symmetric_estimate_trans_mm"] == pytest.approx(0, abs=1e-6)
+    assert lenient["frames_converged_right"] == 60
+    assert lenient["coverage"] == plain["coverage"]
+    for key in ("e_trans_mm", "estimate_rot_deg", "closest_mode_trans_mm"):
+        assert lenient["final"][key] == pytest.approx(0, abs=1e-5)
+
+
+def test_it_is_asked_again_some_frames_after_the_event(poses):
+    known = poses.copy()
+    known[40:, 2, 3] += 0.012  # m
+    right = [run_knowing(known, poses, event=event)["right_after_event"] for event in (None, 0, 9, 10, 29, 30)]
+    assert AFTER_EVENT == 30
+    assert right == [None, True, True, False, False, None]
+    assert run_knowing(known, poses, event=10, yardstick=Yardstick(right=0.015))["right_after_event"] is True
+
+
+def test_without_a_truth_nothing_is_right_and_nothing_covered(poses):
+    nowhere = run_knowing(poses, np.full_like(poses, np.nan))
+    assert (nowhere["frames_converged"], nowhere["frames_converged_right"]) == (60, 0)
+    assert sum(nowhere["coverage"]["converged"]) == 0
+    json.dumps(to_json(nowhere), allow_nan=False)

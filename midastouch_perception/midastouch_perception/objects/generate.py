@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from .. import se3
-from ..files import atomic_path
 from ..mesh import ObjectMesh
 from ..simulation.procedural import (
     box,
@@ -61,8 +59,7 @@ def eyebolt() -> ObjectMesh:
 def main() -> None:
     """Write the three meshes beside this file."""
     for mesh in (handle_tool(), ball(), eyebolt()):
-        with atomic_path(Path(__file__).parent / f"{mesh.name}.ply") as path:
-            trimesh.Trimesh(mesh.vertices.astype(np.float32), mesh.faces, process=False).export(path)
+        mesh.save(Path(__file__).parent / f"{mesh.name}.ply")
         print(f"{mesh.name}: {len(mesh.faces)} faces, {mesh.diagonal * 1e3:.0f} mm across")
 
 

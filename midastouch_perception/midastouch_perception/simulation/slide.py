@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .. import se3
@@ -11,6 +13,26 @@ from ..sensor_model import SensorModel
 from .contact_poses import Reachability, pose_from_contact
 
 _TRIES = 64
+_AROUND = 20_000  # surface points among which a leap looks for its goal
+_GOALS = 200  # of these, so many are looked at
+_YAWS = 72
+
+
+@dataclass(frozen=True)
+class Leap:
+    """One step of a slide that is no slide, as over a rim or after a lift.
+
+    distance [m] between the positions; angle [rad] of the whole turn, any if None. It happens after a third of the
+    slide.
+    """
+
+    distance: float
+    angle: float | None = None
+
+    @staticmethod
+    def at(frames: int) -> int:
+        """Index of the first pose after it in a slide of so many."""
+        return frames // 3
 
 
 def simulate_slide(
@@ -21,53 +43,108 @@ def simulate_slide(
     step: float = 1.5e-3,
     press: tuple[float, float] = (0.5e-3, 1e-3),
     max_tilt: float = np.radians(5.0),
+    leap: Leap | None = None,
 ) -> np.ndarray:
     """Gel poses T_obj_gel (N, 4, 4) of one slide of `length` m in steps of `step` m.
 
     The sensor follows straightest geodesics; after a quarter of the object's diagonal, or where it cannot go on, it
     takes a new heading. Yaw drifts 1 deg a step and changes sense with the heading; press [m] and tilt [rad] walk
-    within their bounds. Raises InputError if no reachable path is found (object smaller than a few steps).
+    within their bounds. With a `leap` one step is that. Raises InputError if no reachable path is found (object
+    smaller than a few steps).
     """
-    reachability = Reachability(mesh, sensor)
     n = max(round(length / step), 1)
-    position = None
-    for _ in range(_TRIES):
-        start, _, _ = mesh.sample_surface(1, rng)
-        normal = mesh.smooth_normals(start)
-        if _place(reachability, start, normal, 0.0, np.zeros(2), press[0])[1]:
-            position = start[0]
-            break
-    if position is None:
-        raise InputError(f"{mesh.name}: no reachable place to start a slide; is the mesh closed and in metres?")
-
-    poses = []
-    depth, tilt, yaw = rng.uniform(*press), np.zeros(2), rng.uniform(0, 2 * np.pi)
-    heading, turn, left = np.zeros(3), 1.0, 0.0
+    walk = _Walk(mesh, sensor, rng, step, press, max_tilt)
+    poses: list[np.ndarray] = []
     while len(poses) < n:
-        depth = _reflect(depth + rng.uniform(-1, 1) * (press[1] - press[0]) / 10, *press)
-        tilt = 0.97 * tilt + rng.normal(0, 0.08 * max_tilt, 2)
-        tilt *= min(1.0, max_tilt / max(np.linalg.norm(tilt), 1e-12))
-        for _ in range(_TRIES):
-            if left <= 0 or not heading.any():
-                heading = _random_tangent(mesh.smooth_normals(position[None])[0], rng)
-                turn, left = rng.choice([-1.0, 1.0]), 0.25 * mesh.diagonal * rng.uniform(0.4, 1)
-            ahead, _, _ = mesh.closest_points((position + step * heading)[None])
-            normal = mesh.smooth_normals(ahead)
-            moved = ahead[0] - position
-            pose, reachable = _place(reachability, ahead, normal, yaw + turn * np.radians(1), tilt, depth)
-            # a fold or rim can make the closest point fall back to where the sensor already is
-            if reachable and np.linalg.norm(moved) > 0.3 * step:
-                break
-            left = 0.0
+        if leap is not None and poses and len(poses) == leap.at(n):
+            poses.append(walk.leap(leap, poses[-1]))
         else:
-            raise InputError(f"{mesh.name}: the slide got stuck after {len(poses)} frames; try another seed")
-        yaw += turn * np.radians(1)
-        left -= np.linalg.norm(moved)
-        heading = moved - (moved @ normal[0]) * normal[0]
-        heading /= max(np.linalg.norm(heading), 1e-12)
-        position = ahead[0]
-        poses.append(pose)
+            poses.append(walk.advance())
     return np.stack(poses)
+
+
+class _Walk:
+    """The sensor on its way over a surface."""
+
+    def __init__(self, mesh, sensor, rng, step, press, max_tilt):
+        self._mesh, self._rng, self._step, self._press, self._max_tilt = mesh, rng, step, press, max_tilt
+        self._reachability = Reachability(mesh, sensor)
+        self._position = self._somewhere()
+        self._depth, self._tilt, self._yaw = rng.uniform(*press), np.zeros(2), rng.uniform(0, 2 * np.pi)
+        self._heading, self._turn, self._left = np.zeros(3), 1.0, 0.0
+        self._frames = 0
+
+    def _somewhere(self) -> np.ndarray:
+        """A place (3,) to start at."""
+        for _ in range(_TRIES):
+            start, _, _ = self._mesh.sample_surface(1, self._rng)
+            normal = self._mesh.smooth_normals(start)
+            if _place(self._reachability, start, normal, 0.0, np.zeros(2), self._press[0])[1]:
+                return start[0]
+        raise InputError(f"{self._mesh.name}: no reachable place to start a slide; is the mesh closed and in metres?")
+
+    def advance(self) -> np.ndarray:
+        """The pose (4, 4) one step on."""
+        rng, mesh, press = self._rng, self._mesh, self._press
+        self._depth = _reflect(self._depth + rng.uniform(-1, 1) * (press[1] - press[0]) / 10, *press)
+        tilt = 0.97 * self._tilt + rng.normal(0, 0.08 * self._max_tilt, 2)
+        self._tilt = tilt * min(1.0, self._max_tilt / max(np.linalg.norm(tilt), 1e-12))
+        for _ in range(_TRIES):
+            if self._left <= 0 or not self._heading.any():
+                self._heading = _random_tangent(mesh.smooth_normals(self._position[None])[0], rng)
+                self._turn, self._left = rng.choice([-1.0, 1.0]), 0.25 * mesh.diagonal * rng.uniform(0.4, 1)
+            ahead, _, _ = mesh.closest_points((self._position + self._step * self._heading)[None])
+            normal = mesh.smooth_normals(ahead)
+            moved = ahead[0] - self._position
+            yaw = self._yaw + self._turn * np.radians(1)
+            pose, reachable = _place(self._reachability, ahead, normal, yaw, self._tilt, self._depth)
+            # a fold or rim can make the closest point fall back to where the sensor already is
+            if reachable and np.linalg.norm(moved) > 0.3 * self._step:
+                break
+            self._left = 0.0
+        else:
+            raise InputError(f"{mesh.name}: the slide got stuck after {self._frames} frames; try another seed")
+        self._yaw = yaw
+        self._left -= np.linalg.norm(moved)
+        heading = moved - (moved @ normal[0]) * normal[0]
+        self._heading = heading / max(np.linalg.norm(heading), 1e-12)
+        self._position = ahead[0]
+        self._frames += 1
+        return pose
+
+    def leap(self, leap: Leap, last: np.ndarray) -> np.ndarray:
+        """The pose (4, 4) as far from the `last` (4, 4) as the leap has it; with an angle, where the surface faces away
+        most, as behind a rim."""
+        goals, normals = self._goals(leap.distance)
+        order = self._rng.permutation(len(goals))
+        yaws = self._rng.uniform(0, 2 * np.pi, len(goals))
+        if leap.angle is not None:
+            order = np.argsort(normals @ last[:3, 2], kind="stable")
+            yaws = _yaws(normals, last[:3, :3], leap.angle)
+        for k in order:
+            pose, reachable = _place(
+                self._reachability, goals[k : k + 1], normals[k : k + 1], yaws[k], np.zeros(2), self._depth
+            )
+            if reachable:
+                self._position, self._yaw, self._tilt, self._left = goals[k], yaws[k], np.zeros(2), 0.0
+                self._frames += 1
+                return pose
+        raise InputError(f"{self._mesh.name}: no reachable place {1e3 * leap.distance:.0f} mm away; try another seed")
+
+    def _goals(self, distance: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points (N, 3) of the surface that lie nearest to so far away, and their normals (N, 3)."""
+        points, _, _ = self._mesh.sample_surface(_AROUND, self._rng)
+        off = np.abs(np.linalg.norm(points - self._position, axis=1) - distance)
+        points = points[np.argsort(off, kind="stable")[:_GOALS]]
+        return points, self._mesh.smooth_normals(points)
+
+
+def _yaws(normals: np.ndarray, last: np.ndarray, angle: float) -> np.ndarray:
+    """Yaws (N,) with which poses of these normals (N, 3) are turned against the rotation `last` (3, 3) by `angle`."""
+    yaws = np.arange(_YAWS) * 2 * np.pi / _YAWS
+    every = se3.frame_from_normal(np.repeat(normals, _YAWS, axis=0), np.tile(yaws, len(normals)))
+    off = np.abs(se3.rotation_angle(last.T @ every) - angle).reshape(len(normals), _YAWS)
+    return yaws[np.argmin(off, axis=1)]
 
 
 def measure_poses(

@@ -6,7 +6,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
 
 
 @pytest.mark.parametrize("name", sorted(bundled_objects()))
@@ -45,3 +45,19 @@ def test_object_out_of_reach_is_said(sensor):
     plate.face_normals = -plate.face_normals
     with pytest.raises(InputError, match="plate: no reachable place"):
         simulate_slide(plate, sensor, 0.05, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("leap", "angle"), [(Leap(0.03, np.radians(175)), 175), (Leap(0.05), None)])
+def test_a_leap_is_one_step_after_a_third(tool, sensor, leap, angle):
+    poses = simulate_slide(tool, sensor, 0.045, np.random.default_rng(2), leap=leap)
+    steps = se3.inverse(poses[:-1]) @ poses[1:]
+    distance, turn = np.linalg.norm(steps[:, :3, 3], axis=1), se3.rotation_angle(steps[:, :3, :3])
+    assert np.argmax(distance) == leap.at(len(poses)) - 1 == 9
+    assert distance.max() == pytest.approx(leap.distance, abs=3e-3)
+    assert np.delete(distance, 9).max() < 5e-3
+    if angle:
+        assert np.degrees(turn[9]) == pytest.approx(angle, abs=6)
+    # the way to it is that of a slide without
+    np.testing.assert_array_equal(poses[:10], simulate_slide(tool, sensor, 0.045, np.random.default_rng(2))[:10])
+    deepest = PenetrationRenderer(tool, sensor.scaled(0.25)).render(poses).max(axis=(1, 2))
+    assert deepest.min() > 2e-4

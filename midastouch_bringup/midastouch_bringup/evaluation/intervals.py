@@ -1,0 +1,62 @@
+"""95 % confidence intervals over trials that are not all independent: those on one slide share it.
+
+The slides are the independent draws. Shares: Wilson's interval at the effective number of cases, which the variance
+between slides gives (design effect, Kish 1965). Means and medians: percentile bootstrap over slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+
+import numpy as np
+from scipy.stats import norm
+
+LEVEL = 0.95
+ENOUGH = 100
+"""Fewer trials than this are no ground for a claim."""
+
+_RESAMPLES = 1000
+
+
+def share_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
+    """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
+    where nothing was counted.
+
+    Without any variance between groups, as at a share of 0 or 1, each group counts as one case.
+    """
+    index, n_groups = _numbered(groups)
+    part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
+    total = whole.sum()
+    if not total:
+        return None
+    p = part.sum() / total
+    spread = np.square(part - p * whole).sum() / total**2 * n_groups / max(n_groups - 1, 1)
+    cases = float(np.clip(p * (1 - p) / spread, 1, total)) if spread > 0 else float(n_groups)
+    z = norm.ppf(0.5 + LEVEL / 2)
+    middle = (p + z**2 / (2 * cases)) / (1 + z**2 / cases)
+    half = z / (1 + z**2 / cases) * np.sqrt(p * (1 - p) / cases + z**2 / (4 * cases**2))
+    return [max(float(middle - half), 0.0), min(float(middle + half), 1.0)]
+
+
+def bootstrap_interval(
+    values: Sequence[float], groups: Sequence[Hashable], statistic: Callable[..., np.ndarray] = np.mean
+) -> list[float] | None:
+    """[low, high] of a statistic of values (N,), nan left out; groups as above. None with fewer than two groups."""
+    values = np.asarray(values, float)
+    known = np.isfinite(values)
+    index, n_groups = _numbered([group for group, ok in zip(groups, known, strict=True) if ok])
+    if n_groups < 2:
+        return None
+    members = [values[known][index == k] for k in range(n_groups)]
+    rng = np.random.default_rng(0)
+    drawn = [
+        statistic(np.concatenate([members[k] for k in rng.integers(n_groups, size=n_groups)]))
+        for _ in range(_RESAMPLES)
+    ]
+    return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]).tolist()
+
+
+def _numbered(groups: Sequence[Hashable]) -> tuple[np.ndarray, int]:
+    """Number of each item's group (N,), and how many groups there are."""
+    numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    return np.array([numbers[group] for group in groups], int), len(numbers)
