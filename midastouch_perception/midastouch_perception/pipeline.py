@@ -20,6 +20,7 @@ from .tdn.background import shows_contact
 from .tdn.depth_net import DepthNet
 from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
+from .tdn.touched_background import TouchedBackground
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
 _QUIET = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
@@ -41,12 +42,12 @@ class DepthStage:
     An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
     teaches the stage how the light drifts.
 
-    Args: tdn; fit, a check that is shown what the network makes of the images. Attributes: skipped, frames by the gate
-    that spared them the network.
+    Args: tdn; fit, a check that is shown what the network makes of the images; touched, one that is shown the images.
+    Attributes: skipped, frames by the gate that spared them the network.
     """
 
-    def __init__(self, tdn: DepthNet, fit: FitCheck | None = None):
-        self._tdn, self._fit = tdn, fit
+    def __init__(self, tdn: DepthNet, fit: FitCheck | None = None, touched: TouchedBackground | None = None):
+        self._tdn, self._fit, self._touched = tdn, fit, touched
         self._detector = ContactDetector(tdn.sensor)
         self._drift = LightDrift()
         self._image: np.ndarray | None = None
@@ -82,6 +83,8 @@ class DepthStage:
         penetration = self._tdn.predict(image, background, difference)
         if self._fit is not None:
             self._fit.observe(difference, penetration)
+        if self._touched is not None:
+            self._touched.observe(image, background)
         return self._detector.update(penetration)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:

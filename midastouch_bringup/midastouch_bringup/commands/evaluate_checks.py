@@ -16,10 +16,13 @@ def add_parser(subparsers) -> None:
         "measure false and missed alarms of the fit check, the contact decision and the background capture",
         "midastouch evaluate-checks ../shared/data/digit_backgrounds --json out/checks.json",
         "On imaginary sensors as the depth network is trained on, over real no-contact images, and on those\n"
-        "images themselves. Light touches are on an eyebolt and on a wire 2 mm thick.",
+        "images themselves. Light touches are on an eyebolt and on a wire 2 mm thick. --presses adds real sensors.",
     )
     parser.add_argument("backgrounds", metavar="DIR", help="no-contact images of many DIGITs")
     parser.add_argument("--sensors", type=arguments.positive_int, default=40, help="imaginary sensors (default 40)")
+    parser.add_argument(
+        "--presses", nargs="+", default=(), metavar="DIR", help="presses of a ball on real DIGITs, as evaluate-presses"
+    )
     parser.add_argument("--colour-table", metavar="NPZ", help="Taxim's table, if the network was trained with it")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
@@ -30,6 +33,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import itertools
+    from pathlib import Path
 
     import numpy as np
 
@@ -39,14 +43,17 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tdn import load_tdn
     from midastouch_perception.training.backgrounds import load_backgrounds
 
+    from ..datasets.ball_presses import load_ball_presses
     from ..evaluation.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
     from ..evaluation.check_tables import check_tables
     from ..evaluation.machine import machine_info
+    from ..evaluation.real_checks import real_checks
     from ..evaluation.result_file import to_json, write_json
     from ..evaluation.table import text_table
     from ..progress import progress_bar
 
     sensor = SensorModel.load(args.sensor)
+    presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
     backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
     ranges = RandomisationRange(colour_table=ColourTable.load(args.colour_table) if args.colour_table else None)
     tdn = load_tdn(args.tdn, sensor)
@@ -55,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
     sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
     for own, other in progress_bar(iterable=itertools.pairwise(sensors), total=args.sensors, unit="sensor"):
         quality.add(own, other)
+    real = load_tdn(args.tdn, SensorModel.load("digit_real")) if presses else None
     result = to_json(
         {
             "network": tdn.network_id,
@@ -68,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
             "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
+            "real_sensors": {name: real_checks(real, each, rng) for name, each in presses.items()},
         }
     )
     if args.json:

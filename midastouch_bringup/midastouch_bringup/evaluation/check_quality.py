@@ -7,7 +7,7 @@ judged against the mean of the others.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from midastouch_perception.tdn.colour_layout import (
     turned_since,
 )
 from midastouch_perception.tdn.fit_check import FitCheck
+from midastouch_perception.tdn.touched_background import TouchedBackground
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""
@@ -175,17 +176,23 @@ class CheckQuality:
         return {name: float(np.mean(refused)) for name, refused in self._captures.items()}
 
     def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
-        check = FitCheck(every=1, window=len(images))
-        stage = DepthStage(self._tdn, fit=check)
-        for image in images:
-            stage.process(image, background)
+        check, touched = judge(self._tdn, images, background)
         figures = [np.nan if value is None else value for value in (check.quiet, check.explained)]
-        alarm = bool(check.problem)
-        turned = alarm and bool(turned_since(images[-1], background))
-        self._scores.setdefault(name, []).append((*figures, alarm, turned))
+        turned = bool(check.problem) and bool(turned_since(images[-1], background))
+        self._scores.setdefault(name, []).append((*figures, bool(check.problem or touched.problem), turned))
 
     def _felt(self, image: np.ndarray, background: np.ndarray) -> bool:
         return DepthStage(self._tdn).process(image, background).in_contact
+
+
+def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:
+    """Both checks after the images (320, 240, 3) uint8 of a sensor with this no-contact image."""
+    check = FitCheck(every=1, window=len(images))
+    touched = TouchedBackground(tdn, every=1, window=len(images))
+    stage = DepthStage(tdn, check, touched)
+    for image in images:
+        stage.process(image, background)
+    return check, touched
 
 
 def roc_area(high: np.ndarray, low: np.ndarray) -> float:

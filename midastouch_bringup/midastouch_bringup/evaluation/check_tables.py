@@ -25,8 +25,13 @@ def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
         [name, number(share, 2), number(result["cause_named"].get(name), 2)]
         for name, share in result["no_contact_image"].items()
     ]
+    real = [
+        [name, one["trials"], number(one["right"], 2), number(one["touched"], 2)]
+        for name, one in result["real_sensors"].items()
+    ]
     return [
         (header, fit),
+        (["real sensor, alarms if the no-contact image is", "trials", "right", "touched"], real),
         (["no-contact image, real, each against the others", "refused", "cause named"], causes),
         (["capture of a background", "share"], _shares(result["capture"])),
         (["light touches", "touches", "missed"], missed),

@@ -18,14 +18,19 @@ _FREE = 5.0  # and nothing does any more
 _STILL = 5  # images that are alike
 _ALIKE = 2.5  # grey levels of a block between them
 _APART = 1e-3  # m between contacts, or they are the same
-_ROWS, _COLUMNS = ("top", "middle", "bottom"), ("left", "centre", "right")
+REGIONS = (
+    *(f"top {column}" for column in ("left", "centre", "right")),
+    *("middle left", "centre", "middle right"),
+    *(f"bottom {column}" for column in ("left", "centre", "right")),
+)
+"""The ninths of the image, row by row."""
 
 
 class PressCollector:
     """Takes one image of each press that is held still and can be used; the gel must be left in between.
 
     Args: background (320, 240, 3) uint8 RGB; ball_diameter m; sensor, full size; wanted, number of presses.
-    Attribute: images (320, 240, 3) uint8 RGB by name, those taken.
+    Attributes: images (320, 240, 3) uint8 RGB by name, those taken; refusals, why others were not, in words.
     """
 
     def __init__(self, background: np.ndarray, ball_diameter: float, sensor: SensorModel, wanted: int = 10):
@@ -36,6 +41,7 @@ class PressCollector:
         self._contacts: list[Contact] = []
         self._judged = False  # the press that goes on
         self.images: dict[str, np.ndarray] = {}
+        self.refusals: list[str] = []
 
     @property
     def done(self) -> bool:
@@ -45,7 +51,7 @@ class PressCollector:
     @property
     def next_step(self) -> str:
         """What to do now, in words."""
-        return f"{len(self.images)} of {self._wanted}: press the ball at the {self._missing_region()}"
+        return f"{len(self.images)} of {self._wanted}: press the ball at the {self.missing_region}"
 
     def observe(self, image: np.ndarray) -> str:
         """One image (320, 240, 3) uint8 RGB; what became of the press, in words, empty while nothing is decided.
@@ -68,10 +74,12 @@ class PressCollector:
     def _judge(self, image: np.ndarray) -> str:
         press = look_at("press", image, self._light, self._radius, self._half)
         if press.problem:
+            self.refusals.append(press.problem)
             return f"not taken: {press.problem}; lift and press again"
         near = [self._distance(press.contact, other) for other in self._contacts]
         if near and min(near) < _APART:
-            return "not taken: there was a press at this place already; lift and press elsewhere"
+            self.refusals.append("there was a press at this place already")
+            return f"not taken: {self.refusals[-1]}; lift and press elsewhere"
         self._contacts.append(press.contact)
         self.images[f"press_{len(self.images):02d}.png"] = image.copy()
         return "taken: lift the ball"
@@ -84,11 +92,11 @@ class PressCollector:
     def _distance(self, one: Contact, other: Contact) -> float:
         return float(np.hypot(one.u - other.u, one.v - other.v)) * self._half.pixel_size
 
-    def _missing_region(self) -> str:
-        """The ninth of the image with the fewest presses."""
+    @property
+    def missing_region(self) -> str:
+        """The ninth of the image with the fewest presses, in words: one of `REGIONS`."""
         count = np.zeros((3, 3), int)
         for contact in self._contacts:
             row, column = int(3 * contact.v / self._half.height), int(3 * contact.u / self._half.width)
             count[np.clip(row, 0, 2), np.clip(column, 0, 2)] += 1
-        row, column = np.unravel_index(count.argmin(), count.shape)
-        return "centre" if (row, column) == (1, 1) else f"{_ROWS[row]} {_COLUMNS[column]}"
+        return REGIONS[int(count.argmin())]

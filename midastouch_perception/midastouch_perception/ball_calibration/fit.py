@@ -12,6 +12,7 @@ from ..sensor_calibration import SensorCalibration, background_colours, plain_sl
 from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
+from .diameter import diameter_doubt, felt_radius
 from .presses import Press, background_behind, look_at, visible_share
 from .refine import refine_contacts
 from .response import NormalEquations, height_slopes, press_equations
@@ -29,7 +30,7 @@ _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has 
 class Result:
     """calibration; presses, all images as judged; sensor, at the map's resolution; background (320, 240, 3) uint8;
     held_out, the calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation`)."""
+    (`cross_validation`); doubt about the ball's diameter, in words, empty if there is none."""
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -37,6 +38,7 @@ class Result:
     background: np.ndarray
     held_out: list[SensorCalibration | None]
     figures: dict[str, float]
+    doubt: str
 
 
 def calibrate(
@@ -64,6 +66,8 @@ def calibrate(
     presses = _refined(presses, radius, half)
     _require_enough(presses)
     _check_diameter(presses, ball_diameter, half)
+    pressed = [images[press.name] for press in presses if not press.problem]
+    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
 
     equations = [_equations(press, radius, half) for press in presses]
     used = [i for i, press in enumerate(presses) if not press.problem]
@@ -91,7 +95,7 @@ def calibrate(
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, and give its diameter"
         )
-    return Result(solved(used), presses, half, background, held_out, figures)
+    return Result(solved(used), presses, half, background, held_out, figures, doubt)
 
 
 def cross_validation(

@@ -27,6 +27,7 @@ from ..tdn.calibration_in_use import CalibrationInUse
 from ..tdn.colour_layout import exposure_problem, turned_since
 from ..tdn.fit_check import FitCheck
 from ..tdn.sensor_background import SensorBackground
+from ..tdn.touched_background import TouchedBackground
 from .capture_service import CaptureService
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
@@ -109,7 +110,8 @@ class TdnNode(ManagedNode):
         tdn = None if self._given else load_tdn(self.parameters["tdn"], self._sensor)
         kept = store.load_calibration(self._sensor) if store and tdn else None
         self._calibration = CalibrationInUse(tdn, kept)
-        self._stage = self._given or DepthStage(tdn, self._fit)
+        self._touched = TouchedBackground(tdn)
+        self._stage = self._given or DepthStage(tdn, self._fit, self._touched)
         self.say(f"loading the background; calibration: {self._calibration}")
         frames = self.parameters["background_frames"]
         self._background = SensorBackground(self._sensor, self.parameters["background"], store, frames)
@@ -173,7 +175,9 @@ class TdnNode(ManagedNode):
 
     def _misfit(self) -> str:
         """Why the images do not fit the no-contact image or the network; empty if they do."""
-        return self._fit.problem and (turned_since(self._image, self._background.image) or self._fit.problem)
+        if self._fit.problem and (turned := turned_since(self._image, self._background.image)):
+            return turned
+        return self._touched.problem or self._fit.problem
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""

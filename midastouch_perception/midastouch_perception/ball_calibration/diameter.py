@@ -1,0 +1,67 @@
+"""Is the ball as large as its diameter says? The depth network tells, which knows many other DIGITs.
+
+Colours alone cannot: whatever slope they are said to mean, some light would make them. Light of which most is like that
+of other DIGITs would not, and that is what the network, without calibration, has learned. It takes every ball for a
+smaller one, by a share that hardly depends on the sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from ..errors import InputError
+from ..sensor_model import SensorModel
+from ..tdn.inference import load_tdn
+from .response import height_slopes
+
+FELT, SPREAD = 0.72, 0.18
+"""Radius that the shipped network feels, of the ball's: median over simulated sensors, and standard deviation of the
+logarithm between them (`midastouch evaluate-checks`)."""
+_DOUBT, _REFUSAL = 1.96, 3.29  # deviations: 1 in 20 and 1 in 1000 balls of the right diameter
+_CORE = 0.3  # of the deepest penetration: the rim is smeared
+_FEWEST = 40  # px of it
+
+
+def felt_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor: SensorModel) -> float | None:
+    """Radius [m] of the ball that the uncalibrated network feels in presses (320, 240, 3) uint8 RGB, their median; None
+    if it feels none. sensor: full size."""
+    tdn = load_tdn("fast", sensor)
+    felt = [_curvature(tdn.predict(image, background), tdn.sensor.pixel_size) for image in images]
+    bulging = [curvature for curvature in felt if curvature is not None and curvature > 0]
+    return 1 / float(np.median(bulging)) if bulging else None
+
+
+def diameter_doubt(felt: float | None, ball_diameter: float) -> str:
+    """Why a ball that is felt with this radius [m] hardly has this diameter [m]; empty if it may.
+
+    Raises InputError if it cannot have it.
+    """
+    if felt is None:
+        return ""
+    likely = 2 * felt / FELT
+    deviation = abs(np.log(likely / ball_diameter)) / SPREAD
+    if deviation <= _DOUBT:
+        return ""
+    said = (
+        f"the ball of {1e3 * ball_diameter:g} mm feels like one of about {1e3 * likely:.0f} mm; check its diameter, in "
+        "metres"
+    )
+    if deviation > _REFUSAL:
+        raise InputError(said)
+    return said
+
+
+def _curvature(felt: np.ndarray, pixel: float) -> float | None:
+    """Mean curvature [1/m] of the core of a felt contact (H, W) m: how fast its slopes change with the position."""
+    row, column = np.unravel_index(felt.argmax(), felt.shape)
+    _, regions = cv2.connectedComponents((felt > _CORE * felt[row, column]).astype(np.uint8))
+    core = cv2.erode((regions == regions[row, column]).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    if felt[row, column] <= 0 or core.sum() < _FEWEST:
+        return None
+    places = np.argwhere(core)[:, ::-1] * pixel
+    places = places - places.mean(axis=0)
+    slopes = height_slopes(felt, pixel)[core]
+    return -float((slopes * places).sum() / (places**2).sum())

@@ -1,0 +1,168 @@
+"""Node `calibrate`: guides through the presses of a ball on a running sensor and keeps what they tell of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+from ..ball_calibration.collector import PressCollector
+from ..ball_calibration.fit import FEWEST, MOST, Result, calibrate
+from ..errors import InputError
+from ..files import atomic_path
+from ..message_arrays import rgb_from_msg
+from ..ros import diagnostics, qos, spin
+from ..ros.node import PipelineNode
+from ..ros.parameters import Parameter, Parameters
+from ..sensor_model import SensorModel
+from ..tdn.background_store import store_of
+
+PARAMETERS = (
+    Parameter("serial", "", "Serial number of the sensor, under which its no-contact image was captured"),
+    Parameter("ball_diameter", 0.0, "Diameter of the ball", "m", minimum=0.0, maximum=0.1),
+    Parameter("presses", 10, "Presses to calibrate from", minimum=FEWEST, maximum=MOST),
+    Parameter("sensor_model", "digit_real", "Geometry of the sensor: a shipped one by name, or a YAML file"),
+    Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
+    Parameter("background_folder", "", "Where sensors' images are kept; empty: $ROS_HOME/midastouch/backgrounds"),
+    Parameter("out", "", "File of the calibration; empty: beside the no-contact image, where tdn looks for it"),
+    Parameter("presses_folder", "", "Folder for the images of the presses; empty: not kept"),
+)
+
+_SHOWN = 5  # presses thrown away of which the reason is told
+
+
+class CalibrateNode(PipelineNode):
+    """Subscribes `image_raw`; says on `/diagnostics` what to do next; has the services `~/calibrate` and `~/restart`.
+
+    After the last press it calibrates and keeps the result. Args: say, told the same in words; once, whether the node
+    gives up after that. Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result, of the
+    calibration, None while there is none; failure, why there is none, in words. Raises InputError for parameters that
+    do not fit, and without a no-contact image.
+    """
+
+    def __init__(self, say: Callable[[str], None] | None = None, once: bool = False, **node_options):
+        super().__init__("calibrate", **node_options)
+        self._settings = Parameters(self, PARAMETERS)
+        self._say, self._once = say or self.get_logger().info, once
+        self._serial, self._diameter = self._settings["serial"], self._settings["ball_diameter"]
+        self._sensor = SensorModel.load(self._settings["sensor_model"])
+        if self._settings["px_per_mm"]:
+            self._sensor = self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
+        self._background, self._path = self._required()
+        self.gave_up = False
+        self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
+        self._begin()
+        self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
+        self.create_service(Trigger, "~/calibrate", self._on_calibrate)
+        self.create_service(Trigger, "~/restart", self._on_restart)
+
+    @property
+    def images(self) -> dict[str, np.ndarray]:
+        return self._collector.images
+
+    def _required(self) -> tuple[np.ndarray, Path]:
+        """The no-contact image, and where the calibration goes."""
+        if not self._diameter:
+            raise InputError("calibrate: parameter 'ball_diameter' is 0; give the ball's diameter in metres")
+        store = store_of(self._settings["background_folder"], self._serial)
+        if store is None:
+            raise InputError("calibrate: parameter 'serial' is empty; give the sensor's serial number")
+        background = store.load(self._sensor.height, self._sensor.width)
+        if background is None:
+            raise InputError(
+                f"{store.path}: no no-contact image of this sensor; start tdn with serial:={self._serial}, lift the "
+                "finger and call capture_background"
+            )
+        return background, Path(self._settings["out"] or store.calibration_path)
+
+    def _begin(self) -> None:
+        self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
+        self.result: Result | None = None
+        self.failure = self._last = ""
+        self._tell(self._collector.next_step)
+
+    def _on_image(self, msg: Image) -> None:
+        if self._collector.done:
+            return
+        try:
+            said = self._collector.observe(rgb_from_msg(msg, self._sensor.height, self._sensor.width))
+        except InputError as error:
+            self._diagnostics.problem("bad_images", f"image_raw: {error}")
+            return
+        if not said:
+            return
+        self._last = said
+        if not self._collector.done:
+            self._tell(said, self._collector.next_step)
+            return
+        self._tell(said)
+        self._calibrate()
+        self.gave_up = self._once
+
+    def _calibrate(self) -> None:
+        """Fit the presses taken so far and keep the result, or nothing."""
+        self._keep_images()
+        try:
+            with self._diagnostics.kept_up():
+                result = calibrate(self.images, self._background, self._diameter, self._sensor, self._serial)
+            result.calibration.save(self._path)
+        except InputError as error:
+            self.failure = str(error)
+            self._tell(f"no calibration: {error}")
+            return
+        self.result, self.failure = result, ""
+        self._tell(*filter(None, [result.doubt, self._outcome()]))
+
+    def _keep_images(self) -> None:
+        if not self._settings["presses_folder"]:
+            return
+        folder = Path(self._settings["presses_folder"])
+        for name, image in {**self.images, "background.png": self._background}.items():
+            with atomic_path(folder / name) as path:
+                path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+
+    def _outcome(self) -> str:
+        made = self.result.calibration
+        return f"{self._path}: calibration from {made.presses} presses; tdn uses it at its next start"
+
+    def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._calibrate()
+        response.success, response.message = not self.failure, self.failure or self._outcome()
+        return response
+
+    def _on_restart(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._begin()
+        response.success, response.message = True, self._collector.next_step
+        return response
+
+    def _tell(self, *words: str) -> None:
+        for text in words:
+            self._say(text)
+        self._diagnostics.publish()
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        collector = self._collector
+        values = {"taken": len(self.images), "wanted": self._settings["presses"], "last_press": self._last}
+        values["thrown_away"] = len(collector.refusals)
+        values |= {f"thrown_away_{k}": why for k, why in enumerate(collector.refusals[-_SHOWN:], 1)}
+        if self.failure:
+            return diagnostics.ERROR, f"{self.failure} (begin again: ~/restart)", values
+        if self.result is not None:
+            doubt = self.result.doubt
+            return diagnostics.WARN if doubt else diagnostics.OK, doubt or self._outcome(), values
+        if collector.done:
+            return diagnostics.OK, "calibrating", values
+        return diagnostics.OK, collector.next_step, {**values, "region": collector.missing_region}
+
+
+def main(args=None) -> int:
+    """Entry point of the executable `calibrate`."""
+    return spin.run(lambda: [CalibrateNode()], args)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
