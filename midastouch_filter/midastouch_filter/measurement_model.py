@@ -44,6 +44,7 @@ class MeasurementModel:
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
         self._every = np.arange(len(self._codes))
         self._sample = self._every[:: max(len(self._codes) // _SAMPLE, 1)].copy()
+        self._sampled_codes = self._codes[self._sample]
         self._forget()
 
     def _forget(self) -> None:
@@ -79,7 +80,7 @@ class MeasurementModel:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
-        likelihood = self._relative_likelihood(self._similarity(self._every, code))
+        likelihood = self._relative_likelihood(self._similarity(self._codes, self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
 
@@ -89,20 +90,23 @@ class MeasurementModel:
         The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
         """
         self._scored = None
-        occupied, rows = kernels.occupied_entries(particles.entries, self._lookup.neighbours, self._smoothing)
-        likelihood = self._relative_likelihood(self._similarity(np.concatenate([rows, self._sample]), code))
-        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :][~occupied[self._sample]]
+        rows, others = kernels.occupied_entries(
+            particles.entries, self._lookup.neighbours, self._smoothing, self._sample
+        )
+        scores = self._similarity(self._codes, rows, code), self._similarity(self._sampled_codes, others, code)
+        likelihood = self._relative_likelihood(np.concatenate(scores))
+        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
         rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
         self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))
 
-    def _similarity(self, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
-        """Cosines (n,) float32 of the codes of entries `rows` (n,) with a unit code.
+    def _similarity(self, codes: np.ndarray, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
+        """Cosines (n,) float32 of the codes (m, D) at `rows` (n,) with a unit code.
 
         In our own threads: those of BLAS would spin beside them, and double the time of a step.
         """
         out = np.empty(len(rows), np.float32)
         code = np.ascontiguousarray(code, np.float32)
-        self._workers.run(len(rows), lambda low, high, _: kernels.dot_rows(low, high, self._codes, rows, code, out))
+        self._workers.run(len(rows), lambda low, high, _: kernels.dot_rows(low, high, codes, rows, code, out))
         return out
 
     def _relative_likelihood(self, scores: np.ndarray) -> np.ndarray:

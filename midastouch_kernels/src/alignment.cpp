@@ -2,7 +2,7 @@
 #include "arrays.hpp"
 #include "cholesky.hpp"
 #include "lanes.hpp"
-#include "renderer.hpp"
+#include "patch.hpp"
 #include "tangent.hpp"
 
 #include <algorithm>
@@ -94,14 +94,14 @@ private:
                       const std::vector<float>& felt) const {
         const Transform from_centre = inverse(centre);
         std::vector<float> rendered(felt.size());
-        std::vector<int32_t> seen(scene_.faces(), -1);
+        Patch patch(scene_);
         double settled = INFINITY;
         for (int k = first;; ++k) {
             const bool last = k == kIterations;
             const double width = kWidths[std::min(k, kIterations - 1)];
             if (width == settled && !last) continue;
             std::fill(rendered.begin(), rendered.end(), 0.0f);
-            scene_.draw(state.data(), rendered.data(), nullptr, seen, k);
+            patch.draw(state, rendered.data());
             Equations at = accumulate(rendered, felt, static_cast<float>(width));
             const Vector6 offset = logarithm(from_centre * state);
             Vector6 pull = at.gradient;

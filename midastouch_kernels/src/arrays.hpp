@@ -12,6 +12,7 @@
 #include <initializer_list>
 #include <memory>
 #include <new>
+#include <vector>
 
 namespace nb = nanobind;
 
@@ -33,6 +34,13 @@ Out<T> make_array(std::initializer_list<std::size_t> shape) {
     if (!data) throw std::bad_alloc();
     nb::capsule owner(data, [](void* p) noexcept { std::free(p); });
     return Out<T>(data, shape.size(), shape.begin(), owner);
+}
+
+template <class T>
+Out<T> copy_of(const std::vector<T>& values) {
+    auto out = make_array<T>({values.size()});
+    std::copy(values.begin(), values.end(), out.data());
+    return out;
 }
 
 // A named argument that is never converted: a converted copy would swallow what a kernel writes.

@@ -8,14 +8,19 @@
 
 namespace {
 
+constexpr std::size_t kPrefetch = 8;  // rows ahead whose code is fetched: it may lie anywhere
+constexpr std::size_t kLine = 16;     // floats in a line of the cache
+
 void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int64_t, -1> rows, In<float, -1> code,
               InOut<float, -1> out) {
     const std::size_t n = codes.shape(1);
     if (low > high || high > rows.shape(0) || high > out.shape(0) || code.shape(0) != n)
         throw nb::value_error("range beyond the rows, or a code of another length");
     nb::gil_scoped_release released;
+    auto row_of = [&](std::size_t i) { return codes.data() + n * static_cast<std::size_t>(rows.data()[i]); };
     for (std::size_t i = low; i < high; ++i) {
-        const float *row = codes.data() + n * static_cast<std::size_t>(rows.data()[i]), *c = code.data();
+        const float *row = row_of(i), *c = code.data(), *ahead = row_of(std::min(i + kPrefetch, high - 1));
+        for (std::size_t j = 0; j < n; j += kLine) __builtin_prefetch(ahead + j);
         Lanes even{}, odd{};  // so that additions need not wait for each other
         std::size_t j = 0;
         for (; j + 2 * kLanes <= n; j += 2 * kLanes) {
@@ -28,26 +33,37 @@ void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int
     }
 }
 
-// Whether each entry (M,) is one that particles lie at or one of the `count` nearest neighbours of these, and those
-// that are, ascending.
-nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbours, std::size_t count) {
+// Entries, ascending, that particles lie at and the `count` nearest neighbours of these; and which of a sample of
+// entries are none of them.
+nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbours, std::size_t count,
+                           In<int64_t, -1> sample) {
+    constexpr std::size_t kBits = 64;
     const std::size_t n = neighbours.shape(0), k = neighbours.shape(1);
     if (count > k) throw nb::value_error("more neighbours than there are");
-    auto occupied = make_array<bool>({n});
-    bool* taken = occupied.data();
-    std::vector<uint8_t> lies(n);
+    std::vector<uint64_t> lies(n / kBits + 1), taken(n / kBits + 1);
+    auto set = [&](std::vector<uint64_t>& bits, std::size_t entry) {
+        uint64_t &word = bits[entry / kBits], bit = uint64_t{1} << entry % kBits;
+        const bool was = word & bit;
+        word |= bit;
+        return was;
+    };
     for (std::size_t i = 0; i < entries.shape(0); ++i) {
         const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
         if (entry >= n) throw nb::value_error("an entry that is not there");
-        if (lies[entry]) continue;
-        lies[entry] = taken[entry] = true;
-        for (std::size_t j = 0; j < count; ++j) taken[neighbours.data()[k * entry + j]] = true;
+        if (set(lies, entry)) continue;
+        set(taken, entry);
+        for (std::size_t j = 0; j < count; ++j) set(taken, static_cast<std::size_t>(neighbours.data()[k * entry + j]));
     }
-    auto out = make_array<int64_t>({static_cast<std::size_t>(std::count(taken, taken + n, true))});
-    int64_t* next = out.data();
-    for (std::size_t i = 0; i < n; ++i)
-        if (taken[i]) *next++ = static_cast<int64_t>(i);
-    return nb::make_tuple(occupied, out);
+    std::vector<int64_t> rows, others;
+    for (std::size_t w = 0; w < taken.size(); ++w)
+        for (uint64_t word = taken[w]; word; word &= word - 1)
+            rows.push_back(static_cast<int64_t>(kBits * w + __builtin_ctzll(word)));
+    for (std::size_t i = 0; i < sample.shape(0); ++i) {
+        const std::size_t entry = static_cast<std::size_t>(sample.data()[i]);
+        if (entry >= n) throw nb::value_error("an entry that is not there");
+        if (!(taken[entry / kBits] >> entry % kBits & 1)) others.push_back(static_cast<int64_t>(i));
+    }
+    return nb::make_tuple(copy_of(rows), copy_of(others));
 }
 
 // Bayes' rule in logarithms: log_weights = belief + tempered, normalised, and the weights; returns the logarithms of
@@ -91,8 +107,8 @@ void bind_measurement(nb::module_& m) {
     m.def("dot_rows", &dot_rows, nb::arg("low"), nb::arg("high"), named("codes"), named("rows"), named("code"),
           named("out"), "Dot product with a code (D,) of each of `rows` [low, high) of codes (M, D).");
     m.def("occupied_entries", &occupied_entries, named("entries"), named("neighbours"), nb::arg("count"),
-          "Whether each entry (M,) is one that particles lie at or one of the `count` nearest neighbours of these; and "
-          "those that are, ascending.");
+          named("sample"), "Entries, ascending, that particles lie at and the `count` nearest neighbours of these; and "
+          "which of a sample of entries (S,) are none of them.");
     m.def("reweigh", &reweigh, named("belief"), named("evidence"), named("tempered"), named("log_weights"),
           named("weights"),
           "log_weights = belief + tempered, normalised, and weights; returns the logarithms of the sums of "

@@ -15,6 +15,7 @@ void bind_image(nb::module_&);
 void bind_measurement(nb::module_&);
 void bind_modes(nb::module_&);
 void bind_motion(nb::module_&);
+void bind_pose_cells(nb::module_&);
 void bind_pose_graph(nb::module_&);
 void bind_regions(nb::module_&);
 void bind_renderer(nb::module_&);
@@ -55,6 +56,7 @@ NB_MODULE(MODULE_NAME, m) {
     bind_measurement(m);
     bind_modes(m);
     bind_motion(m);
+    bind_pose_cells(m);
     bind_pose_graph(m);
     bind_regions(m);
     bind_renderer(m);

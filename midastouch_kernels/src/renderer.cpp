@@ -12,7 +12,6 @@
 
 namespace {
 
-constexpr double kNear = 1e-3;            // m, the camera's near plane
 constexpr double kOnEdge = 1e-9;          // pixels, an edge that passes so close to a pixel's centre covers it
 constexpr float kSlack = 2e-6f;           // m, more than single precision loses on an object of 2 m
 constexpr std::size_t kWorthThreads = 8;  // poses; fewer are drawn sooner than threads are started
@@ -68,10 +67,10 @@ struct Scene::View {
         deepest = static_cast<float>(scene.distance_ + scene.margin_);
     }
 
-    bool misses(const TriangleGrid::Ball& ball) const {
+    bool misses(const TriangleGrid::Ball& ball, float slack) const {
         const float x = ball.x - camera[0], y = ball.y - camera[1], z = ball.z - camera[2];
-        const float radius = ball.radius + kSlack;
-        if (ball.nx * x + ball.ny * y + ball.nz * z > kSlack) return true;  // seen from behind
+        const float radius = ball.radius + slack;
+        if (ball.nx * x + ball.ny * y + ball.nz * z > slack) return true;  // seen from behind
         const float depth = -(back[0] * x + back[1] * y + back[2] * z);
         if (depth - radius >= deepest) return true;
         if (std::abs(right[0] * x + right[1] * y + right[2] * z) > slope_x * depth + per_x * radius) return true;
@@ -79,14 +78,14 @@ struct Scene::View {
     }
 };
 
-void Scene::draw(const double* pose, float* penetration, int32_t* faces, std::vector<int32_t>& seen,
-                 int32_t mark) const {
+template <class Take>
+void Scene::visit(const double* pose, double slack, Take&& take) const {
     // the view frustum down to `margin` below the gel, as a box in the gel frame
     const TriangleGrid& grid = *grid_;
     const View view(*this, pose);
-    const double deepest = distance_ + margin_;
-    const double half[3] = {0.5 * width() / focal_ * deepest, 0.5 * height() / focal_ * deepest, 0.5 * deepest};
-    const double middle = 0.5 * (distance_ - margin_), slack = 0.8661 * grid.cell();
+    const double half[3] = {half_extent(0) + slack, half_extent(1) + slack, 0.5 * (distance_ + margin_) + slack};
+    const double middle = 0.5 * (distance_ - margin_), corner = 0.8661 * grid.cell();
+    const float missed = kSlack + static_cast<float>(slack);
     int64_t low[3], high[3];
     for (int k = 0; k < 3; ++k) {
         const double* row = pose + 4 * k;
@@ -102,17 +101,33 @@ void Scene::draw(const double* pose, float* penetration, int32_t* faces, std::ve
                 const auto cell = grid.faces_in(x, y, z);
                 if (cell.empty()) continue;
                 const double dz = grid.edge(2, z) + 0.5 * grid.cell() - pose[11];
-                if (std::abs(pose[0] * dx + pose[4] * dy + pose[8] * dz) > half[0] + slack) continue;
-                if (std::abs(pose[1] * dx + pose[5] * dy + pose[9] * dz) > half[1] + slack) continue;
-                if (std::abs(pose[2] * dx + pose[6] * dy + pose[10] * dz - middle) > half[2] + slack) continue;
+                if (std::abs(pose[0] * dx + pose[4] * dy + pose[8] * dz) > half[0] + corner) continue;
+                if (std::abs(pose[1] * dx + pose[5] * dy + pose[9] * dz) > half[1] + corner) continue;
+                if (std::abs(pose[2] * dx + pose[6] * dy + pose[10] * dz - middle) > half[2] + corner) continue;
                 for (const int32_t face : cell) {
-                    if (seen[face] == mark) continue;
-                    seen[face] = mark;
-                    if (!view.misses(grid.ball(face))) draw_face(face, pose, penetration, faces);
+                    take(face, [&] { return view.misses(grid.ball(face), missed); });
                 }
             }
         }
     }
+}
+
+void Scene::draw(const double* pose, float* penetration, int32_t* faces, std::vector<int32_t>& seen,
+                 int32_t mark) const {
+    visit(pose, 0, [&](int32_t face, auto missed) {
+        if (seen[face] == mark) return;
+        seen[face] = mark;
+        if (!missed()) draw_face(face, pose, penetration, faces);
+    });
+}
+
+void Scene::faces_near(const double* pose, double slack, const std::function<void(int32_t)>& take) const {
+    std::vector<bool> taken(faces());
+    visit(pose, slack, [&](int32_t face, auto missed) {
+        if (taken[face]) return;
+        taken[face] = true;
+        if (!missed()) take(face);
+    });
 }
 
 void Scene::draw_face(int32_t face, const double* pose, float* penetration, int32_t* faces) const {
