@@ -254,7 +254,7 @@ def train(options: TrainingOptions, tdn: str = "fast") -> Path:
 
     def figures() -> dict[str, float]:
         quality, _ = validate(run.averaged(CodeNet), objects)
-        return {"temperature": float(torch.exp(model.log_temperature)), **quality}
+        return {"temperature": float(model.log_temperature.detach().exp()), **quality}
 
     run.fit(batches, loss_of, figures, every=_EVERY)
     final = run.averaged(CodeNet)
