@@ -48,7 +48,8 @@ class GelLight:
         self._shares /= np.maximum(self._shares.sum(axis=1, keepdims=True) + diffuse, 1)
         self._shadow = np.float32(rng.uniform(0, 1, 3) * (rng.random() < 0.8))
         self._elevation = rng.uniform(0.02, 0.6, 3)  # tangent of the lights' height: how short the shadows are
-        self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), 3)))  # by how much each light can brighten
+        # by how much each light can brighten
+        self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), 3)))
         self._power = rng.uniform(0.85, 1.3)  # of the camera: gamma
 
     def ratio(self, height: np.ndarray) -> np.ndarray:

@@ -94,7 +94,11 @@ class RandomSensor:
         return out, reference
 
     def image(
-        self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator, drift: np.ndarray | np.float32 = np.float32(1)
+        self,
+        penetration: np.ndarray,
+        normals: np.ndarray,
+        rng: np.random.Generator,
+        drift: np.ndarray | float = 1.0,
     ) -> np.ndarray:
         """Image (H, W, 3) float32 grey levels of one touch, as in `images`.
 
