@@ -25,15 +25,20 @@ from midastouch_perception.simulation.slide import simulate_slide
 
 RATE, SPEED, STEP = 100, 0.03, 1.5e-3  # Hz; m/s; m between two poses of the path
 LIFTED = 5e-3  # m
+PATIENCE = 200_000_000  # ns
 BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.4, 0.0, 0.1]))
 
 
 class Finger(Node):
-    """Hovers until the filter sees it do so, then slides along `path`, poses T_obj_gel (N, 4, 4), and is `done`."""
+    """Hovers until the filter sees it do so, then slides along `path`, poses T_obj_gel (N, 4, 4), and is `done`.
+
+    An engine's time is its own: this one waits for the filter, however slow the computer is.
+    """
 
     def __init__(self, path: np.ndarray):
         super().__init__("simulated_finger")
         self.path, self.began, self.done, self.state = path, None, False, "no filter_status yet"
+        self.now = self.answered = time.time_ns()
         self.tf = self.create_publisher(TFMessage, "/tf", qos.TF)
         self.create_subscription(FilterStatus, "filter_status", self.on_status, qos.latched())
         self.create_subscription(PoseWithCovarianceStamped, "pose", self.on_pose, qos.latched())
@@ -52,9 +57,10 @@ class Finger(Node):
 
     def move(self) -> None:
         """Say on TF where object and gel are."""
-        now = time.time_ns()
-        header = Header(stamp=stamp_from_ns(now), frame_id="base_link")
-        frames = {"object_ground_truth": BASE_FROM_OBJECT, "digit_gel_frame": BASE_FROM_OBJECT @ self.place(now)}
+        if self.began is None or self.now - self.answered < PATIENCE:
+            self.now += 1_000_000_000 // RATE
+        header = Header(stamp=stamp_from_ns(self.now), frame_id="base_link")
+        frames = {"object_ground_truth": BASE_FROM_OBJECT, "digit_gel_frame": BASE_FROM_OBJECT @ self.place(self.now)}
         self.tf.publish(
             TFMessage(
                 transforms=[
@@ -67,9 +73,9 @@ class Finger(Node):
     def on_status(self, status: FilterStatus) -> None:
         """Begin once the filter works."""
         if status.state == FilterStatus.STATE_NO_CONTACT and self.began is None:
-            self.began = time.time_ns()
+            self.began = self.now
         if status.state != FilterStatus.STATE_WAITING:
-            self.state = status.state
+            self.state, self.answered = status.state, stamp_ns(status.header.stamp)
 
     def on_pose(self, pose: PoseWithCovarianceStamped) -> None:
         """Compare with the truth, which an engine knows."""
