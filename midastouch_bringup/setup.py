@@ -52,6 +52,7 @@ setup(
         "console_scripts": [
             "all_in_one = midastouch_bringup.executables:all_in_one",
             "detection_prior = midastouch_bringup.executables:detection_prior",
+            "digit_sim = midastouch_bringup.executables:digit_sim",
             "midastouch = midastouch_bringup.cli:main",
             "mount_tf = midastouch_bringup.executables:mount_tf",
             "recorder = midastouch_bringup.executables:recorder",

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from midastouch_bringup.datasets import write_sequence
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 
 
@@ -28,6 +29,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -
         from digit_driver.nodes.digit_driver import DigitDriver
 
         return DigitDriver(**options)
+    if name == "digit_sim":
+        from midastouch_bringup.nodes.digit_sim import DigitSim
+
+        return DigitSim(**options)
     if name == "tdn":
         from midastouch_perception.nodes.tdn import TdnNode
 
@@ -72,6 +77,8 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
+    if name == "digit_sim":
+        return {"mesh": str(bundled_objects()["ball"])}
     if name == "ur_tf":
         return {"robot_ip": "the.arm"}
     if name == "recorder":

@@ -1,6 +1,7 @@
 """The examples, run as their readers run them."""
 
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup.cli import main
+from midastouch_bringup.processes.program import find_executable
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 POSES = "4000"
@@ -31,10 +33,12 @@ ARGUMENTS = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ARGUMENTS)
-def test_an_example_finds_the_sensor(name, folder):
-    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *ARGUMENTS[name]]
+ENGINES = {"simulated_finger": []}
+"""Those that move a simulated sensor, beside the nodes that look for it."""
+
+
+def run_to_its_end(name, arguments, folder):
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), *arguments]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     last = done.stdout.splitlines()[-1]
@@ -42,5 +46,30 @@ def test_an_example_finds_the_sensor(name, folder):
     assert float(re.search(r"([\d.]+) mm", last)[1]) < 5
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_an_example_finds_the_sensor(name, folder):
+    run_to_its_end(name, ARGUMENTS[name], folder)
+
+
+@pytest.fixture
+def nodes(folder):
+    """A simulated sensor and the localisation on the bundled tool."""
+    setups = [["midastouch", "run", setup, "object:=handle_tool"] for setup in ("digit_sim", "localization")]
+    running = [subprocess.Popen([find_executable(program), *words], cwd=folder) for program, *words in setups]
+    yield
+    for process in running:
+        process.send_signal(signal.SIGINT)
+    assert [process.wait(timeout=60) for process in running] == [0, 0]
+
+
+@pytest.mark.slow
+@pytest.mark.dds
+@pytest.mark.usefixtures("nodes")
+@pytest.mark.parametrize("name", ENGINES)
+def test_an_engine_moves_a_sensor_that_is_found(name, folder):
+    run_to_its_end(name, ENGINES[name], folder)
+
+
 def test_every_example_is_run():
-    assert set(ARGUMENTS) == {path.stem for path in EXAMPLES.glob("*.py")}
+    assert {*ARGUMENTS, *ENGINES} == {path.stem for path in EXAMPLES.glob("*.py")}

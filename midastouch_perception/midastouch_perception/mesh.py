@@ -18,6 +18,7 @@ from .files import atomic_path, require_file, sha256
 from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
+_SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
 
 
 class ObjectMesh:
@@ -45,7 +46,7 @@ class ObjectMesh:
     def load(cls, path: str | Path) -> ObjectMesh:
         """Read a PLY, STL, OBJ or other mesh that trimesh knows, with its own vertex indexing.
 
-        Raises InputError: no such file, not a mesh, no faces, non-finite vertices, larger than 2 m.
+        Raises InputError: no such file, not a mesh, no faces, non-finite vertices, larger than 2 m, smaller than 1 mm.
         """
         path = require_file(path, "mesh")
         try:
@@ -79,6 +80,8 @@ class ObjectMesh:
         extent = np.ptp(vertices[mesh.faces].reshape(-1, 3), axis=0).max()
         if extent > _LARGEST_EXTENT:
             raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
+        if extent < _SMALLEST_EXTENT:
+            raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to be felt; export it in metres")
         return mesh
 
     def save(self, path: str | Path) -> None:

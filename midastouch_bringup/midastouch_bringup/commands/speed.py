@@ -98,6 +98,8 @@ def _table(result: dict) -> str:
     ):
         if key in result:
             rows.append([label, *_cells(result[key])])
+    for light, stage in result["sim_image_ms"].items():
+        rows.append([f"simulated image, light {light}", *_cells(stage)])
     for key, label in (
         ("filter_ms", "filter step without fine stage"),
         ("fine_stage_ms", "fine stage"),

@@ -16,11 +16,14 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.tdn.fit_check import FitCheck
 
 from ..datasets import Sequence
+from ..datasets.slide_simulation import no_contact_image
 from .lookup_speed import lookup_speed
 from .paper_networks import paper_network_times
 from .setup import Networks, sequence_background
@@ -32,6 +35,7 @@ _LOOKUP_FRAMES = 5  # a filter's first steps: particles have drifted off the ent
 _GATHERED = (3e-3, np.radians(6))  # m, rad
 _BOOK_POSES = 500
 _PAPER_IMAGES = 20
+_SENSORS, _SEEDS = ("digit_tacto", "digit_real"), 5
 
 
 class SpeedMeasurement:
@@ -149,7 +153,8 @@ class SpeedMeasurement:
 
     def simulator(self) -> dict:
         """renders_per_s: penetration maps of 240 x 320, in batches of 50 contact poses;
-        codebook_poses_per_s; mesh_faces of the object both are on."""
+        codebook_poses_per_s; mesh_faces of the object both are on; sim_image_ms, one image of `digit_sim` by the light
+        of the sensor, the mean of several imaginary ones."""
         rng = np.random.default_rng(0)
         poses = sample_contact_poses(self._mesh, 50, rng, self._networks.sensor)
         renderer = PenetrationRenderer(self._mesh, self._networks.sensor)
@@ -161,7 +166,19 @@ class SpeedMeasurement:
             "mesh_faces": len(self._mesh.faces),
             "renders_per_s": 1e3 * len(poses) / np.mean(renders.wall_ms),
             "codebook_poses_per_s": 1e3 * _BOOK_POSES / building.wall_ms[0],
+            "sim_image_ms": {model.light: self._simulated_images(model) for model in map(SensorModel.load, _SENSORS)},
         }
+
+    def _simulated_images(self, model: SensorModel) -> dict[str, float]:
+        """Of the slide's touches, each seed's sensor taking its share of them."""
+        stopwatch = Stopwatch()
+        for seed, poses in enumerate(np.array_split(self._truth[: len(self._images)], _SEEDS)):
+            background = no_contact_image(model, np.random.default_rng(seed))
+            digit = SimulatedDigit(self._mesh, model, background, seed)
+            for pose in poses:
+                with stopwatch:
+                    digit.look(pose)
+        return stopwatch.summary()
 
     def _filter(self, count: int | None, **settings: bool) -> ParticleFilter:
         """A filter started as the paper does; `count` particles throughout, or as many as it wants."""

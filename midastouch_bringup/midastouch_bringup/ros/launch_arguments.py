@@ -31,7 +31,7 @@ _UR_TYPES = (
     *("ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e"),
     *("ur8long", "ur15", "ur18", "ur20", "ur30"),
 )
-_STREAM_NODES = ("tdn", "tcn", "particle_filter")
+_STREAM_NODES = ("digit_sim", "tdn", "tcn", "particle_filter")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ ARGUMENTS = {
     "autostart": Argument(
         "Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
         choices=("", "true", "false"),
-        sets=tuple((node, "autostart") for node in ("digit_driver", "tdn", "tcn", "particle_filter")),
+        sets=tuple((node, "autostart") for node in ("digit_driver", "digit_sim", "tdn", "tcn", "particle_filter")),
         kind=bool,
     ),
     # sensor
@@ -77,7 +77,10 @@ ARGUMENTS = {
     "object": Argument(
         "Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)"
     ),
-    "mesh": Argument("Mesh of the object, metres: a path or package://...", sets=(("particle_filter", "mesh"),)),
+    "mesh": Argument(
+        "Mesh of the object, metres: a path or package://...",
+        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh")),
+    ),
     "codebook": Argument("Codebook of that mesh", sets=(("particle_filter", "codebook"),)),
     "init_mode": Argument(
         "Start: over the whole surface, at initial_pose, or once a pose is given",
@@ -159,13 +162,15 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
+        overrides["digit_sim"].setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
         overrides["particle_filter"]["base_frame_id"] = f"{given['tf_prefix']}base_link"
     if prefix := given.get("sensor_prefix"):
-        overrides.setdefault("digit_driver", {})["frame_id"] = f"{prefix}digit_optical_frame"
-        for node in ("tdn", "particle_filter"):
+        for node in ("digit_driver", "digit_sim"):
+            overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
+        for node in ("digit_sim", "tdn", "particle_filter"):
             overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))

@@ -26,7 +26,7 @@ from .launch_arguments import ARGUMENTS, SHARE, parameters
 from .setups import SETUPS, Executable, Include
 
 # one node each, under the executable's name; all_in_one has several
-_LIFECYCLE_NODES = ("digit_driver", "tdn", "tcn", "particle_filter")
+_LIFECYCLE_NODES = ("digit_driver", "digit_sim", "tdn", "tcn", "particle_filter")
 # what a launch file starts that is not ours: its package, and how to do without
 _OTHERS = {
     "mount": ("robot_state_publisher", "or publish TF of the mount yourself"),

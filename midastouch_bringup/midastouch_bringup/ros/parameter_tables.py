@@ -11,6 +11,7 @@ from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
 from ..nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
+from ..nodes.digit_sim import PARAMETERS as DIGIT_SIM
 from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
 from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay_parameters import PARAMETERS as REPLAY
@@ -19,6 +20,7 @@ from ..nodes.view import PARAMETERS as VIEW
 
 TABLES = {
     "digit_driver": DIGIT_DRIVER,
+    "digit_sim": DIGIT_SIM,
     "tdn": TDN,
     "tcn": TCN,
     "particle_filter": PARTICLE_FILTER,
@@ -34,8 +36,9 @@ _HEADER = """# Parameters
 
 Written by `python -m midastouch_bringup.ros.parameter_tables` from what the nodes declare; a test compares.
 Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
-that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes `tdn`,
-`tcn` and `particle_filter`, but for `queue_depth`, `reliable` and `autostart`, while the node is unconfigured.
+that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes
+`digit_sim`, `tdn`, `tcn` and `particle_filter`, but for `queue_depth`, `reliable` and `autostart`, while the node is
+unconfigured.
 
 The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publisher.POLICY` or
 `qos_overrides.TOPIC.subscription.POLICY` with the topic's full name and `history`, `depth` or `reliability`.

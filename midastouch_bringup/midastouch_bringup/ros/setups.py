@@ -61,6 +61,11 @@ SETUPS = {
         (*_COMMON, "serial", "sensor_prefix"),
         (Executable("digit_driver", "digit_driver"),),
     ),
+    "digit_sim": Setup(
+        "a simulated DIGIT, moved by TF, in place of the driver",
+        (*_COMMON, "object", "mesh", "sensor_prefix"),
+        (Executable("midastouch_bringup", "digit_sim"),),
+    ),
     "perception": Setup(
         "from tactile images to codes",
         (*_COMMON, *_PERCEPTION, "sensor_prefix"),

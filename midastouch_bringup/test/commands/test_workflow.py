@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup import cli
+from midastouch_perception.sensor_model import LIGHTS
 
 TIMES = {"p50", "p95", "cpu"}
 
@@ -107,6 +108,7 @@ def test_bench_has_the_keys_of_the_design(run):
     assert set(result["filter_ms"]) == set(result["fine_stage_ms"]) == {"50000", "10000", "1000"}
     assert set(result["lookup_ms"]["50000"]) == TIMES
     assert result["filter_ms"]["50000"]["cpu"] > result["filter_ms"]["1000"]["cpu"]
+    assert {light: set(times) for light, times in result["sim_image_ms"].items()} == dict.fromkeys(LIGHTS, TIMES)
     assert 0 < result["pose_age_ms"]["p50"] <= result["pose_age_ms"]["p95"]
     assert 0 < result["filter_start_s"]["p50"] <= result["filter_start_s"]["max"]
     for key in ("threads", "filter_rss_mb", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):

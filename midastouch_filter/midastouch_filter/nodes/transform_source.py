@@ -93,6 +93,14 @@ class TransformSource:
                 self._awaited[target, source] = min(stamp, self._awaited.get((target, source), stamp))
                 return Wait(str(error))
 
+    def latest_stamp(self, target: str, source: str) -> int | None:
+        """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
+
+        Raises TransformError if nothing links them yet.
+        """
+        with self._lock:
+            return self._buffer.latest_common_stamp(target, source)
+
     def newest(self, target: str, source: str) -> np.ndarray:
         """T_target_source (4, 4) between any two frames, each link on the way at its own newest transform.
 

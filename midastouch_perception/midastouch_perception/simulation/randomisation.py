@@ -89,17 +89,29 @@ class RandomSensor:
         """
         out = np.empty((*penetration.shape, 3), np.float32)
         for i, (depth_map, surface) in enumerate(zip(penetration, normals, strict=True)):
-            today = self.background * self._drift(rng)
-            if self._gel:
-                lit = today * (self._lit(depth_map) * np.exp(rng.normal(0, 0.08)))
-            else:
-                lit = today + self._difference(depth_map, surface, rng)
-            out[i] = self._expose(lit, rng)
+            out[i] = self.image(depth_map, surface, rng, self._drift(rng))
         reference = self._expose(self.background + rng.normal(0, 1.0, 3).astype(np.float32), rng)
         return out, reference
 
+    def image(
+        self,
+        penetration: np.ndarray,
+        normals: np.ndarray,
+        rng: np.random.Generator,
+        drift: np.ndarray | float = 1.0,
+    ) -> np.ndarray:
+        """Image (H, W, 3) float32 grey levels of one touch, as in `images`.
+
+        drift: factor by which the light is another than that of the no-contact image; one, or (H, W, 3).
+        """
+        today = self.background * drift
+        lit = today * self._lit(penetration) if self._gel else today + self._difference(penetration, normals, rng)
+        return self._expose(lit, rng)
+
     def _lit(self, penetration: np.ndarray) -> np.ndarray:
         """The gel's image over its no-contact image (H, W, 3): relative light."""
+        if not penetration.any():
+            return np.ones((*penetration.shape, 3), np.float32)
         height = sunk_in(penetration, self.sensor.pixel_size, self._reach, self._share)
         height = cv2.GaussianBlur(height, (0, 0), self._stiffness)
         return cv2.GaussianBlur(self._gel.ratio(height), (0, 0), self._blur)
@@ -216,7 +228,8 @@ class RandomSensor:
         if not self.wide:
             return np.full((1, 1, 1), 1 + rng.normal(0, 0.01), np.float32)
         even, uneven = rng.normal(0, 0.04, 3).astype(np.float32), 0.1 * (self._smooth_field(rng, 0.8) - 1)
-        return 1 + np.float32(rng.random()) * (even + uneven)
+        drift = 1 + np.float32(rng.random()) * (even + uneven)
+        return drift * np.float32(np.exp(rng.normal(0, 0.08))) if self._gel else drift
 
     def _expose(self, image: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         noisy = np.clip(image + self._noise * rng.standard_normal(image.shape, np.float32), 0, 255)

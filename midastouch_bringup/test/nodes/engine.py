@@ -1,0 +1,35 @@
+"""An engine for `digit_sim`: puts the gel somewhere on an object and says so on TF."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_perception.ros.testing import Graph
+
+BASE_FROM_OBJECT = np.eye(4)
+BASE_FROM_OBJECT[:3, 3] = 0.4, -0.1, 0.2
+
+
+class Engine:
+    """Publishes on a graph; `stamp` [ns] is its time."""
+
+    def __init__(self, graph: Graph, stamp: int = 5_000_000_000):
+        self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
+        self.stamp = stamp
+
+    def place(self, T_obj_gel: np.ndarray, seconds: float = 0.0) -> None:
+        """The gel is at T_obj_gel (4, 4), so many seconds later."""
+        self.stamp += round(1e9 * seconds)
+        places = {TRUTH_FRAME: BASE_FROM_OBJECT, GEL_FRAME: BASE_FROM_OBJECT @ T_obj_gel}
+        header = Header(stamp=stamp_from_ns(self.stamp), frame_id=BASE_FRAME)
+        transforms = [
+            TransformStamped(header=header, child_frame_id=frame, transform=transform_to_msg(pose))
+            for frame, pose in places.items()
+        ]
+        self._tf.publish(TFMessage(transforms=transforms))
