@@ -22,6 +22,7 @@ setup(
     ],
     install_requires=[
         "digit_driver",
+        "distributed",
         "matplotlib",
         "mcap",
         "midastouch_filter",

@@ -9,7 +9,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ["digit_driver", "midastouch_kernels", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
 # Extras, and parts of a system ROS, which not every install has.
-OPTIONAL = {"dask", "launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
+OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
 OPTIONAL |= {"open3d", "tf2_ros", "torch"}
 
 

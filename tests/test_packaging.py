@@ -34,10 +34,9 @@ ROSDEP_KEYS = {
     "yaml": "python3-yaml",
 }
 # rosdep has no key for these; the Dockerfile and CONTRIBUTING.md install them with pip.
-PIP_ONLY = {"igl", "mcap", "pykdtree", "rosbags"}
+PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree", "rosbags"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
-    "dask",
     "libusb_package",
     "onnx",
     "onnxscript",

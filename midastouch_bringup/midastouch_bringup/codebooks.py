@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 from midastouch_filter.object_index import derived_arrays
@@ -13,8 +15,9 @@ from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn import TactileCodeNet
+from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
+from .cluster import Cluster
 from .progress import progress_bar
 
 _CACHE = Path("out/cache/codebooks")
@@ -72,20 +75,57 @@ def unfinished_path(path: str | os.PathLike) -> Path:
 
 
 def cached_codebook(
-    mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int, folder: Path = _CACHE
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    folder: Path = _CACHE,
+    jobs: int | None = None,
 ) -> Codebook:
     """The codebook of `size` poses of an object from an earlier call, built if there is none that fits."""
-    return ensure_codebook(cached_codebook_path(mesh, size, folder), mesh, tcn, sensor, size)
+    return ensure_codebook(cached_codebook_path(mesh, size, folder), mesh, tcn, sensor, size, jobs)
 
 
 def ensure_codebook(
-    path: str | os.PathLike, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int
+    path: str | os.PathLike,
+    mesh: ObjectMesh,
+    tcn: TactileCodeNet,
+    sensor: SensorModel,
+    size: int,
+    jobs: int | None = None,
 ) -> Codebook:
     """The codebook at `path`; one of `size` poses is built there if there is none of this mesh and network."""
     try:
         return Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
     except InputError:  # none yet, or of an older mesh or network
-        return build_and_save(mesh, tcn, sensor, size, 0, path)[0]
+        return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
+
+
+def build_catalogue(
+    meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster
+) -> Iterator[str]:
+    """Build `<mesh name>.npz` of each mesh file in a folder that every worker sees; yields a line about each.
+
+    Those that are there are kept. `tcn`, `sensor`: by name or file, as workers find them.
+    """
+    yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder) for mesh in meshes])
+
+
+def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path) -> str:
+    mesh, model = ObjectMesh.load(path), SensorModel.load(sensor)
+    network, out = load_tcn(tcn, model), folder / f"{mesh.name}.npz"
+    with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
+        meta = Codebook.load(out, mesh=mesh, tcn=network.network_id).meta
+        if (meta["sensor_id"], meta["size"], meta["seed"]) == (model.content_id, size, seed):
+            return f"{out}: is there"
+    codebook, seconds = build_and_save(mesh, network, model, size, seed, out, jobs=1)
+    return described(out, codebook, seconds)
+
+
+def described(path: Path, codebook: Codebook, seconds: float) -> str:
+    """A line about a codebook that was built."""
+    size = path.stat().st_size / 2**20
+    return f"{path}: {len(codebook.poses)} poses of {codebook.meta['mesh_name']}, {size:.1f} MiB, {seconds:.1f} s"
 
 
 def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:

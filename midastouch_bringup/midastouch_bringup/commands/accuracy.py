@@ -28,7 +28,9 @@ def add_parser(subparsers) -> None:
         "measure accuracy over objects on simulated slides, and compare variants of the filter",
         "midastouch benchmark --meshes ../shared/meshes/ycb --variant paper --jobs 2 --json out/accuracy.json",
         "Slides, codebooks and what the networks make of the slides are made once and kept in --out, as is every\n"
-        "finished trial: the same command goes on where it was stopped. --variant takes names and sets:\n"
+        "finished trial: the same command goes on where it was stopped. With --cluster, trials run on the workers of\n"
+        "a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
+        "--variant takes names and sets:\n"
         "paper (the paper's filter), ablation (each mechanism and gate off), gates, counts (fewer particles),\n"
         "codebooks (fewer poses, shorter codes), front (what error is set against run time for), all.\n"
         "--protocol takes one of:\n"
@@ -68,7 +70,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--config", metavar="YAML", help="filter settings of the default, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
-    parser.add_argument("--jobs", type=arguments.positive_int, default=1, help="processes (default 1)")
+    arguments.add_cluster_options(parser)
     parser.add_argument("--minutes", type=arguments.positive, help="start no trial after this time")
     arguments.add_network_options(parser)
     parser.add_argument("--json", metavar="OUT", help="write the results here")
@@ -77,9 +79,11 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
+    import time
     from contextlib import ExitStack
     from pathlib import Path
 
+    from ..cluster import open_cluster
     from ..evaluation.accuracy import accuracy_text, compact_trials, summarise_accuracy
     from ..evaluation.calibration import LEVELS
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
@@ -94,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.variants import VARIANTS, chosen_variants
     from ..progress import progress_bar
 
-    folder = Path(args.out)
+    folder = Path(args.out).resolve()  # workers may run elsewhere
     protocol = chosen_protocol(args.protocol)
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size or protocol.codebook_size)
@@ -112,16 +116,18 @@ def run(args: argparse.Namespace) -> int:
     meshes = small_parts(folder / "meshes") if protocol.small_parts else _meshes(args.meshes, args.objects)
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    with ExitStack() as bars:
+    deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
+    with ExitStack() as opened:
 
         def start_progress(total: int):
-            return bars.enter_context(progress_bar(total=total, unit="trial")).update
+            return opened.enter_context(progress_bar(total=total, unit="trial")).update
 
-        trials, missing = run_campaign(plan, meshes, log, args.jobs, args.minutes or float("inf"), start_progress)
+        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
+        trials, missing = run_campaign(plan, meshes, log, cluster, deadline, start_progress)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
         "command": args.command_line,
-        "config": plan.describe() | {"jobs": args.jobs},
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [
             {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,18 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+
+
+def add_cluster_options(parser: argparse.ArgumentParser) -> None:
+    """--jobs and --cluster."""
+    parser.add_argument(
+        "--jobs",
+        type=positive_int,
+        default=len(os.sched_getaffinity(0)),
+        metavar="N",
+        help="at a time on this machine (default: one per core)",
+    )
+    parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786")
 
 
 def positive_int(text: str) -> int:

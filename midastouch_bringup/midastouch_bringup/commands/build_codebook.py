@@ -14,15 +14,20 @@ def add_parser(subparsers) -> None:
         subparsers,
         "build-codebook",
         run,
-        "build the codebook of an object: poses all over it and what each would feel like",
+        "build the codebook of an object, or of many: poses all over it and what each would feel like",
         "midastouch build-codebook meshes/035_power_drill.ply --size 50000",
-        "When it is interrupted, the same command goes on where it stopped.",
+        "When it is interrupted, the same command goes on where it stopped. Of several meshes, codebooks that are\n"
+        "there are kept; a worker takes one mesh at a time.",
     )
-    parser.add_argument("mesh", metavar="MESH", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name")
-    parser.add_argument("--out", metavar="FILE", help="default: out/codebooks/<mesh name>.npz")
+    parser.add_argument(
+        "mesh", metavar="MESH", nargs="+", help="mesh file in metres (PLY, STL, OBJ) or a bundled object's name"
+    )
+    parser.add_argument(
+        "--out", metavar="PATH", help="file, of several meshes folder (default: out/codebooks/<mesh name>.npz)"
+    )
     parser.add_argument("--size", type=arguments.positive_int, default=50_000, help="number of poses (default 50000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the poses (default 0)")
-    parser.add_argument("--jobs", type=arguments.positive_int, metavar="N", help="threads (default: one per core)")
+    arguments.add_cluster_options(parser)
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
 
@@ -34,12 +39,19 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import load_tcn
 
-    from ..codebooks import build_and_save
-    mesh = arguments.load_mesh(args.mesh)
-    out = Path(args.out) if args.out else codebook_path(mesh.name)
+    from ..cluster import open_cluster
+    from ..codebooks import build_and_save, build_catalogue, described
+
+    meshes = [arguments.load_mesh(name) for name in args.mesh]
     sensor = SensorModel.load(args.sensor)
     tcn = load_tcn(args.tcn, sensor)
-    codebook, seconds = build_and_save(mesh, tcn, sensor, args.size, args.seed, out, args.jobs)
-    size = out.stat().st_size / 2**20
-    print(f"{out}: {len(codebook.poses)} poses of {mesh.name}, {size:.1f} MiB, built in {seconds:.1f} s")
+    if len(meshes) > 1 or args.cluster:
+        folder = (Path(args.out) if args.out else codebook_path("").parent).resolve()  # workers may run elsewhere
+        paths = [mesh.path for mesh in meshes]
+        with open_cluster(args.jobs, args.cluster) as cluster:
+            for line in build_catalogue(paths, args.tcn, args.sensor, args.size, args.seed, folder, cluster):
+                print(line)
+        return 0
+    out = Path(args.out) if args.out else codebook_path(meshes[0].name)
+    print(described(out, *build_and_save(meshes[0], tcn, sensor, args.size, args.seed, out, args.jobs)))
     return 0

@@ -1,12 +1,10 @@
-"""Accuracy: objects x variants x slides x starts x seeds, resumable, in several processes."""
+"""Accuracy: objects x variants x slides x starts x seeds, resumable, on a cluster."""
 
 from __future__ import annotations
 
 import dataclasses
-import multiprocessing
-import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import socket
+from collections.abc import Callable
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -20,6 +18,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
+from ..cluster import Cluster
 from . import disturbances, paper_filter
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
@@ -31,12 +30,13 @@ from .trial import RECORD, TrialFrame, Yardstick, run_trial
 from .trial_log import TrialLog, key_of, source_digest
 from .variants import VARIANTS
 
+_THREADS = 1  # of a filter: trials run beside each other
+
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
     """What is run: stock; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
-    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`; threads of
-    the filter (0: one per core)."""
+    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`."""
 
     stock: Stock
     config: FilterConfig
@@ -47,7 +47,6 @@ class Plan:
     seeds: tuple[int, ...] = tuple(range(10))
     stride: int = 1
     protocol: str = PLAIN
-    threads: int = 0
 
     def describe(self) -> dict:
         """For the JSON; `midastouch report` shows it."""
@@ -64,7 +63,7 @@ class Plan:
             "networks": self.stock.networks.describe(),
             "filter": dataclasses.asdict(self.config),
             "filter_code": _filter_code(),
-            "threads": self.threads,
+            "threads": _THREADS,
         }
 
     def labels(self, mesh: ObjectMesh, variant: str, slide: int, init: str, seed: int) -> dict:
@@ -117,26 +116,51 @@ def run_campaign(
     plan: Plan,
     meshes: list[ObjectMesh],
     log: TrialLog,
-    jobs: int = 1,
-    minutes: float = np.inf,
+    cluster: Cluster,
+    deadline: float = np.inf,
     start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet; returns all trials of the plan that are done, and how many are not.
 
     Seeds come outermost, so that what a bounded run leaves out is spread over all objects. `start_progress` is called
     with the number of trials to run once slides and codebooks are there, what it returns with the number done since.
-    Nothing new is started after `minutes`.
+    Nothing new is started after the deadline, in seconds of `time.monotonic`. Workers must see the stock's folder.
     """
-    deadline = time.monotonic() + 60 * minutes
-    workers = dataclasses.replace(plan, stock=dataclasses.replace(plan.stock), threads=1) if jobs > 1 else plan
     foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
-    slid_over = {mesh.path: mesh for mesh in [*meshes, *filter(None, foreign.values())]}
-    with_book = {mesh.path for mesh in meshes}
-    for _ in _map(_prepare, [(workers, path, path in with_book, deadline) for path in slid_over], jobs):
+    _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, cluster, deadline)
+    wanted = _wanted(plan, meshes, foreign)
+    units = [
+        _Unit(path, foreign[path].path if foreign[path] else None, variant, open_)
+        for (path, variant, _), trials in wanted.items()
+        if (open_ := [trial for trial in trials if log.get(trial[0]) is None])
+    ]
+    progress = start_progress(sum(len(unit.trials) for unit in units))
+    for trials in cluster.map(_run_unit, [(plan, unit, _filter_code()) for unit in units], deadline):
+        for key, trial in trials:
+            log.add(key, trial)
+            progress(1)
+    keys = [key for trials in wanted.values() for key, _ in trials]
+    done = [trial for key in keys if (trial := log.get(key)) is not None]
+    return done, len(keys) - len(done)
+
+
+def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], cluster: Cluster, deadline: float) -> None:
+    """Make what the trials need, as far as it is not there. Books are made whatever the time: keys depend on them."""
+    books = [(plan.stock, mesh.path, tuple(plan.codebook_sizes())) for mesh in meshes]
+    for _ in cluster.map(_make_books, books):
         pass
+    paths = {mesh.path for mesh in meshes} | foreign
+    for _ in cluster.map(_make_touches, [(plan.stock, *one) for one in product(sorted(paths), plan.slides)], deadline):
+        pass
+
+
+def _wanted(
+    plan: Plan, meshes: list[ObjectMesh], foreign: dict[Path, ObjectMesh | None]
+) -> dict[tuple, list[tuple[str, dict]]]:
+    """Trials by mesh, variant and seed: their keys and labels."""
     sizes = plan.codebook_sizes()
     digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
-    wanted = {
+    return {
         (mesh.path, variant, seed): [
             (plan.key(mesh, foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size], labels), labels)
             for slide, init in product(plan.slides, plan.inits)
@@ -144,18 +168,6 @@ def run_campaign(
         ]
         for seed, mesh, variant in product(plan.seeds, meshes, plan.variants)
     }
-    units = []
-    for (path, variant, _), trials in wanted.items():
-        if open_ := [trial for trial in trials if log.get(trial[0]) is None]:
-            other = foreign[path]
-            units.append((workers, _Unit(path, other.path if other else None, variant, open_), deadline))
-    progress = start_progress(sum(len(unit.trials) for _, unit, _ in units))
-    for key, trial in _map(_run_unit, units, jobs):
-        log.add(key, trial)
-        progress(1)
-    keys = [key for trials in wanted.values() for key, _ in trials]
-    done = [trial for key in keys if (trial := log.get(key)) is not None]
-    return done, len(keys) - len(done)
 
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
@@ -177,23 +189,6 @@ def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     return entry["counts"]
 
 
-def _map(function: Callable, arguments: list[tuple], jobs: int) -> Iterator:
-    """Results in any order; in this process where there is no use for more."""
-    if jobs == 1 or len(arguments) < 2:
-        for one in arguments:
-            yield from function(*one)
-        return
-    # not forked: threads of the inference engine do not survive it
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(jobs, len(arguments)), mp_context=context) as pool:
-        for future in as_completed([pool.submit(_as_list, function, one) for one in arguments]):
-            yield from future.result()
-
-
-def _as_list(function: Callable, arguments: tuple) -> list:
-    return list(function(*arguments))
-
-
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
     """For each object the other one that is touched; InputError if there is none."""
     if protocol.foreign == NEXT:
@@ -204,31 +199,30 @@ def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | 
     return [bundled] * len(meshes)
 
 
-def _prepare(plan: Plan, path: Path, with_book: bool, deadline: float) -> Iterator[None]:
-    """Make what the trials on one object need, as far as it is not there."""
+def _make_books(stock: Stock, path: Path, sizes: tuple[int | None, ...]) -> None:
     mesh = ObjectMesh.load(path)
-    if with_book:
-        plan.stock.symmetry(mesh)
-        for size in plan.codebook_sizes():
-            plan.stock.codebook(mesh, size)
-    for slide in plan.slides:
-        if time.monotonic() < deadline:
-            plan.stock.touches(mesh, slide)
-    yield from ()
+    stock.symmetry(mesh)
+    for size in sizes:
+        stock.codebook(mesh, size)
 
 
-def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, dict]]:
-    """Run the trials of a unit until the deadline."""
-    if time.monotonic() >= deadline:
-        return
+def _make_touches(stock: Stock, path: Path, slide: int) -> None:
+    stock.touches(ObjectMesh.load(path), slide)
+
+
+def _run_unit(plan: Plan, unit: _Unit, filter_code: str) -> list[tuple[str, dict]]:
+    """The trials of a unit with their keys; InputError if this worker's code is not the campaign's."""
+    if _filter_code() != filter_code:
+        raise InputError(f"worker {socket.gethostname()}: has another version of the filter; install the same there")
     mesh = ObjectMesh.load(unit.mesh)
     foreign = ObjectMesh.load(unit.foreign) if unit.foreign else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[unit.variant]
     yardstick = Yardstick(plan.stock.symmetry(mesh), protocol.right, protocol.twins)
     codebook = plan.stock.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
-    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, plan.threads)
+    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, _THREADS)
 
+    @cache
     def scene(slide: int) -> Disturbed:
         disturbed = _disturbed(plan, mesh, foreign, slide)
         if short is None:
@@ -240,14 +234,7 @@ def _run_unit(plan: Plan, unit: _Unit, deadline: float) -> Iterator[tuple[str, d
         TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, scene.frames[0].truth)
         return labels | run_trial(scene.frames, particle_filter, None, yardstick, series=False, event=scene.event)
 
-    scenes: dict[int, Disturbed] = {}
-    for key, labels in unit.trials:
-        if time.monotonic() >= deadline:
-            return
-        slide = labels["slide"]
-        if slide not in scenes:
-            scenes[slide] = scene(slide)
-        yield key, trial(scenes[slide], labels)
+    return [(key, trial(scene(labels["slide"]), labels)) for key, labels in unit.trials]
 
 
 def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: int) -> Disturbed:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 
@@ -57,6 +57,10 @@ class Stock:
     slides: SlideKind = SlideKind()
     codebook_size: int = 50_000
 
+    def __getstate__(self) -> dict:
+        """Without the networks: another process loads its own."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
     @cached_property
     def networks(self) -> Networks:
         """Loaded on first use."""
@@ -65,7 +69,7 @@ class Stock:
     def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
         """The object's codebook; of `size` poses if they are not `codebook_size`."""
         networks = self.networks
-        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks)
+        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks, jobs=1)
 
     def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
         """Hash of the same codebook, which must have been made."""

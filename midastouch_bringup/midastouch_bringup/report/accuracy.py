@@ -28,11 +28,10 @@ def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
     for k, content in enumerate(contents):
         config = content["config"]
         page.heading(f"Accuracy over {len(content['objects'])} objects, protocol {config['protocol']}")
-        threads = " of one thread each" if config["jobs"] > 1 else ""
         page.note(
             f"{len(config['slides'])} slides of {config['slide_length_m']:g} m each, {len(config['seeds'])} seeds, "
             f"beta {config['beta']:g}, stride {config['stride']}, codebooks of {config['codebook_size']} poses, "
-            f"{config['jobs']} processes{threads}; networks {config['networks']['tdn']}, {config['networks']['tcn']}; "
+            f"{config['jobs']} processes; networks {config['networks']['tdn']}, {config['networks']['tcn']}; "
             f"{content['missing_trials']} trials missing"
         )
         for init, summary in content["summary"].get(DEFAULT, {}).items():

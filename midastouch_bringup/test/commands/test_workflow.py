@@ -137,6 +137,32 @@ def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, works
 
 
 @pytest.mark.slow
+def test_a_campaign_has_the_same_results_on_two_workers(run, workspace):
+    options = (
+        "benchmark", "--objects", "eyebolt", "handle_tool", "--slides", "2", "--length", "0.03", "--seeds", "2",
+        "--codebook-size", "300", "--config", "small.yaml", "--protocol", "push",
+    )  # fmt: skip
+    finals = []
+    for jobs in ("1", "2"):
+        _, result = run(*options, "--out", f"workers_{jobs}", "--jobs", jobs, "--json", f"workers_{jobs}.json")
+        assert result["missing_trials"] == 0
+        finals.append([t["final"] | {"event_at": t["event_at"], "seed": t["seed"]} for t in result["trials"]])
+    assert len(finals[0]) == 8
+    assert finals[0] == finals[1]
+
+
+def test_codebooks_of_many_are_built_and_kept(run, workspace):
+    options = ("build-codebook", "eyebolt", "ball", "--size", "300", "--out", "catalogue", "--jobs", "2")
+    built, _ = run(*options)
+    assert sorted(path.name for path in (workspace / "catalogue").iterdir()) == ["ball.npz", "eyebolt.npz"]
+    assert sorted(line.split(": ")[1].split(",")[0] for line in built.splitlines()) == [
+        "300 poses of ball", "300 poses of eyebolt",
+    ]  # fmt: skip
+    again, _ = run(*options)
+    assert [line.endswith("is there") for line in again.splitlines()] == [True, True]
+
+
+@pytest.mark.slow
 def test_report_takes_all_of_them(run, workspace):
     run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
     run("evaluate-tdn", "eyebolt/00", "--json", "tdn.json")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from midastouch_bringup.cluster import open_cluster
 from midastouch_bringup.evaluation.campaign import Plan, likelihood_levels, run_campaign
 from midastouch_bringup.evaluation.stock import SlideKind
 from midastouch_bringup.evaluation.symmetry import Symmetry
@@ -56,8 +57,13 @@ def plan(sequence, codebook, networks) -> Plan:
         slides=(0,),
         seeds=(0, 1),
         stride=3,
-        threads=1,
     )
+
+
+@pytest.fixture
+def here():
+    with open_cluster() as cluster:
+        yield cluster
 
 
 @pytest.fixture
@@ -66,14 +72,14 @@ def log(tmp_path: Path) -> TrialLog:
 
 
 @pytest.mark.slow
-def test_every_combination_is_run_once(plan, saved_mesh, log, tmp_path):
+def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     totals, done = [], []
 
     def start_progress(total):
         totals.append(total)
         return done.append
 
-    trials, missing = run_campaign(plan, [saved_mesh], log, start_progress=start_progress)
+    trials, missing = run_campaign(plan, [saved_mesh], log, here, start_progress=start_progress)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
@@ -81,30 +87,31 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, tmp_path):
     assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
     assert (totals, sum(done)) == ([4], 4)
     # again: nothing is left to do
-    again, _ = run_campaign(plan, [saved_mesh], TrialLog(tmp_path / "trials.jsonl"), start_progress=start_progress)
+    kept = TrialLog(tmp_path / "trials.jsonl")
+    again, _ = run_campaign(plan, [saved_mesh], kept, here, start_progress=start_progress)
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
     other = replace(plan, config=replace(plan.config, min_particles=301))
-    assert run_campaign(other, [saved_mesh], log, minutes=0)[1] == 4
+    assert run_campaign(other, [saved_mesh], log, here, deadline=0)[1] == 4
 
 
 @pytest.mark.slow
-def test_a_seed_fixes_a_trial(plan, saved_mesh, tmp_path):
+def test_a_seed_fixes_a_trial(plan, saved_mesh, here, tmp_path):
     plan = replace(plan, variants=("default",))
-    runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name))[0] for name in ("a", "b")]
+    runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name), here)[0] for name in ("a", "b")]
     errors = [[t["final"]["e_trans_mm"] for t in trials] for trials in runs]
     assert errors[0] == errors[1]
     assert errors[0][0] != errors[0][1]
 
 
-def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log):
-    trials, missing = run_campaign(plan, [saved_mesh], log, minutes=0)
+def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log, here):
+    trials, missing = run_campaign(plan, [saved_mesh], log, here, deadline=0)
     assert (trials, missing) == ([], 4)
 
 
 @pytest.mark.slow
-def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh, log, monkeypatch):
+def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh, log, here, monkeypatch):
     monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", INPUT, codebook_size=500))
     seen = []
     make = Variant.filter
@@ -115,7 +122,7 @@ def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh,
 
     monkeypatch.setattr(Variant, "filter", spy)
     plan = replace(plan, variants=("few_poses", "code_16"), seeds=(0,))
-    trials, missing = run_campaign(plan, [saved_mesh], log)
+    trials, missing = run_campaign(plan, [saved_mesh], log, here)
     assert (missing, seen) == (0, [(500, 48), (4000, 16)])
     # a code of another length would have been refused
     assert all(t["frames_in_contact"] == 10 and t["final"]["e_trans_mm"] < 50 for t in trials)
@@ -124,10 +131,10 @@ def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh,
     assert len({plan.key(saved_mesh, None, "", labels) for labels in variants}) == 2
 
 
-def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log):
+def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
     plan = replace(plan, variants=("default",), seeds=(0,))
-    plain, _ = run_campaign(plan, [saved_mesh], log)
-    lifted, _ = run_campaign(replace(plan, protocol="lift"), [saved_mesh], log)
+    plain, _ = run_campaign(plan, [saved_mesh], log, here)
+    lifted, _ = run_campaign(replace(plan, protocol="lift"), [saved_mesh], log, here)
     assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
     assert plain[0]["frames_in_contact"] == plain[0]["frames"]
     assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10

@@ -36,7 +36,7 @@ def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypa
 def test_codebooks_of_several_sizes_are_kept_apart(stock, mesh, codebook, monkeypatch):
     built = []
 
-    def build(mesh, tcn, sensor, size, folder):
+    def build(mesh, tcn, sensor, size, folder, jobs):
         path = module.cached_codebook_path(mesh, size, folder)
         if not path.is_file():
             built.append(size)
