@@ -43,6 +43,7 @@ setup(
         "console_scripts": [
             "tdn = midastouch_perception.executables:tdn",
             "tcn = midastouch_perception.executables:tcn",
+            "calibrate = midastouch_perception.executables:calibrate",
         ]
     },
 )

@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from midastouch_bringup.datasets import write_sequence
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tdn.background_store import BackgroundStore
 
 
 class FakeNet:
@@ -64,6 +65,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -
         from midastouch_bringup.nodes.view import View
 
         return View(scene=FakeNet(), **options)
+    if name == "calibrate":
+        from midastouch_perception.nodes.calibrate import CalibrateNode
+
+        return CalibrateNode(**options)
     if name == "recorder":
         from midastouch_bringup.nodes.recorder import Recorder
 
@@ -83,6 +88,9 @@ def _needed(name: str, tmp_path: Path) -> dict:
         return {"robot_ip": "the.arm"}
     if name == "recorder":
         return {"path": str(tmp_path / "recorded.mcap")}
+    if name == "calibrate":
+        BackgroundStore(tmp_path, "D20123").save(np.full((320, 240, 3), 100, np.uint8))
+        return {"serial": "D20123", "ball_diameter": 0.006, "background_folder": str(tmp_path)}
     if name != "replay":
         return {}
     image, poses = np.zeros((320, 240, 3), np.uint8), np.tile(np.eye(4), (2, 1, 1))

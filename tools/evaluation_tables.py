@@ -38,8 +38,10 @@ COMMANDS = {
     "--ball-diameter 0.006",
     "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
     "--ball-diameter 0.006 --calibrate-with 10",
-    "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds "
-    "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz",
+    "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds --sensors 100 "
+    "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
+    "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "../shared/data/digit_real/sphere_presses_vocdex",
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
     "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",

@@ -4,3 +4,4 @@ from digit_driver.executables import executable
 
 tdn = executable("midastouch_perception.nodes.tdn")
 tcn = executable("midastouch_perception.nodes.tcn")
+calibrate = executable("midastouch_perception.nodes.calibrate")

@@ -24,7 +24,7 @@ _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come fro
 # change of the colours by a slope to the right and a slope downwards, as rows: bright where it falls towards the lamp
 _STANDARD = -100.0 * np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)]).astype(np.float32)
 _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
-_FORMAT = 1
+_FORMAT = 2
 _GRID = (16, 12)  # rows, columns
 _OTHER_SCALE = 0.02  # by which the pixels' size may differ
 _OTHER_GEL = 0.1  # share by which three quarters of a no-contact image may differ, its brightness aside
@@ -49,7 +49,8 @@ def background_colours(background: np.ndarray) -> np.ndarray:
 class SensorCalibration:
     """The response of one sensor, as `midastouch calibrate` found it.
 
-    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m]; sensor, name of the sensor model;
+    Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m], 0 without a ball; object_name, of
+    what was slid over instead, empty with a ball; sensor, name of the sensor model;
     pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
     (`ball_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
     ISO 8601.
@@ -57,6 +58,7 @@ class SensorCalibration:
 
     serial: str
     ball_diameter: float
+    object_name: str
     sensor: str
     pixel_size: float
     coefficients: np.ndarray
@@ -68,6 +70,13 @@ class SensorCalibration:
     def response(self) -> ColourResponse:
         """The fitted polynomial."""
         return ColourResponse(self.coefficients)
+
+    @property
+    def touched(self) -> str:
+        """What it was made with, in words."""
+        if self.object_name:
+            return f"{self.presses} touches of {self.object_name}"
+        return f"{self.presses} presses of a ball of {1e3 * self.ball_diameter:g} mm"
 
     def standardised(self, change: np.ndarray) -> np.ndarray:
         """The change (H, W, 3) that a standard sensor would show where this one shows `change` (H, W, 3)."""
@@ -114,6 +123,7 @@ class SensorCalibration:
                 return cls(
                     serial=str(file["serial"]),
                     ball_diameter=float(file["ball_diameter"]),
+                    object_name=str(file["object_name"]),
                     sensor=str(file["sensor"]),
                     pixel_size=float(file["pixel_size"]),
                     coefficients=_finite(file["coefficients"], (12, 6, 2)),

@@ -1,4 +1,4 @@
-"""`midastouch calibrate`: what one DIGIT's colours say of slopes, from presses of a ball."""
+"""`midastouch calibrate`: what one DIGIT's colours say of slopes, from presses of a ball or a slide over an object."""
 
 from __future__ import annotations
 
@@ -16,19 +16,22 @@ def add_parser(subparsers) -> None:
         subparsers,
         "calibrate",
         run,
-        "learn how deep a DIGIT's colours are from 5 to 40 presses of a ball",
+        "learn how deep a DIGIT's colours are from presses of a ball, or from a slide over a known object",
         "midastouch calibrate live --ball-diameter 0.006 --serial D20123",
         "Press one ball straight onto the gel, in ten places spread over it, and save an image of each. Nothing\n"
-        "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. DIR\n"
-        "may hold the no-contact image as background.png; else it is made of the images. The result is\n"
+        "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. The\n"
+        "folder may hold the no-contact image as background.png; else it is made of the images. The result is\n"
         "cross-validated. With --serial it is kept beside the sensor's no-contact image, and the node tdn uses it at\n"
-        "its next start. live instead of DIR: guides through the presses of a running sensor, whose no-contact image\n"
-        "was captured.",
+        "its next start. live instead of a folder: guides through the presses of a running sensor, whose no-contact\n"
+        "image was captured; midastouch view shows where to press.\n"
+        "Without a ball: --object with the mesh that SOURCE, a sequence or a bag, slides over at known poses.",
     )
-    parser.add_argument("folder", metavar="DIR", help="images of the presses (PNG or JPEG), or live")
     parser.add_argument(
-        "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
+        "source", metavar="SOURCE", help="folder of images of presses (PNG or JPEG), live, or with --object a slide"
     )
+    touched = parser.add_mutually_exclusive_group(required=True)
+    touched.add_argument("--ball-diameter", type=arguments.positive, metavar="METRES", help="diameter of the ball")
+    touched.add_argument("--object", metavar="MESH", help="what SOURCE slides over: a mesh in metres, or a bundled one")
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
     parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
@@ -36,56 +39,109 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
+    parser.add_argument("--namespace", default="", help="of the live sensor (default: none)")
     parser.add_argument("--save", metavar="DIR", help="of live presses (default out/presses/SERIAL)")
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.ball_calibration.fit import calibrate
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn.background_store import store_of
-
-    from ..evaluation.table import text_table
 
     store = store_of(args.background_folder, args.serial)
     if store is None and not args.out:
         raise InputError("nowhere to keep the calibration; give the sensor's --serial, or a file with --out")
+    path = Path(args.out) if args.out else store.calibration_path
+    if args.object and args.source == "live":
+        raise InputError("calibrate live: needs a ball (--ball-diameter); with --object give a recorded slide")
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         sensor = sensor.at_scale(1e3 * args.px_per_mm)
-    folder = Path(args.folder)
-    if args.folder == "live":
-        folder = Path(args.save or f"out/presses/{args.serial}")
-        if not _collect(args, store, sensor, folder):
-            return 1
-    images, background = _read(folder)
-    result = calibrate(images, background, args.ball_diameter, sensor, args.serial)
-    path = Path(args.out) if args.out else store.calibration_path
-    result.calibration.save(path)
+    if args.source == "live":
+        code, result, images = _live(args, path)
+        if result is None:
+            return code
+    else:
+        result, images = _of_object(args, store, sensor) if args.object else _of_presses(args, sensor)
+        result.calibration.save(path)
+    _report(args, result, images, sensor)
+    print(f"{path}: calibration from {result.calibration.touched}")
+    return 0
+
+
+def _of_presses(args: argparse.Namespace, sensor):
+    from midastouch_perception.ball_calibration.fit import calibrate
+
+    images, background = _read(Path(args.source))
+    return calibrate(images, background, args.ball_diameter, sensor, args.serial), images
+
+
+def _of_object(args: argparse.Namespace, store, sensor):
+    from midastouch_perception.ball_calibration.object_fit import calibrate_on_object, choose_touches
+
+    from ..bags.posed_slide import PosedSlide
+
+    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source)
+    chosen = choose_touches(slide.poses, mesh, sensor)
+    kept = store.load(sensor.height, sensor.width) if store else None
+    background = slide.background() if kept is None else kept
+    images = {f"frame {i}": image for i, image in zip(chosen, slide.images(chosen), strict=True)}
+    return calibrate_on_object(images, slide.poses[chosen], background, mesh, sensor, args.serial), images
+
+
+def _live(args: argparse.Namespace, path: Path):
+    """From the running sensor, kept at `path`: exit code, result and images of the presses; without a result if the
+    guide was ended before the last press, or the presses cannot be used."""
+    try:
+        from midastouch_perception.nodes.calibrate import CalibrateNode
+        from midastouch_perception.ros import spin
+    except ImportError as error:
+        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
+
+    if not args.serial:
+        raise InputError("calibrate live: give the sensor's --serial")
+    folder = args.save or f"out/presses/{args.serial}"
+    parameters = {
+        "serial": f"'{args.serial}'",
+        "ball_diameter": args.ball_diameter,
+        "sensor_model": args.sensor,
+        "px_per_mm": args.px_per_mm or 0.0,
+        "background_folder": f"'{args.background_folder}'",
+        "out": f"'{path}'",
+        "presses_folder": f"'{folder}'",
+    }
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    if args.namespace:
+        words += ["-r", f"__ns:=/{args.namespace.strip('/')}"]
+    made: list[CalibrateNode] = []
+
+    def guide() -> list[CalibrateNode]:
+        made.append(CalibrateNode(lambda text: print(text, flush=True), once=True))
+        return made
+
+    code = spin.run(guide, ["calibrate", "--ros-args", *words])
+    if not made or made[0].failure:
+        return 2, None, {}
+    if made[0].result is None:
+        print(f"{folder}: {len(made[0].images)} presses; midastouch calibrate {folder} uses five or more")
+        return 1, None, {}
+    return code, made[0].result, made[0].images
+
+
+def _report(args: argparse.Namespace, result, images, sensor) -> None:
+    """What became of every touch, what the calibration is worth, and the page."""
+    from ..evaluation.table import text_table
+    from ..report.calibration import calibration_page, figure_rows
+
     for press in result.presses:
         if press.problem:
             print(f"{press.name}: not used: {press.problem}")
-    figures = result.figures
-    rows = [
-        [
-            f"radius of the ball by the colours, {500 * args.ball_diameter:g} mm in truth",
-            f"{1e3 * figures['felt_radius_before']:.1f} mm",
-            f"{1e3 * figures['felt_radius_after']:.1f} mm",
-        ],
-        [
-            "slopes of the ball explained",
-            f"{100 * figures['explained_before']:.0f} %",
-            f"{100 * figures['explained_after']:.0f} %",
-        ],
-    ]
-    print(text_table(["on presses not calibrated with, median", "before", "after"], rows))
+    print(text_table(["on touches not calibrated with, median", "before", "after", "truth"], figure_rows(result)))
+    if result.doubt:
+        print(f"warning: {result.doubt}")
     if args.page:
-        from ..report.calibration import calibration_page
-
         print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")
-    print(f"{path}: calibration from {result.calibration.presses} presses")
-    return 0
 
 
 def _read(folder: Path):
@@ -100,35 +156,3 @@ def _read(folder: Path):
     if not images:
         raise InputError(f"{folder}: no images (PNG or JPEG) of presses in it")
     return images, background
-
-
-def _collect(args: argparse.Namespace, store, sensor, folder: Path) -> bool:
-    """Save presses of the running sensor and its no-contact image in a folder; whether all were taken."""
-    import cv2
-
-    from midastouch_perception.ball_calibration.collector import PressCollector
-    from midastouch_perception.files import atomic_path
-
-    try:
-        from midastouch_perception.ros import spin
-
-        from ..nodes.press_collection import PressCollection
-    except ImportError as error:
-        raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
-
-    if store is None:
-        raise InputError("calibrate live: give the sensor's --serial")
-    background = store.load(sensor.height, sensor.width)
-    if background is None:
-        raise InputError(
-            f"{store.path}: no no-contact image of this sensor; start tdn with serial:={args.serial}, lift the finger "
-            "and call capture_background"
-        )
-    collector = PressCollector(background, args.ball_diameter, sensor)
-    spin.run(lambda: [PressCollection(collector, sensor, lambda text: print(text, flush=True))], ["calibrate"])
-    for name, image in {**collector.images, "background.png": background}.items():
-        with atomic_path(folder / name) as path:
-            path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
-    if not collector.done:
-        print(f"{folder}: {len(collector.images)} presses; midastouch calibrate {folder} uses five or more")
-    return collector.done

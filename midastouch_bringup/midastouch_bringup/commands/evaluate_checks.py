@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.ball_presses import load_ball_presses
     from ..evaluation.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
     from ..evaluation.check_tables import check_tables
+    from ..evaluation.diameter_checks import diameter_checks
     from ..evaluation.machine import machine_info
     from ..evaluation.real_checks import real_checks
     from ..evaluation.result_file import to_json, write_json
@@ -62,7 +63,9 @@ def run(args: argparse.Namespace) -> int:
     sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
     for own, other in progress_bar(iterable=itertools.pairwise(sensors), total=args.sensors, unit="sensor"):
         quality.add(own, other)
-    real = load_tdn(args.tdn, SensorModel.load("digit_real")) if presses else None
+    real = SensorModel.load("digit_real")
+    felt_by = load_tdn(args.tdn, real)
+    large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
     result = to_json(
         {
             "network": tdn.network_id,
@@ -76,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
             "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
-            "real_sensors": {name: real_checks(real, each, rng) for name, each in presses.items()},
+            "real_sensors": {name: real_checks(felt_by, each, rng) for name, each in presses.items()},
+            "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )
     if args.json:

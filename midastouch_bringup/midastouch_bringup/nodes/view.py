@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.qos import QoSProfile
@@ -49,6 +50,7 @@ class _Topic:
     kind: type
     profile: QoSProfile
     draw: Callable[[Any], None]
+    holding: bytes = b""  # what a message must hold to be drawn: others would take the place of those that do
 
 
 class View(PipelineNode):
@@ -62,6 +64,7 @@ class View(PipelineNode):
         self._stamp = 0
         self._quiet_ticks, self._silent_after = 0, max(1, round(SILENT_S * settings["rate"]))
         latest, reliable = qos.stream_subscriber(), qos.stream_subscriber(reliable=True)
+        self._guide = f"calibrate: {self.resolve_topic_name('calibrate')}"
         topics = (
             # In the order in which they are drawn: the mesh clears what was about the last object.
             _Topic("object_mesh", MarkerArray, qos.latched(), self._mesh),
@@ -72,7 +75,9 @@ class View(PipelineNode):
             _Topic("pose_modes", PoseModes, latest, self._modes),
             _Topic("pose", PoseWithCovarianceStamped, qos.latched(), lambda msg: scene.estimate(_pose(msg))),
             _Topic("tactile/points", PointCloud2, latest, lambda msg: scene.contact(points_from_msg(msg))),
-            _Topic("/tf", TFMessage, qos.TF, self._truth),
+            # All of TF passes here, and only the truth, which few recordings have, is drawn.
+            _Topic("/tf", TFMessage, qos.TF, self._truth, TRUTH_GEL_FRAME.encode()),
+            _Topic("/diagnostics", DiagnosticArray, qos.stream_subscriber(10), self._guidance, self._guide.encode()),
         )
         self._topics = {topic.name: topic for topic in topics}
         for topic in topics:
@@ -82,8 +87,7 @@ class View(PipelineNode):
         self.create_timer(1 / settings["rate"], self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _keep(self, name: str, data: bytes) -> None:
-        # All of TF passes here, and only the truth, which few recordings have, is drawn.
-        if name != "/tf" or TRUTH_GEL_FRAME.encode() in data:
+        if self._topics[name].holding in data:
             self._newest[name] = data
 
     def _draw(self) -> None:
@@ -114,6 +118,11 @@ class View(PipelineNode):
         numbers = {"particles/all": msg.n_particles, "particles/effective": msg.ess, "mass/best": msg.mode_mass}
         numbers |= {f"ms/{name}": ms for name, ms in zip(msg.stage_names, msg.stage_ms, strict=False)}
         self._scene.status(msg.state, msg.reason, {k: v for k, v in numbers.items() if np.isfinite(v)})
+
+    def _guidance(self, msg: DiagnosticArray) -> None:
+        for status in msg.status:
+            if status.name == self._guide:
+                self._scene.guidance(status.message, {value.key: value.value for value in status.values})
 
     def _particles(self, msg: PointCloud2) -> None:
         cloud = points_from_msg(msg, ("x", "y", "z", "intensity"))

@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from midastouch_perception.ball_calibration.fit import Result, penetration_of
+from midastouch_perception.ball_calibration.fit import Result
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
 from .figures import PENETRATION_COLOURS, save
 from .page import Page
 
-_TITLES = ("difference", "felt before", "felt after", "the ball")
+_TITLES = ("difference", "felt before", "felt after", "pressed")
+_MOST_SHOWN = 20
 _ACROSS = 2  # presses side by side
 
 
@@ -24,29 +25,15 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
     images (320, 240, 3) uint8 RGB by name, of which `result` was made; sensor, full size.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    calibration, figures = result.calibration, result.figures
+    calibration = result.calibration
     page = Page(f"Calibration of {calibration.serial or 'a DIGIT'}")
     page.note(
-        f"{calibration.presses} of {len(result.presses)} presses of a ball of {1e3 * calibration.ball_diameter:g} mm, "
-        f"{calibration.date}. Each press is felt with a calibration that was made without it."
+        f"{calibration.touched}, of {len(result.presses)} images, {calibration.date}. Each is felt with a calibration "
+        "that was made without it."
     )
-    page.table(
-        ["median over presses", "before", "after", "truth"],
-        [
-            [
-                "radius of the ball by the colours, mm",
-                f"{1e3 * figures['felt_radius_before']:.2f}",
-                f"{1e3 * figures['felt_radius_after']:.2f}",
-                f"{500 * calibration.ball_diameter:.2f}",
-            ],
-            [
-                "slopes of the ball explained",
-                f"{figures['explained_before']:.2f}",
-                f"{figures['explained_after']:.2f}",
-                "1.00",
-            ],
-        ],
-    )
+    if result.doubt:
+        page.note(f"Warning: {result.doubt}.")
+    page.table(["median", "before", "after", "truth"], figure_rows(result))
     page.picture(save(_figure(result, images, sensor), folder / "presses.png"), "Presses before and after")
     unused = [[press.name, press.problem] for press in result.presses if press.problem]
     if unused:
@@ -55,17 +42,34 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
     return page.write(folder / "index.html")
 
 
+def figure_rows(result: Result) -> list[list[str]]:
+    """What the calibration is worth: name, before, after, truth."""
+    figures, diameter = result.figures, result.calibration.ball_diameter
+    rows = [
+        _row(figures, "steepness", "steepness of the slopes, of the true ones", 1.0),
+        _row(figures, "explained", "share of the slopes explained", 1.0),
+    ]
+    if diameter:
+        radius = {name: 1e3 * value for name, value in figures.items()}
+        rows.insert(0, _row(radius, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
+    return rows
+
+
+def _row(figures: dict[str, float], name: str, title: str, truth: float) -> list[str]:
+    return [title, f"{figures[f'{name}_before']:.2f}", f"{figures[f'{name}_after']:.2f}", f"{truth:.2f}"]
+
+
 def _figure(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> Figure:
     """Five pictures a press, two presses a row; one colour scale of penetration for all."""
-    shown = [(p, c) for p, c in zip(result.presses, result.held_out, strict=True) if c is not None]
+    every = zip(result.presses, result.held_out, result.penetrations, strict=True)
+    shown = [each for each in every if each[1] is not None][:_MOST_SHOWN]
     plain = load_tdn("fast", sensor)
     rows = []
-    for press, calibration in shown:
+    for press, calibration, penetration in shown:
         image = images[press.name]
         before = plain.predict(image, result.background)
         after = load_tdn("fast", sensor, calibration=calibration).predict(image, result.background)
-        ball = np.maximum(penetration_of(press, 0.5 * calibration.ball_diameter, result.sensor), 0)
-        rows.append((press, image, (before, after, ball)))
+        rows.append((press, image, (before, after, np.maximum(penetration, 0))))
     deepest = max(1e-4, *(float(relief.max()) for _, _, reliefs in rows for relief in reliefs))
     lines = -(-len(rows) // _ACROSS)
     figure = Figure(figsize=(14, 2.1 * lines + 0.4), layout="constrained")

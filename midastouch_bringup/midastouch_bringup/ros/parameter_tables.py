@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from digit_driver.nodes.parameters import PARAMETERS as DIGIT_DRIVER
 from midastouch_filter.nodes.filter_parameters import PARAMETERS as PARTICLE_FILTER
+from midastouch_perception.nodes.calibrate import PARAMETERS as CALIBRATE
 from midastouch_perception.nodes.tcn import PARAMETERS as TCN
 from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
@@ -29,6 +30,7 @@ TABLES = {
     "ur_tf": UR_TF,
     "mount_tf": MOUNT_TF,
     "detection_prior": DETECTION_PRIOR,
+    "calibrate": CALIBRATE,
     "view": VIEW,
 }
 

@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from midastouch_perception.ball_calibration.collector import REGIONS
+
 from . import require_rerun
 from .appearance import Trail, ellipsoids, weight_colours
+from .guidance import guidance_text, region_box
 
 _MOST_PARTICLES = 10_000
 _MOST_LABELS = 4
@@ -22,6 +25,7 @@ class Scene:
     def __init__(self, recording) -> None:
         self._rr, self._recording = require_rerun(), recording
         self._trails = {"estimate": Trail(), "truth": Trail()}
+        self._guiding = False
         recording.send_blueprint(self._blueprint())
 
     def mesh(self, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray) -> None:
@@ -95,6 +99,20 @@ class Scene:
         for name, value in numbers.items():
             self._recording.log(f"filter/{name}", self._rr.Scalars(float(value)))
 
+    def guidance(self, step: str, values: Mapping[str, str]) -> None:
+        """What to do next in a calibration, and how far it is: the values of the node `calibrate`."""
+        if not self._guiding:
+            self._guiding = True
+            self._recording.send_blueprint(self._calibration_blueprint())
+        text = guidance_text(step, values)
+        self._recording.log("calibration", self._rr.TextDocument(text, media_type="text/markdown"))
+        if (region := values.get("region")) in REGIONS:
+            low, size = region_box(region)
+            box = self._rr.Boxes2D(mins=[low], sizes=[size], labels=["press here"], colors=[_ESTIMATE])
+        else:
+            box = self._rr.Clear(recursive=True)
+        self._recording.log("image/next", box)
+
     def _trail(self, name: str, pose: np.ndarray, colour: tuple[int, int, int]) -> None:
         trail = self._trails[name]
         trail.add(pose[:3, 3])
@@ -103,6 +121,17 @@ class Scene:
 
     def _log(self, name: str, content) -> None:
         self._recording.log(f"object/{name}", content)
+
+    def _calibration_blueprint(self):
+        from rerun import blueprint
+
+        return blueprint.Blueprint(
+            blueprint.Horizontal(
+                blueprint.Spatial2DView(origin="image", name="tactile image"),
+                blueprint.TextDocumentView(origin="calibration", name="calibration"),
+            ),
+            collapse_panels=True,
+        )
 
     def _blueprint(self):
         from rerun import blueprint

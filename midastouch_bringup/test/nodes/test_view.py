@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
@@ -158,6 +159,18 @@ def test_unusable_messages_do_not_end_the_view(graph, scene, view):
     graph.spin_until(lambda: scene.of("modes"), "modes after bad ones")
     assert not scene.of("image")
     assert not scene.of("particles")
+
+
+def test_the_guide_of_a_calibration_is_passed_on_whatever_else_is_on_diagnostics(graph, scene, view):
+    health = graph.publisher(DiagnosticArray, "/diagnostics")
+    guide = DiagnosticStatus(name="calibrate: /calibrate", message="1 of 10: lift the ball")
+    guide.values = [KeyValue(key="taken", value="1"), KeyValue(key="region", value="centre")]
+    health.publish(DiagnosticArray(status=[guide]))
+    for name in ("tdn: /tdn", "calibrate: /left/calibrate"):
+        health.publish(DiagnosticArray(status=[DiagnosticStatus(name=name, message="another")]))
+    graph.spin_until(lambda: scene.of("guidance"), "the guide")
+    graph.spin_for(0.2)
+    assert scene.of("guidance") == [("1 of 10: lift the ball", {"taken": "1", "region": "centre"})]
 
 
 def test_it_says_when_the_filter_falls_silent(graph, scene, monkeypatch):

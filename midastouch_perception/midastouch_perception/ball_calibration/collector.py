@@ -51,7 +51,8 @@ class PressCollector:
     @property
     def next_step(self) -> str:
         """What to do now, in words."""
-        return f"{len(self.images)} of {self._wanted}: press the ball at the {self.missing_region}"
+        what = "lift the ball" if self._judged else f"press the ball at the {self.missing_region}"
+        return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:
         """One image (320, 240, 3) uint8 RGB; what became of the press, in words, empty while nothing is decided.
@@ -75,14 +76,14 @@ class PressCollector:
         press = look_at("press", image, self._light, self._radius, self._half)
         if press.problem:
             self.refusals.append(press.problem)
-            return f"not taken: {press.problem}; lift and press again"
+            return f"not taken: {press.problem}"
         near = [self._distance(press.contact, other) for other in self._contacts]
         if near and min(near) < _APART:
             self.refusals.append("there was a press at this place already")
-            return f"not taken: {self.refusals[-1]}; lift and press elsewhere"
+            return f"not taken: {self.refusals[-1]}"
         self._contacts.append(press.contact)
         self.images[f"press_{len(self.images):02d}.png"] = image.copy()
-        return "taken: lift the ball"
+        return "taken"
 
     def _blocks(self, image: np.ndarray) -> np.ndarray:
         change = self._light.difference(reduce_image(image))

@@ -8,19 +8,18 @@ from datetime import datetime, timezone
 import numpy as np
 
 from ..errors import InputError
-from ..sensor_calibration import SensorCalibration, background_colours, plain_slopes
+from ..sensor_calibration import SensorCalibration, background_colours
 from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
+from .held_out import FEWEST, cross_validation, fitted, upright_strength
 from .presses import Press, background_behind, look_at, visible_share
 from .refine import refine_contacts
-from .response import NormalEquations, height_slopes, press_equations
 
-FEWEST, MOST = 5, 40
+MOST = 40
 _EXPLAINED = 0.3  # of a press, by the light of all
 _VISIBLE = 0.7
-_FOLDS = 5
 _WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
 _STRENGTH = 0.42, 1.25  # colour by slope, of the standard sensor's, that any DIGIT measured has
 _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has not seen
@@ -28,17 +27,20 @@ _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """calibration; presses, all images as judged; sensor, at the map's resolution; background (320, 240, 3) uint8;
-    held_out, the calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation`); doubt about the ball's diameter, in words, empty if there is none."""
+    """calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less beside it
+    (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
+    calibration of each press from the others (None where it is not used); figures of the held-out ones
+    (`cross_validation`; of a ball also its radius [m] by the slopes, felt_radius_before and felt_radius_after); doubt
+    about the ball's diameter, in words, empty if there is none."""
 
     calibration: SensorCalibration
     presses: list[Press]
+    penetrations: list[np.ndarray | None]
     sensor: SensorModel
     background: np.ndarray
     held_out: list[SensorCalibration | None]
     figures: dict[str, float]
-    doubt: str
+    doubt: str = ""
 
 
 def calibrate(
@@ -69,75 +71,41 @@ def calibrate(
     pressed = [images[press.name] for press in presses if not press.problem]
     doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
 
-    equations = [_equations(press, radius, half) for press in presses]
-    used = [i for i, press in enumerate(presses) if not press.problem]
-    made = {
-        "serial": serial,
-        "ball_diameter": ball_diameter,
-        "sensor": sensor.name,
-        "pixel_size": sensor.pixel_size,
-        "background": background_colours(background),
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-    }
-
-    def solved(indices: list[int]) -> SensorCalibration:
-        total = sum((equations[i] for i in indices), NormalEquations())
-        return SensorCalibration(coefficients=total.solve(), presses=len(indices), **made)
-
-    folds = [solved([i for k, i in enumerate(used) if k % _FOLDS != fold]) for fold in range(_FOLDS)]
-    held_out: list[SensorCalibration | None] = [None] * len(presses)
-    for k, i in enumerate(used):
-        held_out[i] = folds[k % _FOLDS]
-    figures = cross_validation(presses, held_out, radius, half)
+    penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
+    changes = [press.change for press in presses]
+    made = made_of(background, sensor, serial, ball_diameter=ball_diameter)
+    calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
+    figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
+    # a ball's slopes are position over radius, nearly
+    figures |= {f"felt_radius_{when}": radius / figures[f"steepness_{when}"] for when in ("before", "after")}
     if figures["explained_after"] < _AGREEMENT:
         raise InputError(
             f"the presses do not agree with one ball of {1e3 * ball_diameter:g} mm (a calibration explains "
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, and give its diameter"
         )
-    return Result(solved(used), presses, half, background, held_out, figures, doubt)
+    return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 
-def cross_validation(
-    presses: list[Press], held_out: list[SensorCalibration | None], ball_radius: float, sensor: SensorModel
-) -> dict[str, float]:
-    """How well slopes are known in each used press's contact, by a calibration that has not seen it (medians).
-
-    explained_before, explained_after: share of the ball's slopes explained without and with calibration;
-    felt_radius_before, felt_radius_after [m]: of the ball with these slopes.
-    """
-    rows = []
-    for press, calibration in zip(presses, held_out, strict=True):
-        if calibration is None:
-            continue
-        truth, inside = contact_slopes(press, ball_radius, sensor)
-        row = []
-        for slopes in (plain_slopes(press.change), calibration.response.slopes(press.change)):
-            error, scale = (slopes - truth)[inside], float((truth[inside] ** 2).sum())
-            # a ball's slopes are position over radius, nearly
-            steepness = float((slopes[inside] * truth[inside]).sum()) / scale
-            row += [1 - float((error**2).sum()) / scale, ball_radius / max(steepness, 0.05)]
-        rows.append(row)
-    names = ("explained_before", "felt_radius_before", "explained_after", "felt_radius_after")
-    return dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
-
-
-def contact_slopes(press: Press, ball_radius: float, sensor: SensorModel) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes (H, W, 2) of the ball in a press, and where (H, W) bool it touches."""
-    penetration = penetration_of(press, ball_radius, sensor)
-    return height_slopes(np.maximum(penetration, 0), sensor.pixel_size), penetration > 0
+def made_of(
+    background: np.ndarray, sensor: SensorModel, serial: str, ball_diameter: float = 0.0, object_name: str = ""
+) -> dict:
+    """What a calibration says of how it was made, but for the number of touches."""
+    return {
+        "serial": serial,
+        "ball_diameter": ball_diameter,
+        "object_name": object_name,
+        "sensor": sensor.name,
+        "pixel_size": sensor.pixel_size,
+        "background": background_colours(background),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    }
 
 
 def penetration_of(press: Press, ball_radius: float, sensor: SensorModel) -> np.ndarray:
     """Penetration (H, W) m of the ball in a press, negative beside its contact."""
     contact = press.contact
     return ball_penetration(ball_centre(contact.u, contact.v, contact.radius, ball_radius, sensor), ball_radius, sensor)
-
-
-def _equations(press: Press, ball_radius: float, sensor: SensorModel) -> NormalEquations:
-    if press.problem:
-        return NormalEquations()
-    return press_equations(press.change, penetration_of(press, ball_radius, sensor), sensor.pixel_size)
 
 
 def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> list[Press]:
@@ -167,18 +135,9 @@ def _check_diameter(presses: list[Press], ball_diameter: float, sensor: SensorMo
     widest = float(np.median([press.contact.radius for press in used])) / radius
     if widest > _WIDEST:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
-    strength = []  # across and along the finger, and altogether
-    for press in used:
-        truth, inside = contact_slopes(press, radius, sensor)
-        product, square = plain_slopes(press.change)[inside] * truth[inside], truth[inside] ** 2
-        strength.append([*(product.sum(axis=0) / square.sum(axis=0)), product.sum() / square.sum()])
-    across, along, middle = np.median(strength, axis=0)
-    if min(across, along) < 0:
-        raise InputError(
-            "the colours answer to slopes the other way round than on other DIGITs: the images are turned or mirrored, "
-            "have red and blue swapped, or the no-contact image shows a contact; check the driver's rotation and "
-            "encoding, and capture the no-contact image anew"
-        )
+    middle = upright_strength(
+        [press.change for press in used], [penetration_of(press, radius, sensor) for press in used], sensor.pixel_size
+    )
     if not _STRENGTH[0] < middle < _STRENGTH[1]:
         likely = 1e3 * ball_diameter / middle
         raise InputError(

@@ -10,9 +10,9 @@ import numpy as np
 from ..sensor_model import SensorModel
 from ..tdn.background import estimate_background
 from ..tdn.colour_layout import exposure_problem
+from ..tdn.drift import without_drift
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
 from ..tdn.inputs import ContactLight, reduce_image
-from .response import place_terms
 from .search import Contact, find_contact
 
 _FAINT = 8.0  # grey levels of a block: less is no contact
@@ -23,8 +23,6 @@ _APART = 2.0  # radii: what is further away is not of the same contact
 _VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
 _BRIGHT = 250
-_DRIFT_ROUNDS = 6
-_QUIET = 0.6  # of the image is free of contact and shadow
 _MASK = 1.7  # radii around a press that are no background
 _PASSES = 2
 
@@ -44,10 +42,8 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
     """What an image (2 H, 2 W, 3) uint8 RGB shows; sensor at the map's resolution, ball_radius m."""
     seen = light.difference(reduce_image(image)).astype(np.float32)
     change = without_drift(seen)
-    if problem := exposure_problem(image, 0.5):
+    if problem := image_problem(image, seen):
         return Press(name, change, None, problem)
-    if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
-        return Press(name, change, None, f"differs from the no-contact image everywhere, by {quiet:.0f} grey levels")
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
     if np.abs(blocks).max() < _FAINT:
@@ -56,21 +52,14 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
     return Press(name, change, contact, _problem(image, change, contact, ball_radius, sensor))
 
 
-def without_drift(change: np.ndarray) -> np.ndarray:
-    """A change (H, W, 3) less what varies slowly over the image: lamps that have warmed since the no-contact image.
-
-    A quadratic in the position, fitted to block means by least squares over and over, each time to the quieter ones.
-    """
-    height, width = change.shape[:2]
-    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-    places = place_terms(*blocks.shape[:2]).reshape(-1, 6)
-    blocks = blocks.reshape(-1, 3)
-    kept = np.ones(len(blocks), bool)
-    for _ in range(_DRIFT_ROUNDS):
-        factors = np.linalg.lstsq(places[kept], blocks[kept], rcond=None)[0]
-        off = np.abs(blocks - places @ factors).max(axis=1)
-        kept = off <= max(np.quantile(off, _QUIET), 1e-3)
-    return change - (place_terms(height, width) @ factors).astype(np.float32)
+def image_problem(image: np.ndarray, seen: np.ndarray) -> str:
+    """Why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the no-contact image
+    cannot be of the same sensor, whatever touches it; empty if it can."""
+    if problem := exposure_problem(image, 0.5):
+        return problem
+    if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
+        return f"differs from the no-contact image everywhere, by {quiet:.0f} grey levels"
+    return ""
 
 
 def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:

@@ -18,7 +18,7 @@ _ROUNDS = 2
 _EVERY = 2  # px
 _REACH, _LENS = 0.3e-3, 0.1e-3  # m, as in `search.py`
 _RIDGE = 1e-3
-_LEVELS = 15.0  # grey levels of a residual from which on it counts less: shadows are not modelled
+LEVELS = 15.0  # grey levels of a residual from which on it counts less: shadows are not modelled
 _RADII = 0.1, 0.97  # of the ball's
 
 
@@ -31,30 +31,44 @@ def refine_contacts(
     position, the same for all presses.
     """
     for _ in range(_ROUNDS):
-        factors = _fit_light(changes, [_shape(c, ball_radius, sensor) for c in contacts])
+        factors = fit_light(changes, [_shape(c, ball_radius, sensor) for c in contacts])
         contacts = [_moved(x, c, factors, ball_radius, sensor) for x, c in zip(changes, contacts, strict=True)]
     return contacts
 
 
 def _shape(contact: Contact, ball_radius: float, sensor: SensorModel) -> np.ndarray:
-    """Terms (H, W, 5) of the gel's slopes under a ball."""
     centre = ball_centre(contact.u, contact.v, contact.radius, ball_radius, sensor)
-    touched = np.maximum(ball_penetration(centre, ball_radius, sensor), 0)
+    return slope_terms(np.maximum(ball_penetration(centre, ball_radius, sensor), 0), sensor)
+
+
+def slope_terms(touched: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Terms (h, w, 5) of the gel's slopes, linear and quadratic, around a penetration (H, W) m at every pixel looked
+    at."""
     height = sunk_in(touched, sensor.pixel_size, _REACH, 1.0)
     slopes = height_slopes(cv2.GaussianBlur(height, (0, 0), _LENS / sensor.pixel_size), sensor.pixel_size)
     x, y = slopes[..., 0], slopes[..., 1]
     return np.stack([x, y, x * x - y * y, 2 * x * y, x * x + y * y], axis=-1)[::_EVERY, ::_EVERY]
 
 
-def _fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarray:
-    """Factors (h, w, 5, 3) of the terms in each colour, at every pixel that is looked at."""
+def looked_at(change: np.ndarray) -> np.ndarray:
+    """The pixels (h, w, 3) of a change (H, W, 3) that are looked at: neighbours say the same."""
+    return change[::_EVERY, ::_EVERY]
+
+
+def lit(shape: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Change (h, w, 3) of the colours by terms (h, w, 5) under a light (h, w, 5, 3)."""
+    return (shape[..., None, :] @ factors)[..., 0, :]
+
+
+def fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarray:
+    """Factors (h, w, 5, 3) of the terms (h, w, 5) in each colour, from changes (H, W, 3) grey levels."""
     places = place_terms(*changes[0].shape[:2])[::_EVERY, ::_EVERY]
     size = shapes[0].shape[-1] * places.shape[-1]
     square, target = np.zeros((size, size)), np.zeros((size, 3))
     for change, shape in zip(changes, shapes, strict=True):
         design = (shape[..., None] * places[..., None, :]).reshape(-1, size).astype(float)
         square += design.T @ design
-        target += design.T @ change[::_EVERY, ::_EVERY].reshape(-1, 3)
+        target += design.T @ looked_at(change).reshape(-1, 3)
     ridge = _RIDGE * np.trace(square) / size * np.tile([0.1, 1, 1, 3, 3, 3], shapes[0].shape[-1])
     weights = np.linalg.solve(square + np.diag(ridge + 1e-9), target)
     return np.einsum("kpc,hwp->hwkc", weights.reshape(-1, places.shape[-1], 3), places).astype(np.float32)
@@ -63,7 +77,7 @@ def _fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarra
 def _moved(
     change: np.ndarray, contact: Contact, factors: np.ndarray, ball_radius: float, sensor: SensorModel
 ) -> Contact:
-    seen = change[::_EVERY, ::_EVERY]
+    seen = looked_at(change)
 
     def at(values: np.ndarray) -> Contact:
         u, v, share = values
@@ -71,11 +85,11 @@ def _moved(
 
     def residual(values: np.ndarray) -> np.ndarray:
         shape = _shape(at(values), ball_radius, sensor)
-        return (seen - (shape[..., None, :] @ factors)[..., 0, :]).ravel()
+        return (seen - lit(shape, factors)).ravel()
 
     start = [contact.u, contact.v, contact.radius / ball_radius]
     found = least_squares(
-        residual, start, loss="soft_l1", f_scale=_LEVELS, diff_step=[3e-3, 3e-3, 1e-2], x_scale=[2, 2, 0.05], max_nfev=8
+        residual, start, loss="soft_l1", f_scale=LEVELS, diff_step=[3e-3, 3e-3, 1e-2], x_scale=[2, 2, 0.05], max_nfev=8
     )
     explained = 1 - float((residual(found.x) ** 2).sum()) / max(float((seen**2).sum()), 1e-9)
     return dataclasses.replace(at(found.x), explained=explained)

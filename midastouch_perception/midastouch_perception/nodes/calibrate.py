@@ -29,7 +29,9 @@ PARAMETERS = (
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
     Parameter("background_folder", "", "Where sensors' images are kept; empty: $ROS_HOME/midastouch/backgrounds"),
     Parameter("out", "", "File of the calibration; empty: beside the no-contact image, where tdn looks for it"),
-    Parameter("presses_folder", "", "Folder for the images of the presses; empty: not kept"),
+    Parameter(
+        "presses_folder", "", "Folder for images of presses, in place of earlier ones; empty: not kept"
+    ),
 )
 
 _SHOWN = 5  # presses thrown away of which the reason is told
@@ -53,6 +55,8 @@ class CalibrateNode(PipelineNode):
         if self._settings["px_per_mm"]:
             self._sensor = self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
         self._background, self._path = self._required()
+        folder = self._settings["presses_folder"]
+        self._presses = Path(folder) if folder else None
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._begin()
@@ -83,29 +87,33 @@ class CalibrateNode(PipelineNode):
         self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
         self.result: Result | None = None
         self.failure = self._last = ""
+        if self._presses is not None:
+            for old in self._presses.glob("press_*.png"):
+                old.unlink()
+            self._keep_image("background.png", self._background)
         self._tell(self._collector.next_step)
 
     def _on_image(self, msg: Image) -> None:
         if self._collector.done:
             return
+        taken, step = len(self.images), self._collector.next_step
         try:
             said = self._collector.observe(rgb_from_msg(msg, self._sensor.height, self._sensor.width))
         except InputError as error:
             self._diagnostics.problem("bad_images", f"image_raw: {error}")
             return
-        if not said:
-            return
-        self._last = said
-        if not self._collector.done:
-            self._tell(said, self._collector.next_step)
-            return
-        self._tell(said)
-        self._calibrate()
-        self.gave_up = self._once
+        self._last = said or self._last
+        if len(self.images) > taken:
+            self._keep_image(*list(self.images.items())[-1])
+        if self._collector.done:
+            self._tell(said)
+            self._calibrate()
+            self.gave_up = self._once
+        elif (then := self._collector.next_step) != step:
+            self._tell(*filter(None, [said, then]))
 
     def _calibrate(self) -> None:
         """Fit the presses taken so far and keep the result, or nothing."""
-        self._keep_images()
         try:
             with self._diagnostics.kept_up():
                 result = calibrate(self.images, self._background, self._diameter, self._sensor, self._serial)
@@ -117,13 +125,11 @@ class CalibrateNode(PipelineNode):
         self.result, self.failure = result, ""
         self._tell(*filter(None, [result.doubt, self._outcome()]))
 
-    def _keep_images(self) -> None:
-        if not self._settings["presses_folder"]:
+    def _keep_image(self, name: str, image: np.ndarray) -> None:
+        if self._presses is None:
             return
-        folder = Path(self._settings["presses_folder"])
-        for name, image in {**self.images, "background.png": self._background}.items():
-            with atomic_path(folder / name) as path:
-                path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+        with atomic_path(self._presses / name) as path:
+            path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
 
     def _outcome(self) -> str:
         made = self.result.calibration

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..contact import ContactDetector
 from ..errors import InputError
+from .drift import without_drift
 from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
 
 if TYPE_CHECKING:
@@ -53,11 +54,13 @@ def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> 
     """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
 
     Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: untouched gel is
-    the smoother of the two. Nor if the images differ everywhere, as those of two sensors do.
+    the smoother of the two. Nor if the images differ everywhere, as those of two sensors do, or slowly over the image,
+    as under lamps that have warmed.
     """
     difference = tdn.difference(candidate, present)
     if quietest_tenth(difference) > QUIET_LIMIT:
         return False
+    difference = without_drift(difference)
     felt = tdn.predict(candidate, present, difference)
     forward = explained_share(difference, felt)
     if forward is None or forward < EXPLAINED_LIMIT or not ContactDetector(tdn.sensor).update(felt).in_contact:

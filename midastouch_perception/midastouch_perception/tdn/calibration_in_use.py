@@ -32,7 +32,4 @@ class CalibrationInUse:
             return "none"
         if self.problem:
             return "refused"
-        return (
-            f"{self._calibration.presses} presses of a ball of {1e3 * self._calibration.ball_diameter:g} mm, "
-            f"{self._calibration.date}"
-        )
+        return f"{self._calibration.touched}, {self._calibration.date}"

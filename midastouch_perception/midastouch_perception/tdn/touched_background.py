@@ -11,7 +11,6 @@ import numpy as np
 
 from .background import estimate_background, shows_contact
 from .depth_net import DepthNet
-from .fit_check import explained_share
 
 
 class TouchedBackground:
@@ -46,19 +45,9 @@ class TouchedBackground:
         self.problem = ""
 
     def _judge(self) -> None:
-        usual = estimate_background(self._images)
         self.problem = ""
-        if shows_contact(self._tdn, self._background, usual) and self._more_a_touch_than_a_dent(usual):
+        if shows_contact(self._tdn, self._background, estimate_background(self._images)):
             self.problem = (
                 "the no-contact image shows a touch that the images do not have; lift the finger and call "
                 "capture_background"
             )
-
-    def _more_a_touch_than_a_dent(self, usual: np.ndarray) -> bool:
-        """Not so where the images all touch one place and the no-contact image is right."""
-        touch, dent = (
-            explained_share(difference, self._tdn.predict(*pair, difference))
-            for pair in ((self._background, usual), (usual, self._background))
-            for difference in (self._tdn.difference(*pair),)
-        )
-        return touch is not None and (dent is None or touch > dent)

@@ -21,11 +21,12 @@ def test_presses_are_taken_once_each_until_there_are_enough(collector, digit):
     assert collector.next_step == "0 of 2: press the ball at the top left"
     assert held(collector, digit.background) == []
     first = digit.image([(60, 60, 1.5e-3)])
-    assert held(collector, first, 12) == ["taken: lift the ball"]
-    assert collector.next_step == "1 of 2: press the ball at the top centre"
+    assert held(collector, first, 12) == ["taken"]
+    assert collector.next_step == "1 of 2: lift the ball"
     assert not collector.done
     held(collector, digit.background)
-    assert held(collector, digit.image([(180, 250, 1.5e-3)])) == ["taken: lift the ball"]
+    assert collector.next_step == "1 of 2: press the ball at the top centre"
+    assert held(collector, digit.image([(180, 250, 1.5e-3)])) == ["taken"]
     assert collector.done
     assert list(collector.images) == ["press_00.png", "press_01.png"]
     np.testing.assert_array_equal(collector.images["press_00.png"], first)
@@ -34,7 +35,7 @@ def test_presses_are_taken_once_each_until_there_are_enough(collector, digit):
 def test_a_ball_that_moves_is_waited_for(collector, digit):
     moving = [digit.image([(60 + 8 * i, 100, 1.5e-3)]) for i in range(10)]
     assert [collector.observe(image) for image in moving] == [""] * 10
-    assert held(collector, moving[-1]) == ["taken: lift the ball"]
+    assert held(collector, moving[-1]) == ["taken"]
 
 
 def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
@@ -44,8 +45,25 @@ def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
     assert "already" in said
     held(collector, digit.background)
     (said,) = held(collector, digit.image([(60, 70, 1.5e-3), (180, 260, 1.5e-3)]))
-    assert said == "not taken: two contacts; lift and press again"
+    assert said == "not taken: two contacts"
     assert len(collector.images) == 1
+    assert collector.refusals == ["there was a press at this place already", "two contacts"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda digit: digit.image([(3, 160, 1.5e-3)]), "cut off|not one ball"),
+        (lambda digit: np.full_like(digit.background, 255), "saturated"),
+        (lambda digit: np.zeros_like(digit.background), "black"),
+        (lambda digit: np.roll(digit.background, 60, axis=1), "differs from the no-contact image everywhere"),
+    ],
+)
+def test_presses_that_cannot_be_used_are_thrown_away_with_the_reason(collector, digit, spoil, said):
+    held(collector, spoil(digit))
+    (reason,) = collector.refusals
+    assert any(each in reason for each in said.split("|")), reason
+    assert collector.images == {}
 
 
 def test_images_of_another_size_are_refused(collector, digit):

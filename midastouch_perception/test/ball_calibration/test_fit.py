@@ -34,7 +34,7 @@ def test_what_it_was_made_of_is_written_down(result, real):
 
 @pytest.mark.parametrize("seed", [6, 8, 10])
 def test_other_sensors(real, another_digit, seed):
-    digit = another_digit(real, seed)
+    digit = another_digit(seed)
     figures = calibrate(digit.presses(8), digit.background, DIAMETER, real).figures
     assert figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.2)
 

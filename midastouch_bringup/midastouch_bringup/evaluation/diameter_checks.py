@@ -1,0 +1,50 @@
+"""How surely a wrong diameter of the ball is told, on imaginary sensors, and how often a right one is doubted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_perception.ball_calibration.diameter import diameter_doubt, felt_radius
+from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.ball_presses import PressedSensor
+
+FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
+"""Diameter given over the true one."""
+_RADII = 2e-3, 5e-3  # m
+_PRESSES = 8
+
+
+def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator) -> dict:
+    """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: felt over true radius (median), standard
+    deviation of its logarithm; by factor, shares of doubts (refusals among them) and of refusals."""
+    ratios, outcomes = [], {factor: [] for factor in FACTORS}
+    for _ in range(n):
+        radius = rng.uniform(*_RADII)
+        digit = PressedSensor(sensor, backgrounds, radius, rng)
+        felt = felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+        if felt is not None:
+            ratios.append(felt / radius)
+        for factor, seen in outcomes.items():
+            seen.append(_outcome(felt, 2 * radius * factor))
+    return {
+        "sensors": n,
+        "felt_over_true": float(np.median(ratios)),
+        "spread": float(np.std(np.log(ratios))),
+        "given": [
+            {"factor": factor, "doubted": _share(seen, 1), "refused": _share(seen, 2)}
+            for factor, seen in outcomes.items()
+        ],
+    }
+
+
+def _share(seen: list[int], least: int) -> float:
+    return float(np.mean(np.array(seen) >= least))
+
+
+def _outcome(felt: float | None, diameter: float) -> int:
+    """0 for none, 1 for a doubt, 2 for a refusal."""
+    try:
+        return int(bool(diameter_doubt(felt, diameter)))
+    except InputError:
+        return 2

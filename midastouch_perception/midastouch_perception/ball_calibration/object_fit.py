@@ -1,0 +1,101 @@
+"""The calibration of a sensor without a ball: from a slide over an object whose shape and poses are known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from ..errors import InputError
+from ..mesh import ObjectMesh
+from ..sensor_model import SensorModel
+from ..simulation.renderer import PenetrationRenderer
+from ..tdn.drift import without_drift
+from ..tdn.inputs import ContactLight, check_image, reduce_image
+from .fit import Result, made_of
+from .held_out import FEWEST, cross_validation, fitted, upright_strength
+from .pose_refinement import refine_poses
+from .presses import Press, image_problem
+
+_TOUCHES = 40  # of a slide: more tell little more
+_PRESSED = 0.2e-3  # m: less leaves hardly a trace
+_FREE = 0.4  # of the image: elsewhere it must be seen how bright the frame is
+_EXPLAINED = 0.3  # of a touch, by the light of all
+_AGREEMENT = 0.5  # share of the slopes that the fit explains on touches it has not seen
+_FLATTEST = 0.1  # typical slope of a contact: less tells nothing of colours
+
+
+def choose_touches(poses: np.ndarray, mesh: ObjectMesh, sensor: SensorModel) -> list[int]:
+    """Which of the poses T_obj_gel (N, 4, 4) of a slide to calibrate from: at most 40 contacts, spread over it.
+
+    sensor: full size. Raises InputError if there are too few with relief in them.
+    """
+    half = sensor.for_maps
+    maps = PenetrationRenderer(mesh, half).render(poses)
+    touched = maps > 0
+    slopes = np.hypot(*np.gradient(maps, half.pixel_size, axis=(1, 2)))
+    steep = (slopes * touched).sum(axis=(1, 2)) > _FLATTEST * touched.sum(axis=(1, 2))
+    usable = np.flatnonzero(steep & (maps.max(axis=(1, 2)) > _PRESSED) & (touched.mean(axis=(1, 2)) < 1 - _FREE))
+    if len(usable) < FEWEST:
+        raise InputError(
+            f"{len(usable)} of {len(poses)} poses press '{mesh.name}' into the gel so that its shape is seen, {FEWEST} "
+            "are needed; check the mesh (metres), its frame and the poses, or slide over edges and bumps"
+        )
+    return np.unique(usable[np.linspace(0, len(usable) - 1, _TOUCHES).round().astype(int)]).tolist()
+
+
+def calibrate_on_object(
+    images: dict[str, np.ndarray],
+    poses: np.ndarray,
+    background: np.ndarray,
+    mesh: ObjectMesh,
+    sensor: SensorModel,
+    serial: str = "",
+) -> Result:
+    """Calibrate from images (320, 240, 3) uint8 RGB by name of touches at poses T_obj_gel (N, 4, 4).
+
+    Poses may be off as tracked ones are. background: no-contact image; sensor: full size. Raises InputError if the
+    images do not allow it: too few usable touches, another object, other poses.
+    """
+    half = sensor.for_maps
+    light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
+    touches = []
+    for name, image in images.items():
+        seen = light.difference(reduce_image(check_image(image, sensor, name)))
+        touches.append(Press(name, without_drift(seen), None, image_problem(image, seen)))
+    touches, penetrations = _refined(touches, poses, PenetrationRenderer(mesh, half))
+    usable = sum(not touch.problem for touch in touches)
+    if usable < FEWEST:
+        reasons = "; ".join(f"{touch.name}: {touch.problem}" for touch in touches if touch.problem)
+        raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons}")
+    changes = [touch.change for touch in touches]
+    used = [(change, p) for change, p in zip(changes, penetrations, strict=True) if p is not None]
+    upright_strength(*zip(*used, strict=True), half.pixel_size)
+    made = made_of(background, sensor, serial, object_name=mesh.name)
+    calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
+    figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
+    if figures["explained_after"] < _AGREEMENT:
+        raise InputError(
+            f"the images do not agree with '{mesh.name}' at these poses (a calibration explains "
+            f"{100 * figures['explained_after']:.0f} % of the slopes of touches it has not seen); check the mesh, its "
+            "frame, the hand-eye calibration and the clocks of camera and arm (midastouch time-offset)"
+        )
+    return Result(calibration, touches, penetrations, half, background, held_out, figures)
+
+
+def _refined(
+    touches: list[Press], poses: np.ndarray, renderer: PenetrationRenderer
+) -> tuple[list[Press], list[np.ndarray | None]]:
+    """The touches as judged at refined poses, and the penetration of those that are used."""
+    used = [i for i, touch in enumerate(touches) if not touch.problem]
+    if not used:
+        return touches, [None] * len(touches)
+    moved, shares = refine_poses([touches[i].change for i in used], poses[used], renderer)
+    judged, penetrations = list(touches), [None] * len(touches)
+    for i, pose, share in zip(used, moved, shares, strict=True):
+        if share < _EXPLAINED:
+            why = f"not what the object leaves at this pose (explains {100 * share:.0f} % of it)"
+            judged[i] = dataclasses.replace(touches[i], problem=why)
+        else:
+            penetrations[i] = renderer.render(pose[None])[0]
+    return judged, penetrations

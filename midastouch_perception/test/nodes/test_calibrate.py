@@ -1,0 +1,187 @@
+"""The guide through the presses of a running sensor: over DDS, and what it keeps."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from perception_fakes import image_msg
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+from midastouch_perception.errors import InputError
+from midastouch_perception.nodes.calibrate import CalibrateNode
+from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.tdn.background_store import BackgroundStore
+
+pytestmark = pytest.mark.dds
+SERIAL, DIAMETER = "D20123", 6e-3
+
+
+@pytest.fixture(scope="module")
+def digit():
+    """A simulated sensor on which a ball of 6 mm is pressed."""
+    sensor = SensorModel.load("digit_real")
+    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
+    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
+    return PressedSensor(sensor, lamps[None], DIAMETER / 2, np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def presses(digit):
+    return list(digit.presses(5).values())
+
+
+@pytest.fixture
+def folder(tmp_path, digit):
+    """With the sensor's no-contact image in it."""
+    BackgroundStore(tmp_path, SERIAL).save(digit.background)
+    return tmp_path
+
+
+def parameters(folder, **more) -> dict:
+    """The node's, for that sensor."""
+    known = {"serial": SERIAL, "ball_diameter": DIAMETER, "presses": 5, "background_folder": str(folder)}
+    return {**known, **more}
+
+
+class Camera:
+    """Publishes images as a sensor does, each until the node has said something new, and hears what it says."""
+
+    def __init__(self, graph):
+        self._graph, self._stamp = graph, 0
+        self.statuses = graph.listen(DiagnosticArray, "/diagnostics")
+        self._images = graph.publisher(Image, "image_raw")
+
+    @property
+    def status(self) -> DiagnosticStatus | None:
+        found = [s for m in self.statuses for s in m.status if s.name.startswith("calibrate")]
+        return found[-1] if found else None
+
+    @property
+    def values(self) -> dict[str, str]:
+        return {value.key: value.value for value in self.status.values} if self.status else {}
+
+    def hold(self, image: np.ndarray, until) -> None:
+        def shown_until() -> bool:
+            self._stamp += 1
+            self._images.publish(image_msg(image, self._stamp))
+            return until()
+
+        self._graph.spin_until(shown_until, "what the guide says of a press")
+
+    def press(self, image: np.ndarray, free: np.ndarray) -> None:
+        """One press until it is judged, then the finger lifted until that is seen."""
+        before = int(self.values["taken"]), int(self.values["thrown_away"])
+        self.hold(image, lambda: (int(self.values["taken"]), int(self.values["thrown_away"])) != before)
+        self.hold(free, lambda: "lift the ball" not in self.status.message)
+
+
+@contextlib.contextmanager
+def guide(folder, **more) -> Iterator[subprocess.Popen]:
+    """The executable as a process of its own."""
+    words = [word for name, value in parameters(folder, **more).items() for word in ("-p", f"{name}:={value}")]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "midastouch_perception.nodes.calibrate", "--ros-args", *words], env=dict(os.environ)
+    )
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        code = process.wait(timeout=60)
+    assert code == 0
+
+
+def test_a_process_guides_through_the_presses_and_tdn_uses_what_they_tell(graph, folder, digit, presses):
+    with guide(folder):
+        camera = Camera(graph)
+        graph.spin_until(lambda: camera.status is not None, "its first word")
+        assert camera.status.hardware_id == SERIAL
+        assert camera.status.message == "0 of 5: press the ball at the top left"
+        assert camera.values["region"] == "top left"
+        two = digit.image([(60, 70, 1.4e-3), (180, 250, 1.4e-3)])
+        camera.press(two, digit.background)
+        assert camera.values["thrown_away_1"] == "two contacts"
+        assert camera.values["taken"] == "0"
+        for image in presses:
+            camera.press(image, digit.background)
+        graph.spin_until(lambda: "tdn uses it at its next start" in camera.status.message, "the calibration")
+    kept = SensorCalibration.load(folder / f"{SERIAL}.calibration.npz")
+    assert (kept.serial, kept.presses) == (SERIAL, 5)
+
+    graph.add(TdnNode, {"sensor_model": "digit_real", "serial": SERIAL, "background_folder": str(folder)})
+    said = graph.listen(DiagnosticArray, "/diagnostics")
+
+    def in_use() -> list[str]:
+        return [v.value for m in said for s in m.status for v in s.values if v.key == "calibration"]
+
+    graph.spin_until(lambda: in_use(), "tdn's word")
+    assert in_use()[-1].startswith("5 presses of a ball of 6 mm")
+
+
+@pytest.fixture
+def live(graph, folder):
+    """The node here, and a camera."""
+    node = graph.add(CalibrateNode, parameters(folder, presses=10))
+    camera = Camera(graph)
+    graph.spin_until(lambda: camera.status is not None)
+    return node, camera
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_too_few_presses_are_refused_and_nothing_is_kept(graph, live, folder, digit, presses):
+    node, camera = live
+    camera.press(presses[0], digit.background)
+    answer = graph.call(Trigger, "calibrate/calibrate", Trigger.Request())
+    assert not answer.success
+    assert "1 images; calibration needs 5 to 40 presses" in answer.message
+    graph.spin_until(lambda: camera.status.level == DiagnosticStatus.ERROR, "the failure on /diagnostics")
+    assert node.failure
+    assert [path.name for path in folder.iterdir()] == [f"{SERIAL}.png"]
+    answer = graph.call(Trigger, "calibrate/restart", Trigger.Request())
+    assert answer.success
+    assert answer.message == "0 of 10: press the ball at the top left"
+    assert node.images == {}
+    graph.spin_until(lambda: camera.status.level == DiagnosticStatus.OK, "the new beginning")
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_images_of_another_size_are_counted(graph, live):
+    _, camera = live
+    camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"ball_diameter": 0.0}, "ball's diameter in metres"),
+        ({"serial": ""}, "serial number"),
+        ({"serial": "D1"}, "capture_background"),
+        ({"sensor_model": "no_such"}, "no_such"),
+        ({"presses": 4}, "presses"),
+    ],
+)
+def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
+    with pytest.raises(InputError, match=said):
+        graph.add(CalibrateNode, parameters(folder, **wrong))
+
+
+def test_presses_are_written_as_they_are_taken_in_place_of_earlier_ones(graph, folder, digit, presses):
+    kept = folder / "presses"
+    kept.mkdir()
+    (kept / "press_09.png").write_bytes(b"of another gel")
+    graph.add(CalibrateNode, parameters(folder, presses_folder=str(kept)))
+    camera = Camera(graph)
+    graph.spin_until(lambda: camera.status is not None)
+    camera.press(presses[0], digit.background)
+    assert sorted(path.name for path in kept.iterdir()) == ["background.png", "press_00.png"]
