@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from midastouch_perception.ball_calibration.fit import Result
+from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tdn import load_tdn
+from midastouch_perception.tdn import DepthNet, load_tdn
 
 from .figures import PENETRATION_COLOURS, save
 from .page import Page
@@ -59,16 +60,22 @@ def _row(figures: dict[str, float], name: str, title: str, truth: float) -> list
     return [title, f"{figures[f'{name}_before']:.2f}", f"{figures[f'{name}_after']:.2f}", f"{truth:.2f}"]
 
 
+def _felt(
+    tdn: DepthNet, image: np.ndarray, background: np.ndarray, calibration: SensorCalibration | None
+) -> np.ndarray:
+    tdn.calibration = calibration
+    return tdn.predict(image, background)
+
+
 def _figure(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> Figure:
     """Five pictures a press, two presses a row; one colour scale of penetration for all."""
     every = zip(result.presses, result.held_out, result.penetrations, strict=True)
     shown = [each for each in every if each[1] is not None][:_MOST_SHOWN]
-    plain = load_tdn("fast", sensor)
+    tdn = load_tdn("fast", sensor)
     rows = []
     for press, calibration, penetration in shown:
         image = images[press.name]
-        before = plain.predict(image, result.background)
-        after = load_tdn("fast", sensor, calibration=calibration).predict(image, result.background)
+        before, after = (_felt(tdn, image, result.background, each) for each in (None, calibration))
         rows.append((press, image, (before, after, np.maximum(penetration, 0))))
     deepest = max(1e-4, *(float(relief.max()) for _, _, reliefs in rows for relief in reliefs))
     lines = -(-len(rows) // _ACROSS)
