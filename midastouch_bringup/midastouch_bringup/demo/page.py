@@ -56,8 +56,8 @@ def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
     calibration, rows = calibrated_touches(mesh)
     page.heading("A sensor that is calibrated")
     page.note(
-        "Every DIGIT shows a touch in other colours. A simulated one, whose colours the network does not know, feels the "
-        "object before and after ten presses of a ball (midastouch calibrate)."
+        "Every DIGIT shows a touch in other colours. A simulated one, whose colours the network does not know, feels "
+        "the object before and after ten presses of a ball (midastouch calibrate)."
     )
     page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))
     page.picture(save(relief_figure(rows, TITLES), out / "calibration.png"), "Touches before and after calibration")
