@@ -15,10 +15,13 @@ from midastouch_perception.mesh import ObjectMesh
 
 from ..progress import progress_bar
 from ..report.animation import write_gif
+from ..report.calibration import TITLES, figure_rows
 from ..report.figures import error_figure, run_figure, save
 from ..report.object_view import ObjectView
 from ..report.page import Page
+from ..report.relief_rows import relief_figure
 from ..report.snapshot import Snapshot, moments
+from .calibration import calibrated_touches
 from .result import result_rows
 
 _COLUMNS = 5
@@ -43,8 +46,21 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     page.picture(overview, "Touch, its likelihood over the object, particles, errors (the paper's figure 7)")
     page.picture(final, "Particles, modes and ground truth at the end")
     page.picture(errors, "Errors over time")
+    _add_calibration(page, mesh, out)
     page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     return page.write(out / "index.html")
+
+
+def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
+    """What the same object would feel like on a simulated sensor that is not the network's, before and after."""
+    calibration, rows = calibrated_touches(mesh)
+    page.heading("A sensor that is calibrated")
+    page.note(
+        "Every DIGIT shows a touch in other colours. A simulated one, whose colours the network does not know, feels "
+        "the object before and after ten presses of a ball (midastouch calibrate)."
+    )
+    page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))
+    page.picture(save(relief_figure(rows, TITLES), out / "calibration.png"), "Touches before and after calibration")
 
 
 def _ticked(items: list, bar: tqdm) -> Iterator:

@@ -5,18 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from midastouch_perception.ball_calibration.fit import Result
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
-from .figures import PENETRATION_COLOURS, save
+from .figures import save
 from .page import Page
+from .relief_rows import ReliefRow, felt_with, relief_figure
 
-_TITLES = ("difference", "felt before", "felt after", "pressed")
+TITLES = "felt before", "felt after", "pressed"
+"""What is shown of a touch beside its image."""
 _MOST_SHOWN = 20
-_ACROSS = 2  # presses side by side
 
 
 def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: SensorModel, folder: Path) -> Path:
@@ -34,7 +34,8 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
     if result.doubt:
         page.note(f"Warning: {result.doubt}.")
     page.table(["median", "before", "after", "truth"], figure_rows(result))
-    page.picture(save(_figure(result, images, sensor), folder / "presses.png"), "Presses before and after")
+    figure = relief_figure(_rows(result, images, sensor), TITLES)
+    page.picture(save(figure, folder / "presses.png"), "Presses before and after")
     unused = [[press.name, press.problem] for press in result.presses if press.problem]
     if unused:
         page.heading("Not used")
@@ -59,31 +60,13 @@ def _row(figures: dict[str, float], name: str, title: str, truth: float) -> list
     return [title, f"{figures[f'{name}_before']:.2f}", f"{figures[f'{name}_after']:.2f}", f"{truth:.2f}"]
 
 
-def _figure(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> Figure:
-    """Five pictures a press, two presses a row; one colour scale of penetration for all."""
-    every = zip(result.presses, result.held_out, result.penetrations, strict=True)
-    shown = [each for each in every if each[1] is not None][:_MOST_SHOWN]
-    plain = load_tdn("fast", sensor)
-    rows = []
-    for press, calibration, penetration in shown:
+def _rows(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> list[ReliefRow]:
+    """Each touch before and after, and what pressed."""
+    tdn, rows = load_tdn("fast", sensor), []
+    for press, calibration, penetration in zip(result.presses, result.held_out, result.penetrations, strict=True):
+        if calibration is None:
+            continue
         image = images[press.name]
-        before = plain.predict(image, result.background)
-        after = load_tdn("fast", sensor, calibration=calibration).predict(image, result.background)
-        rows.append((press, image, (before, after, np.maximum(penetration, 0))))
-    deepest = max(1e-4, *(float(relief.max()) for _, _, reliefs in rows for relief in reliefs))
-    lines = -(-len(rows) // _ACROSS)
-    figure = Figure(figsize=(14, 2.1 * lines + 0.4), layout="constrained")
-    axes = figure.subplots(lines, 5 * _ACROSS, squeeze=False)
-    for one in axes.ravel():
-        one.set_axis_off()
-    for k, (press, image, reliefs) in enumerate(rows):
-        cells = axes[k // _ACROSS, 5 * (k % _ACROSS) :][:5]
-        cells[0].imshow(image)
-        cells[1].imshow(np.clip(128 + press.change, 0, 255).astype(np.uint8))
-        for cell, relief in zip(cells[2:], reliefs, strict=True):
-            mapped = cell.imshow(1e3 * relief, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
-        for cell, title in zip(cells, (press.name, *_TITLES), strict=True):
-            cell.set_title(title, fontsize=8, loc="left")
-    bar = figure.colorbar(mapped, ax=axes, location="right", fraction=0.012, pad=0.01)
-    bar.set_label("penetration [mm]", fontsize=9)
-    return figure
+        felt = (felt_with(tdn, each, image, result.background) for each in (None, calibration))
+        rows.append(ReliefRow(press.name, image, press.change, (*felt, np.maximum(penetration, 0))))
+    return rows[:_MOST_SHOWN]

@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_bringup.bags.messages import SEQUENCE_TOPICS, sequence_messages
 from midastouch_bringup.bags.posed_slide import PosedSlide
-from midastouch_bringup.bags.writer import BagWriter
+from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_perception.errors import InputError
 
 
@@ -13,9 +13,7 @@ from midastouch_perception.errors import InputError
 def bag(simulated_sequence, tmp_path):
     sequence = simulated_sequence(n=5)
     path = tmp_path / "slide.mcap"
-    with BagWriter(path) as out:
-        for message in sequence_messages(sequence):
-            out.write(message)
+    write_bag(sequence, path)
     return sequence, path
 
 

@@ -1,33 +1,49 @@
-"""From a folder of unlabelled presses to a calibration that the node finds."""
+"""From presses in a folder, of a running sensor, or a slide over an object to a calibration that the node finds."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from midastouch_bringup import cli
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
+from midastouch_bringup.datasets import write_sequence
+from midastouch_bringup.datasets.slide_simulation import no_contact_image
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.randomisation import RandomSensor
+from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+from midastouch_perception.tdn.background_store import BackgroundStore
+
+# The camera for the guide is beside the tests of its node.
+sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/nodes"))
 
 RADIUS = 3e-3
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Eight presses of a ball of 6 mm on a simulated DIGIT and one image without contact."""
-    path, sensor, rng = tmp_path_factory.mktemp("presses"), SensorModel.load("digit_real"), np.random.default_rng(6)
-    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
-    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    digit = RandomSensor(sensor, lamps[None], rng)
-    heights = [np.zeros((320, 240), np.float32)]
-    for u, v in ((70, 70), (170, 80), (120, 130), (60, 190), (180, 190), (120, 240), (70, 260), (170, 260)):
-        ball = ball_penetration(ball_centre(u, v, 1.5e-3, RADIUS, sensor), RADIUS, sensor)
-        heights.append(np.maximum(ball, 0))
-    images, _ = digit.images(np.stack(heights), np.zeros((len(heights), 320, 240, 3), np.float32), rng)
-    for i, image in enumerate(images):
-        name = f"{i}.png" if i else "background.png"
-        cv2.imwrite(str(path / name), np.clip(image, 0, 255).astype(np.uint8)[:, :, ::-1])
+def digit():
+    """A simulated DIGIT on which a ball of 6 mm is pressed."""
+    sensor, rng = SensorModel.load("digit_real"), np.random.default_rng(1)
+    return PressedSensor(sensor, no_contact_image(sensor, rng)[None], RADIUS, rng)
+
+
+def write(path: Path, image: np.ndarray) -> None:
+    cv2.imwrite(str(path), image[:, :, ::-1])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, digit):
+    """Eight presses and one image without contact."""
+    path = tmp_path_factory.mktemp("presses")
+    for name, image in {**digit.presses(8), "background.png": digit.background}.items():
+        write(path / name, image)
     return path
 
 
@@ -56,7 +72,50 @@ def test_what_does_not_fit_is_refused_and_nothing_kept(folder, tmp_path, capsys,
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz"), *change]
     assert cli.main(arguments) == 2
     assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+SPOILED = {
+    "nothing touches the gel": lambda digit: digit.background,
+    "cut off at the edge": lambda digit: digit.image([(8, 160, 1.6e-3)]),
+    "two contacts": lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]),
+    "saturated": lambda digit: np.full_like(digit.background, 255),
+    "black": lambda digit: np.zeros_like(digit.background),
+    "differs from the no-contact image everywhere": lambda digit: np.roll(digit.background, 60, axis=1),
+}
+
+
+@pytest.mark.parametrize("reason", SPOILED)
+def test_presses_that_show_no_whole_ball_are_refused_with_the_reason_and_nothing_kept(
+    digit, tmp_path, capsys, reason
+):
+    presses = tmp_path / "presses"
+    presses.mkdir()
+    write(presses / "background.png", digit.background)
+    for i in range(5):
+        write(presses / f"{i}.png", SPOILED[reason](digit))
+    arguments = ["calibrate", str(presses), "--ball-diameter", "0.006", "--serial", "D20123"]
+    assert cli.main([*arguments, "--background-folder", str(tmp_path / "kept")]) == 2
+    said = capsys.readouterr().err
+    assert "0 of 5 presses can be used, 5 are needed. 0.png: " in said
+    assert reason in said
+    assert not (tmp_path / "kept").exists()
+
+
+def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
+    few = tmp_path / "few"
+    few.mkdir()
+    for path in [*sorted(folder.glob("[0-9]*.png"))[:4], folder / "background.png"]:
+        (few / path.name).write_bytes(path.read_bytes())
+    assert cli.main(["calibrate", str(few), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 2
+    assert "4 images; calibration needs 5 to 40 presses" in capsys.readouterr().err
     assert not (tmp_path / "a.npz").exists()
+
+
+def test_a_diameter_that_is_doubted_is_kept_with_a_warning(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.diameter_doubt", lambda *_: "feels like 9 mm")
+    assert cli.main(["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 0
+    assert "warning: feels like 9 mm" in capsys.readouterr().out
 
 
 def test_presses_that_are_not_used_are_named(folder, tmp_path, capsys):
@@ -81,3 +140,76 @@ def test_live_needs_the_no_contact_image_of_that_sensor(tmp_path, capsys):
 def test_somewhere_to_keep_it_is_needed(folder, capsys):
     assert cli.main(["calibrate", str(folder), "--ball-diameter", "0.006"]) == 2
     assert "--serial" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def slide(tmp_path_factory, digit):
+    """A slide over the tool with poses as a tracker measures them."""
+    sensor, rng = digit.sensor, np.random.default_rng(2)
+    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
+    poses = simulate_slide(mesh, sensor, 0.15, rng)
+    poses = poses[:: max(1, len(poses) // 12)]
+    path = tmp_path_factory.mktemp("slide") / "00"
+    maps = PenetrationRenderer(mesh, sensor).render(poses)
+    write_sequence(
+        path,
+        ((digit.image_of(penetration), penetration) for penetration in maps),
+        poses,
+        measure_poses(poses, rng, 5e-4, np.radians(1.0)),
+        background=digit.background,
+        object_name=mesh.name,
+        sensor=sensor,
+        noise={"sig_t": 5e-4, "sig_r": 1.0},
+    )
+    return path
+
+
+def test_a_slide_over_a_known_object_becomes_a_calibration(slide, tmp_path, capsys):
+    arguments = ["calibrate", str(slide), "--object", "handle_tool", "--serial", "D20123"]
+    arguments += ["--background-folder", str(tmp_path), "--page", str(tmp_path / "page")]
+    assert cli.main(arguments) == 0
+    said = capsys.readouterr().out
+    kept = SensorCalibration.load(tmp_path / "D20123.calibration.npz")
+    assert (kept.serial, kept.object_name) == ("D20123", "handle_tool")
+    assert f"calibration from {kept.presses} touches of handle_tool" in said
+    assert "touches of handle_tool" in (tmp_path / "page" / "index.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("source", "mesh", "said"),
+    [("slide", "ball", "ball"), ("slide", "no_such", "no_such"), ("live", "handle_tool", "--ball-diameter")],
+)
+def test_another_object_and_no_slide_are_refused_and_nothing_kept(slide, tmp_path, capsys, source, mesh, said):
+    arguments = ["calibrate", str(slide) if source == "slide" else source, "--object", mesh]
+    assert cli.main([*arguments, "--out", str(tmp_path / "a.npz"), "--serial", "D20123"]) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_ball_or_an_object_is_needed(folder):
+    with pytest.raises(SystemExit):
+        cli.main(["calibrate", str(folder), "--serial", "D20123"])
+
+
+@pytest.mark.slow
+@pytest.mark.dds
+def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
+    from press_camera import Camera
+
+    BackgroundStore(tmp_path, "D20123").save(digit.background)
+    arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
+    arguments += ["--save", str(tmp_path / "presses"), "--page", str(tmp_path / "page"), "--namespace", "left"]
+    command = [sys.executable, "-m", "midastouch_bringup.cli", "calibrate", *arguments]
+    guide = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
+    camera = Camera(graph, "left/image_raw")
+    graph.spin_until(lambda: camera.status is not None, "its first word")
+    for image in [digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]), *digit.presses(10).values()]:
+        camera.press(image, digit.background)
+    said, _ = guide.communicate(timeout=120)
+    assert guide.returncode == 0, said
+    assert "not taken: two contacts" in said
+    assert "10 of 10" not in said
+    assert said.splitlines()[-1].endswith("calibration from 10 presses of a ball of 6 mm")
+    assert SensorCalibration.load(tmp_path / "D20123.calibration.npz").presses == 10
+    assert len(list((tmp_path / "presses").iterdir())) == 11
+    assert (tmp_path / "page" / "index.html").exists()

@@ -19,6 +19,7 @@ from midastouch_bringup import cli
 from midastouch_perception.errors import InputError
 
 SCENE = {"object/particles", "object/modes", "object/gel", "object/estimate/here", "image", "status"}
+SCENE |= {"calibration", "image/next"}
 
 
 def test_without_rerun_it_names_the_command_that_installs_it(monkeypatch, capsys):
@@ -79,6 +80,7 @@ def start(graph):
 
 def scene_sender(graph):
     """A function that publishes once what a filter and a sensor would; the view is connected to all of it."""
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from geometry_msgs.msg import PoseWithCovarianceStamped
     from sensor_msgs.msg import Image, PointCloud2
     from std_msgs.msg import Header
@@ -92,7 +94,9 @@ def scene_sender(graph):
     mode = PoseMode(weight=1.0)
     mode.pose.pose.orientation.w = 1.0
     poses = se3.make(np.eye(3), np.random.default_rng(0).normal(0, 0.1, (100, 3)))
+    guide = DiagnosticStatus(name="calibrate: /calibrate", values=[KeyValue(key="region", value="centre")])
     messages = (
+        (DiagnosticArray, "/diagnostics", DiagnosticArray(status=[guide]), False),
         (PointCloud2, "particles/cloud", particle_cloud(poses, np.full(100, 0.01), header), False),
         (PoseModes, "pose_modes", PoseModes(header=header, modes=[mode]), False),
         (PoseWithCovarianceStamped, "pose", PoseWithCovarianceStamped(header=header, pose=mode.pose), True),

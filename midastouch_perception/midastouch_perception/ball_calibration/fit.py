@@ -67,9 +67,9 @@ def calibrate(
     _require_enough(presses)
     presses = _refined(presses, radius, half)
     _require_enough(presses)
-    _check_diameter(presses, ball_diameter, half)
+    too_strong_or_weak = _strength_doubt(presses, ball_diameter, half)
     pressed = [images[press.name] for press in presses if not press.problem]
-    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
+    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter) or too_strong_or_weak
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
@@ -129,7 +129,8 @@ def _require_enough(presses: list[Press]) -> None:
         raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons}")
 
 
-def _check_diameter(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:
+def _strength_doubt(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> str:
+    """Why the colours hardly are those of such a ball; empty if they may be. InputError if they cannot be."""
     radius = 0.5 * ball_diameter
     used = [press for press in presses if not press.problem]
     widest = float(np.median([press.contact.radius for press in used])) / radius
@@ -138,9 +139,10 @@ def _check_diameter(presses: list[Press], ball_diameter: float, sensor: SensorMo
     middle = upright_strength(
         [press.change for press in used], [penetration_of(press, radius, sensor) for press in used], sensor.pixel_size
     )
-    if not _STRENGTH[0] < middle < _STRENGTH[1]:
-        likely = 1e3 * ball_diameter / middle
-        raise InputError(
-            f"for a ball of {1e3 * ball_diameter:g} mm the colours change {middle:.1f} times as much as on other "
-            f"DIGITs; one of about {likely:.0f} mm would fit. Give the true diameter in metres"
-        )
+    if _STRENGTH[0] < middle < _STRENGTH[1]:
+        return ""
+    likely = 1e3 * ball_diameter / middle
+    return (
+        f"for a ball of {1e3 * ball_diameter:g} mm the colours change {middle:.1f} times as much as on other DIGITs; "
+        f"of one of about {likely:.0f} mm they would as much; check its diameter, in metres"
+    )

@@ -74,13 +74,14 @@ def visible_share(contact: Contact, sensor: SensorModel) -> float:
 
 
 def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radius: float, sensor: SensorModel) -> str:
-    if contact.explained < _EXPLAINED:
-        return f"what is seen is not one ball (it explains {100 * contact.explained:.0f} % of the change)"
     near = circle(contact, _APART, sensor)
     rest = np.where(near[..., None], np.float32(0), change)
     other = find_contact(rest, ball_radius, sensor.pixel_size)
-    if other.explained * float((rest**2).sum()) > _SECOND * contact.explained * float((change**2).sum()):
+    second = other.explained * float((rest**2).sum()) / max(float((change**2).sum()), 1e-9)
+    if second > _SECOND * contact.explained and contact.explained + second > _EXPLAINED:
         return "two contacts"
+    if contact.explained < _EXPLAINED:
+        return f"what is seen is not one ball (it explains {100 * contact.explained:.0f} % of the change)"
     if (share := visible_share(contact, sensor)) < _VISIBLE:
         return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)
