@@ -18,14 +18,34 @@ DOCUMENTS = ("README.md", "docs/evaluation.md")
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
+PROTOCOLS = {
+    "tool_bias": "tool 2 mm, 2 deg off",
+    "late": "poses 50 ms late",
+    "slow_camera": "every image comes twice",
+    "rest": "at rest in contact for 20 s",
+    "lift": "lifted 20 mm, put down 50 mm away",
+    "kidnap": "the same, untold",
+    "jump": "30 mm, 175 deg in one step",
+    "unexplained": "12 touches that nothing explains",
+    "push": "the object is pushed by 5 mm, 5 deg",
+    "wrong_mesh": "another object is touched (always wrong)",
+    "small_parts": "parts smaller than the gel, twins counted",
+}
+_MANY = "--slides 10 --seeds 2"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --jobs 2",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
-    "tool_bias": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol tool_bias --jobs 2",
-    "time_offset": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol time_offset --jobs 2",
-    "lift": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol lift --jobs 2",
-    "kidnap": f"{_BENCHMARK} --init paper --slides 2 --seeds 1 --protocol kidnap --jobs 2",
+    **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in PROTOCOLS},
+    **{
+        f"{name}_held_out": f"{_BENCHMARK} --objects held_out --protocol {name} --slides 10 --seeds 1"
+        for name in ("plain", "uniform", *PROTOCOLS)
+        if name != "small_parts"
+    },
+    "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
     "ablation": f"{_BENCHMARK} --slides 1 --seeds 1 --init paper --variant paper ablation --jobs 2",
+    "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
+    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
+    "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap --slides 10 --seeds 1 --variant no_recovery",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
@@ -48,14 +68,8 @@ COMMANDS = {
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak",
 }
-_PROTOCOLS = {
-    "accuracy": "start as the paper's",
-    "accuracy_uniform": "nothing known at the start",
-    "tool_bias": "tool 2 mm, 2 deg off",
-    "time_offset": "poses 50 ms late",
-    "lift": "lifted 20 mm, put down 50 mm away",
-    "kidnap": "the same, untold",
-}
+ENOUGH = 100
+"""Fewer trials than this claim nothing."""
 
 Table = tuple[list[str], list[list[object]]]
 
@@ -66,6 +80,11 @@ def report_path(name: str) -> Path:
     if not found:
         raise FileNotFoundError(f"no reports/*/{name}.json, made by: {COMMANDS[name]}")
     return found[-1]
+
+
+def reported() -> list[str]:
+    """Names of the reports that there are."""
+    return [name for name in COMMANDS if any((ROOT / "reports").glob(f"*/{name}.json"))]
 
 
 def report(name: str) -> dict:
@@ -79,7 +98,8 @@ def _pose(millimetres: float, degrees: float) -> str:
 
 def _error(summary: dict, prefix: str, statistic: str) -> str:
     """A final error over all trials of a summary: `e` of the particles, `closest_mode`, `estimate`."""
-    return _pose(summary[f"{prefix}_trans_mm"][statistic], summary[f"{prefix}_rot_deg"][statistic])
+    millimetres, degrees = (summary[f"{prefix}_{unit}"].get(statistic) for unit in ("trans_mm", "rot_deg"))
+    return "-" if millimetres is None else _pose(millimetres, degrees)
 
 
 def _of(part: int, whole: int) -> str:
@@ -138,42 +158,105 @@ def paper() -> Table:
 
 
 def localisation() -> Table:
-    """Ten objects, undisturbed and disturbed."""
+    """Ten objects, undisturbed and disturbed, and ten further ones."""
+    starts = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
+    further = {"plain": starts["accuracy"], "uniform": starts["accuracy_uniform"]} | PROTOCOLS
+    held_out = {f"{name}_held_out": f"{what}; ten further objects" for name, what in further.items()}
     rows = []
-    for name, what in _PROTOCOLS.items():
+    for name, what in (starts | PROTOCOLS | held_out).items():
+        if name not in reported():
+            continue
         one = _benchmark(name)
-        if name == "kidnap":
-            what += f" (right again after {one['recovery']['median_frames']:.0f} frames, median)"
-        rows.append(
-            [
-                what,
-                _error(one, "e", "mean"),
-                _error(one, "e", "median"),
-                _error(one, "closest_mode", "median"),
-                _of(one["right"], one["trials"]),
-                _percent(one["wrong_converged"], 1),
-                f"[{name}]",
-            ]
+        cells = [f"too few ({one['trials']})"] * 7 if one["trials"] < ENOUGH else _localisation(one)
+        rows.append([what, *cells, f"[{name}]"])
+    rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "2.8 mm, 2.0 deg", *["-"] * 6])
+    header = ["conditions", "particles, mean", "closest mode, median", "right", "right 30 frames after the event"]
+    header += ["frames until right again, median", "frames converged wrong", "truth in the 95 % region, converged"]
+    return [*header, "report"], rows
+
+
+def _localisation(one: dict) -> list[str]:
+    """Figures of a benchmark's summary with their intervals; reports of before 2026-11-22 have none."""
+    errors = [_error(one, "e", "mean"), _error(one, "closest_mode", "median")]
+    trust = one.get("trust")
+    if trust is None:
+        return [*errors, _of(one["right"], one["trials"]), "-", "-", _percent(one["wrong_converged"], 1), "-"]
+    event = trust["right_after_event"]["share"] is not None
+    errors = [
+        f"{error} ({_between(trust[key][statistic]['interval'], '{:.1f}')} mm)"
+        for error, key, statistic in zip(
+            errors, ("e_trans_mm", "closest_mode_trans_mm"), ("mean", "median"), strict=True
         )
-    rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "-", "2.8 mm, 2.0 deg", "-", "-", "-"])
-    header = ["conditions", "particles, mean", "particles, median", "closest mode, median", "right"]
-    return [*header, "frames converged wrong", "report"], rows
+    ]
+    until, after = trust["frames_until_right"]["median"], "-"
+    if event and until["value"] is not None:
+        after = f"{until['value']:.0f} ({_between(until['interval'], '{:.0f}')})"
+    return [
+        *errors,
+        _share(trust["right_at_end"]),
+        _share(trust["right_after_event"]) if event else "-",
+        after,
+        _share(trust["converged_wrong"], 1),
+        _share(trust["region_95"]),
+    ]
+
+
+def _share(one: dict, digits: int = 0) -> str:
+    if one["share"] is None:
+        return "-"
+    return f"{_percent(one['share'], digits)} ({_between(one['interval'], f'{{:.{digits}%}}')})"
+
+
+def _between(interval: list[float] | None, form: str) -> str:
+    return "-" if interval is None else "...".join(map(form.format, interval))
+
+
+def peers() -> Table:
+    """Other methods behind the same networks, on the same trials."""
+    header = ["method", "trials", "published pose, median", "right", "frames converged wrong", "CPU a frame"]
+    if "peers" not in reported():
+        return header, [["*not measured yet*", *["-"] * 5]]
+    content, rows = report("peers"), []
+    for name, by_init in content["summary"].items():
+        ((_, one),) = by_init.items()
+        trust = one["trust"]
+        cells = [f"too few ({one['trials']})"] * 4
+        if trust["enough"]:
+            error, cpu = trust["estimate_trans_mm"]["median"], trust["filter_cpu_ms"]["mean"]
+            cells = [
+                f"{_error(one, 'estimate', 'median')} ({_between(error['interval'], '{:.1f}')} mm)",
+                _share(trust["right_at_end"]),
+                _share(trust["converged_wrong"], 1),
+                f"{cpu['value']:.1f} ms ({_between(cpu['interval'], '{:.1f}')})",
+            ]
+        rows.append([content["variants"][name]["summary"], one["trials"], *cells])
+    rows += [[name, "-", f"skipped: {why}", *["-"] * 3] for name, why in content["skipped_variants"].items()]
+    return header, rows
 
 
 def variants() -> Table:
-    """What each part of the filter is worth."""
-    content = report("ablation")
-    rows = [
-        [
-            content["variants"][one["variant"]]["summary"],
-            _pose(one["e_trans_mm"], one["e_rot_deg"]),
-            _of(round(one["right"] * one["trials"]), one["trials"]),
-            _percent(one["wrong_converged"], 1),
-            f"{one['cpu_ms_filter']:.1f} ms",
-        ]
-        for one in content["comparison"]
-    ]
-    return ["filter", "particles, mean", "right", "frames converged wrong", "CPU a frame"], rows
+    """What each part of the filter is worth, under the protocols that exercise it."""
+    rows = []
+    for name in ("ablation", "ablation_rest", "ablation_slow_camera", "ablation_kidnap"):
+        if name not in reported():
+            continue
+        content = report(name)
+        compared = content["comparison"]
+        if (trials := compared[0]["trials"]) < ENOUGH:
+            rows.append([f"{len(compared)} variants", *[f"too few ({trials})"] * 5, f"[{name}]"])
+            continue
+        for one in compared:
+            difference = _between(one["difference_mm_interval"], "{:+.1f}")
+            cells = [
+                _pose(one["e_trans_mm"], one["e_rot_deg"]),
+                f"{one['difference_mm']:+.1f} mm ({difference})",
+                _of(round(one["right"] * one["trials"]), one["trials"]),
+                _percent(one["wrong_converged"], 1),
+                f"{one['cpu_ms_filter']:.1f} ms; {one['verdict']}",
+            ]
+            rows.append([content["variants"][one["variant"]]["summary"], *cells, f"[{name}]"])
+    header = ["filter", "particles, mean", "paired difference", "right", "frames converged wrong"]
+    return [*header, "CPU a frame; against the default", "report"], rows
 
 
 def slides() -> Table:
@@ -363,14 +446,19 @@ def soak() -> Table:
 
 def commands() -> Table:
     """What made each report."""
-    return ["report", "made by"], [[f"[{name}]", f"`{command}`"] for name, command in COMMANDS.items()]
+    return ["report", "made by"], [[f"[{name}]", f"`{_made_by(name)}`"] for name in reported()]
+
+
+def _made_by(name: str) -> str:
+    """The command that the report names itself, without where it wrote to; that of `COMMANDS` if it names none."""
+    return re.sub(r" --json \S+", "", report(name).get("command") or COMMANDS[name])
 
 
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed, soak,
-        commands,
+        paper, localisation, peers, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed,
+        soak, commands,
     )
 }  # fmt: skip
 
@@ -384,7 +472,7 @@ def filled(document: str) -> str:
         header, rows = TABLES[match[2]]()
         lines = [header, ["---"] * len(header), *rows]
         text = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
-        for name in COMMANDS:
+        for name in reported():
             text = text.replace(f"[{name}]", f"[{name}]({up}{report_path(name).relative_to(ROOT).as_posix()})")
         return f"{match[1]}{text}\n{match[3]}"
 

@@ -31,8 +31,9 @@ def add_parser(subparsers) -> None:
         "finished trial: the same command goes on where it was stopped. With --cluster, trials run on the workers of\n"
         "a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
         "--variant takes names and sets:\n"
-        "paper (the paper's filter), ablation (each mechanism and gate off), gates, counts (fewer particles),\n"
-        "codebooks (fewer poses, shorter codes), front (what error is set against run time for), all.\n"
+        "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
+        "(each mechanism and gate off), gates, counts (fewer particles), codebooks (fewer poses, shorter codes),\n"
+        "front (what error is set against run time for), all.\n"
         "--protocol takes one of:\n"
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
         "  tool_bias    tool 2 mm, 2 deg off                late         poses 50 ms late\n"
@@ -102,10 +103,12 @@ def run(args: argparse.Namespace) -> int:
     protocol = chosen_protocol(args.protocol)
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size or protocol.codebook_size)
+    chosen = chosen_variants(args.variant)
+    skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = Plan(
         stock,
         load_filter_config(args.config),
-        tuple(chosen_variants(args.variant)),
+        tuple(name for name in chosen if name not in skipped),
         tuple(dict.fromkeys(args.init or protocol.starts)),
         args.beta or protocol.beta,
         tuple(range(args.slides)),
@@ -139,6 +142,7 @@ def run(args: argparse.Namespace) -> int:
             for mesh in meshes
         ],
         "variants": {name: VARIANTS[name].describe() for name in plan.variants},
+        "skipped_variants": skipped,
         "levels": LEVELS,
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),
@@ -148,6 +152,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_compact_json(args.json, result)
     print(accuracy_text(result))
+    for name, reason in skipped.items():
+        print(f"--variant {name}: skipped, {reason}")
     if missing:
         print(f"{missing} trials are left; the same command goes on with them")
     return 0

@@ -11,10 +11,9 @@ from .intervals import ENOUGH, bootstrap_interval, share_interval
 from .summary import final_errors, is_right, summarise_trials
 from .table import number, text_table
 from .trial import AFTER_EVENT, STAGES
-from .variants import DEFAULT
+from .variants import DEFAULT, PAPER, PEER, VARIANTS
 
 _NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
-_IN_FULL = (DEFAULT, "paper")
 _ERRORS = ("e", "closest_mode", "estimate")
 _REGION = 0.95
 _SUMMARISED = ("coverage", "filter_stages_ms", "initial", "protocol")
@@ -27,8 +26,9 @@ def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
     groups: dict[str, dict[str, list[dict]]] = {}
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
+    in_full = {name for name in groups if VARIANTS[name].group in (DEFAULT, PAPER, PEER)}
     return {
-        variant: {init: _summary(some, variant in _IN_FULL) for init, some in by_init.items()}
+        variant: {init: _summary(some, variant in in_full) for init, some in by_init.items()}
         for variant, by_init in groups.items()
     }
 
@@ -228,6 +228,33 @@ def _figure(value: float | None, interval: list[float] | None, form: str) -> tup
     return "-" if value is None else form.format(value), shown
 
 
+def peers_of(summary: dict[str, dict], init: str) -> dict[str, dict]:
+    """Summaries of one init of the default and of other methods, by name."""
+    return {name: by_init[init] for name, by_init in summary.items() if "trust" in by_init.get(init, {})}
+
+
+def peer_table(summaries: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
+    """Header and rows of `trust` of several methods, by their names, each figure with its 95 % interval."""
+    columns = {
+        "pose mm, median": ("estimate_trans_mm", "median", "{:.1f}"),
+        "deg, median": ("estimate_rot_deg", "median", "{:.1f}"),
+        "right at the end": ("right_at_end", None, "{:.0%}"),
+        "frames converged wrong": ("converged_wrong", None, "{:.1%}"),
+        "CPU ms a frame, mean": ("filter_cpu_ms", "mean", "{:.1f}"),
+    }
+    rows = []
+    for name, summary in summaries.items():
+        trust = summary["trust"]
+        cells = [f"too few ({trust['trials']})"] * len(columns)
+        if trust["enough"]:
+            figures = [(trust[key][statistic] if statistic else trust[key], form) for key, statistic, form in
+                       columns.values()]  # fmt: skip
+            shown = [_figure(one.get("share", one.get("value")), one["interval"], form) for one, form in figures]
+            cells = [f"{value} ({interval})" for value, interval in shown]
+        rows.append([name, trust["trials"], *cells])
+    return ["method", "trials", *columns], rows
+
+
 def share(part: int, whole: int) -> str:
     """`part` of `whole` in percent."""
     return f"{100 * part / whole:.0f} %"
@@ -262,6 +289,8 @@ def accuracy_text(result: dict) -> str:
         parts.append("truth within the published Gaussian\n" + text_table(*coverage_table(summary["coverage"])))
         if summary["recovery"]:
             parts.append(recovery_text(summary["recovery"]))
+        if len(peers := peers_of(result["summary"], init)) > 1:
+            parts.append("methods on the same slides\n" + text_table(*peer_table(peers)))
     for init, rows in rows_by_init(result["comparison"]).items():
         if len(rows) > 1:
             table = text_table(*comparison_table(rows, result["variants"]))

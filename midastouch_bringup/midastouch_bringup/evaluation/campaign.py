@@ -19,7 +19,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
 from ..cluster import Cluster
-from . import disturbances, paper_filter
+from . import dead_reckoning, disturbances, paper_filter, registration
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
@@ -253,7 +253,7 @@ def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: 
 @cache
 def _filter_code() -> str:
     packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, Path(paper_filter.__file__))
+    return source_digest(*packages, *(Path(peer.__file__) for peer in (paper_filter, registration, dead_reckoning)))
 
 
 @cache

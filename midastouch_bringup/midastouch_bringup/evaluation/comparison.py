@@ -6,6 +6,7 @@ import numpy as np
 
 from midastouch_filter.state import CONVERGED
 
+from .intervals import ENOUGH, bootstrap_interval
 from .summary import final_errors, is_right
 from .table import number
 from .trial import STAGES
@@ -19,8 +20,10 @@ def compare_variants(trials: list[dict]) -> list[dict]:
 
     Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
     the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
-    mean time of the whole frame. `difference_mm`, `difference_se_mm`: of the mean final particle error, and the
-    standard error of it over the trials; None where one trial does not tell.
+    mean time of the whole frame. Differences, taken trial by trial, each with its 95 % `_interval` over slides (None
+    where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
+    right at the end; `wrong_converged_difference`, of the mean share of frames converged wrong; `cpu_difference_ms`, of
+    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
     """
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
@@ -51,13 +54,40 @@ def _row(trials: list[dict], default: list[dict]) -> dict:
             ("time_ratio", "ms"),
         )
     }
-    difference = final_errors(trials, "e_trans_mm") - final_errors(default, "e_trans_mm")
-    difference = difference[np.isfinite(difference)]
-    n = len(difference)
-    return one | ratios | {
-        "difference_mm": float(difference.mean()) if n else None,
-        "difference_se_mm": float(difference.std(ddof=1) / np.sqrt(n)) if n > 1 else None,
-    }  # fmt: skip
+    groups = [(t["object"], t["slide"]) for t in trials]
+    differences = {}
+    for name, figure in _PAIRED.items():
+        of_trials = figure(trials) - figure(default)
+        known = of_trials[np.isfinite(of_trials)]
+        differences[name] = float(known.mean()) if len(known) else None
+        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups)
+    return one | ratios | differences | {"verdict": _verdict(differences, len(trials))}
+
+
+def _verdict(differences: dict, trials: int) -> str:
+    """What the intervals of paired differences tell for certain; "too few" below `ENOUGH` trials."""
+    if trials < ENOUGH:
+        return f"too few ({trials})"
+    found: dict[str, list[str]] = {"worse": [], "better": []}
+    for name, (what, sign) in _TOLD_BY.items():
+        low, high = sorted(sign * bound for bound in differences[f"{name}_interval"] or (0, 0))
+        found["worse"] += [what] * (low > 0)
+        found["better"] += [what] * (high < 0)
+    return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"
+
+
+_TOLD_BY = {
+    "difference_mm": ("error", 1),
+    "right_difference": ("right", -1),
+    "wrong_converged_difference": ("converged wrong", 1),
+    "cpu_difference_ms": ("CPU time", 1),
+}
+_PAIRED = {
+    "difference_mm": lambda trials: final_errors(trials, "e_trans_mm"),
+    "right_difference": lambda trials: np.array(list(map(is_right, trials)), float),
+    "wrong_converged_difference": lambda trials: np.array([wrong_converged([trial]) for trial in trials]),
+    "cpu_difference_ms": lambda trials: np.array([trial["filter_cpu_ms"] for trial in trials]),
+}
 
 
 def _figures(trials: list[dict]) -> dict:
@@ -102,6 +132,8 @@ def pareto_front(rows: list[dict], error: str = "e_trans_mm") -> list[dict]:
 def front_text(rows: list[dict]) -> str:
     """Where the default lies: on the front, or which variants are both faster and more exact, and by how much."""
     (default,) = (row for row in rows if row["variant"] == DEFAULT)
+    if default["trials"] < ENOUGH:
+        return f"too few trials ({default['trials']}) to say where the default lies"
     better = [
         f"{row['variant']} ({difference_text(row)} mm, {number(row['filter_ratio'], 2)} of the time)"
         for row in rows
@@ -113,11 +145,13 @@ def front_text(rows: list[dict]) -> str:
 
 
 def difference_text(row: dict) -> str:
-    """Difference of the mean error to the default's, with its standard error."""
+    """Difference of the mean error to the default's, with its 95 % interval."""
+    if row["trials"] < ENOUGH:
+        return "too few"
     if row["difference_mm"] is None:
         return "-"
-    error = row["difference_se_mm"]
-    return f"{row['difference_mm']:+.1f}" + ("" if error is None else f" ± {error:.1f}")
+    interval = row.get("difference_mm_interval")
+    return f"{row['difference_mm']:+.1f}" + ("" if interval is None else " ({:+.1f} ... {:+.1f})".format(*interval))
 
 
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
@@ -129,7 +163,7 @@ def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[
     """Header and rows of the variants under one init; `variants`, their descriptions by name."""
     header = ["variant", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm", "deg", "pose mm"]
     header += ["right", "converged", "converged but wrong", "filter ms", "CPU ms", "error - default's mm"]
-    header += ["error ratio", "deg ratio", "CPU ratio", "what differs"]
+    header += ["error ratio", "deg ratio", "CPU ratio", "against the default", "what differs"]
     errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
     cells = []
     for row in rows:
@@ -140,5 +174,5 @@ def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[
         row_cells += [number(row[key], 2) for key in ("ms_filter", "cpu_ms_filter")]
         row_cells += ["-" if name == DEFAULT else difference_text(row)]
         row_cells += [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
-        cells.append([*row_cells, variants[name]["summary"]])
+        cells.append([*row_cells, "-" if name == DEFAULT else row.get("verdict", "-"), variants[name]["summary"]])
     return header, cells

@@ -15,6 +15,7 @@ from midastouch_perception import se3
 from midastouch_perception.pose_metric import pose_errors
 
 from .calibration import Coverage
+from .dead_reckoning import DeadReckoning
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse
 from .paper_filter import PaperFilter
 from .symmetry import Symmetry
@@ -29,7 +30,7 @@ RIGHT = 0.01
 AFTER_EVENT = 30
 """Frames after an event at which the filter is asked again whether it is right."""
 
-AnyFilter = ParticleFilter | PaperFilter
+AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,19 +11,23 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
+from ..inspection import require_open3d
+from .dead_reckoning import DeadReckoning, OdometryConfig
 from .paper_filter import PaperConfig, PaperFilter
+from .registration import Registration, RegistrationConfig
 from .trial import AnyFilter
 
 DEFAULT = "default"
-PAPER, MECHANISM, GATE, COUNT, INPUT = "paper", "mechanism", "gate", "particles", "codebook"
+PAPER, PEER, MECHANISM, GATE, COUNT, INPUT = "paper", "peer", "mechanism", "gate", "particles", "codebook"
+_CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
 @dataclasses.dataclass(frozen=True)
 class Variant:
     """What differs from the default.
 
-    summary, a line for tables; group, what kind of difference; settings, `FilterConfig` fields, or `PaperConfig` ones
-    if the group is that of the paper's filter; open_gates, names of the filter's gates that let everything pass;
+    summary, a line for tables; group, what kind of difference; method, if it is another than ours; settings, fields of
+    `FilterConfig` or of the method's configuration; open_gates, names of the filter's gates that let everything pass;
     codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's.
     """
 
@@ -33,11 +37,17 @@ class Variant:
     open_gates: tuple[str, ...] = ()
     codebook_size: int | None = None
     code_length: int | None = None
+    method: str = ""
 
     @property
-    def paper(self) -> bool:
-        """Whether this is the paper's filter."""
-        return self.group == PAPER
+    def missing(self) -> str:
+        """Why it cannot be run here; "" if it can."""
+        if self.method == "registration":
+            try:
+                require_open3d()
+            except InputError as error:
+                return str(error)
+        return ""
 
     @property
     def inputs(self) -> dict[str, object]:
@@ -49,24 +59,33 @@ class Variant:
         """For the JSON: all but what is as in the default."""
         return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
-    def config(self, base: FilterConfig, threads: int) -> FilterConfig | PaperConfig:
+    def config(
+        self, base: FilterConfig, threads: int
+    ) -> FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig:
         """Settings of the filter: the variant's laid over `base`."""
-        if self.paper:
-            return PaperConfig(**self.settings)
+        if self.method:
+            return _CONFIGS[self.method](**self.settings)
         return dataclasses.replace(base, **({"threads": threads} | self.settings))
 
     def filter(self, mesh: ObjectMesh, codebook: Codebook, base: FilterConfig, threads: int) -> AnyFilter:
         """A filter of this variant, its stages timed."""
         config = self.config(base, threads)
-        if self.paper:
+        if self.method == "paper":
             return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)
+        if self.method:
+            method = {"odometry": DeadReckoning, "registration": Registration}[self.method]
+            return method(mesh, codebook, config, clock=time.perf_counter)
         return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)
 
 
 VARIANTS = {
     DEFAULT: Variant("as shipped", DEFAULT),
-    "paper": Variant("the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER),
-    "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}),
+    "paper": Variant(
+        "the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER, method="paper"
+    ),
+    "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}, method="paper"),
+    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", PEER, method="registration"),
+    "odometry": Variant("the arm's odometry alone, from one draw of the start", PEER, method="odometry"),
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
     "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
@@ -121,6 +140,7 @@ def _group(*groups: str) -> tuple[str, ...]:
 _FINE_STAGE = ("no_refinement", "no_hindsight")
 _GATES_IN_MOTION = ("no_size_gate", "no_book_gate", "no_rival_gate", "no_wide_gate")
 SETS = {
+    "peers": ("paper", *_group(PEER)),
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),

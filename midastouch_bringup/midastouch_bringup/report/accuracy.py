@@ -7,7 +7,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..evaluation.accuracy import coverage_table, object_table, paper_text, recovery_text, trust_table
+from ..evaluation.accuracy import (
+    coverage_table,
+    object_table,
+    paper_text,
+    peer_table,
+    peers_of,
+    recovery_text,
+    trust_table,
+)
 from ..evaluation.calibration import observed_shares
 from ..evaluation.comparison import comparison_table, front_text, rows_by_init
 from ..evaluation.variants import DEFAULT
@@ -49,7 +57,11 @@ def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -
     page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
     if summary["recovery"]:
         page.note(recovery_text(summary["recovery"]))
-    page.table(*trust_table(summary["trust"]))
+    if "trust" in summary:  # results of before 2026-11-22 have no intervals
+        page.table(*trust_table(summary["trust"]))
+    if len(peers := peers_of(content["summary"], init)) > 1:
+        page.note("Methods on the same slides:")
+        page.table(*peer_table(peers))
     page.table(*coverage_table(summary["coverage"]))
     curves = {
         (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])

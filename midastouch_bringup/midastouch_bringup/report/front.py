@@ -8,13 +8,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..evaluation.comparison import pareto_front, rows_by_init
-from ..evaluation.variants import COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER
+from ..evaluation.variants import COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER
 from .figures import style_error_axes
 from .point_labels import label_points
 
 _GROUPS = {
     DEFAULT: ("default, as shipped", "#cc1a73", "*"),
     PAPER: ("the paper's filter", "black", "s"),
+    PEER: ("another method", "#555555", "P"),
     COUNT: ("fewer particles", "#1f77b4", "o"),
     INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
     MECHANISM: ("a mechanism off", "#e08214", "v"),

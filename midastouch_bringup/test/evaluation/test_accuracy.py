@@ -102,7 +102,17 @@ def test_it_is_printed_and_written_in_few_lines(trials, tmp_path):
         "trials": compact_trials(trials),
     }
     text = accuracy_text(result)
-    for word in ("can", "axis", "about paper", "67 %", "90 % region", "NEES", "7.4 mm", "lies on the front"):
+    for word in (
+        "can",
+        "axis",
+        "about paper",
+        "67 %",
+        "90 % region",
+        "NEES",
+        "7.4 mm",
+        "too few (3)",
+        "too few trials (2)",
+    ):
         assert word in text
     write_compact_json(tmp_path / "r.json", result | {"third": 1 / 3})
     written = json.loads((tmp_path / "r.json").read_text())

@@ -29,16 +29,40 @@ def test_variants_are_compared_on_the_trials_that_all_have_run(rows):
     assert rows["default"]["wrong_converged"] == pytest.approx(0.2)
 
 
-def test_a_difference_says_how_far_chance_goes(rows):
-    # 10 and 8 mm more than the default on the same two trials
-    assert (rows["paper"]["difference_mm"], rows["paper"]["difference_se_mm"]) == (9, pytest.approx(1))
-    assert difference_text(rows["paper"]) == "+9.0 ± 1.0"
-    assert difference_text({"difference_mm": -0.5, "difference_se_mm": None}) == "-0.5"
+@pytest.fixture
+def many(trials) -> list[dict]:
+    """Of the default and the paper's filter, 60 slides of two trials each, 10 and 8 mm apart."""
+    pairs = [trials[k] | {"slide": slide} for slide in range(60) for k in (0, 1, 3, 4)]
+    return [pair | {"frames_converged_right": 8} if pair["variant"] == "paper" else pair for pair in pairs]
 
 
-def test_one_trial_does_not_tell_how_far_chance_goes(trials):
+def test_a_difference_is_taken_trial_by_trial_and_says_how_far_chance_goes(many):
+    uneven = [t | {"final": t["final"] | {"e_trans_mm": 12 + (t["slide"] % 3 - 1)}} if t["variant"] == "paper" else t
+              for t in many]  # fmt: skip
+    _, row = compare_variants(uneven)
+    assert row["difference_mm"] == 9
+    assert row["difference_mm_interval"] == [pytest.approx(8.8, abs=0.06), pytest.approx(9.2, abs=0.06)]
+    assert row["right_difference"] == -1
+    assert row["right_difference_interval"] == [-1, -1]
+    assert row["wrong_converged_difference"] == pytest.approx(-0.2)
+    # of the filter's CPU time there are 90 ms more
+    assert row["verdict"] == "worse: error, right, CPU time; better: converged wrong"
+    assert difference_text(row) == "+9.0 (+8.8 ... +9.2)"
+    assert difference_text(row | {"difference_mm_interval": None}) == "+9.0"
+
+
+def test_what_is_the_same_shows_no_difference(many):
+    twice = [t for t in many if t["variant"] == "default"]
+    _, row = compare_variants([*twice, *(t | {"variant": "1k"} for t in twice)])
+    assert row["verdict"] == "no difference shown"
+
+
+def test_one_slide_does_not_tell_how_far_chance_goes(trials):
     rows = compare_variants([trials[0], trials[3]])
-    assert (rows[1]["difference_mm"], rows[1]["difference_se_mm"]) == (10, None)
+    assert (rows[1]["difference_mm"], rows[1]["difference_mm_interval"]) == (10, None)
+    assert difference_text(rows[1]) == "too few"
+    assert rows[1]["verdict"] == "too few (1)"
+    assert front_text(rows) == "too few trials (1) to say where the default lies"
 
 
 def test_inits_are_compared_apart_and_only_with_a_default(trials):
@@ -59,10 +83,11 @@ def test_the_front_holds_what_nothing_beats_in_both():
 
 
 def test_what_beats_the_default_is_named(rows):
+    rows = {name: row | {"trials": 100} for name, row in rows.items()}
     assert front_text(list(rows.values())).startswith("the default lies on the front")
-    better = rows["1k"] | {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_se_mm": 0.5, "filter_ratio": 0.125}
-    text = front_text([rows["default"], rows["paper"], better])
-    assert text == "faster than the default and more exact: 1k (-1.0 ± 0.5 mm, 0.12 of the time)"
+    differing = {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_mm_interval": [-1.5, -0.5]}
+    text = front_text([rows["default"], rows["paper"], rows["1k"] | differing | {"filter_ratio": 0.125}])
+    assert text == "faster than the default and more exact: 1k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
 
 
 def test_the_table_has_a_row_per_variant_with_what_differs(rows):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.paper_filter import PaperConfig
-from midastouch_bringup.evaluation.variants import DEFAULT, SETS, VARIANTS, chosen_variants
+from midastouch_bringup.evaluation.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
@@ -13,8 +13,9 @@ from midastouch_perception.errors import InputError
 def test_every_variant_is_a_valid_setting_that_differs_from_the_default(name):
     variant = VARIANTS[name]
     config = variant.config(FilterConfig(), threads=1)
-    if variant.paper:
-        assert isinstance(config, PaperConfig)
+    if variant.method:
+        assert not isinstance(config, FilterConfig)
+        assert isinstance(config, PaperConfig) == (variant.group == PAPER)
     else:
         assert config.threads == 1
         same = config == FilterConfig(threads=1) and set(variant.describe()) == {"summary", "group"}

@@ -55,8 +55,16 @@ def result(make_trial) -> dict:
 
 def test_a_benchmark_has_its_section(result, tmp_path):
     text = write_results_page([("accuracy.json", result)], tmp_path).read_text()
+    assert "Methods on the same slides" in text
     markdown = (tmp_path / "index.md").read_text()
-    for words in ("Accuracy over 2 objects", "Start: uniform", "Calibration of the likelihood", "axis", "7.4 mm"):
+    for words in (
+        "Accuracy over 2 objects",
+        "Start: uniform",
+        "Calibration of the likelihood",
+        "axis",
+        "7.4 mm",
+        "Methods on the same",
+    ):
         assert words in text
         assert words in markdown
     assert VARIANTS["1k"].summary in text
