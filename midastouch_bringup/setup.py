@@ -44,6 +44,7 @@ setup(
     description="Launch, configuration, datasets, evaluation and the midastouch command.",
     license="MIT",
     extras_require={
+        "export": ["h5py", "pyarrow"],
         "open3d": ["libusb-package", "open3d-cpu>=0.19"],
         "test": ["pytest"],
         "ur": ["ur-rtde"],

@@ -10,7 +10,7 @@ PACKAGES = ["digit_driver", "midastouch_kernels", "midastouch_perception", "mida
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
 # Extras, and parts of a system ROS, which not every install has.
 OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}
-OPTIONAL |= {"open3d", "tf2_ros", "torch"}
+OPTIONAL |= {"h5py", "open3d", "pyarrow", "tf2_ros", "torch"}
 
 
 def modules() -> list[str]:

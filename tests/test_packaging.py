@@ -37,11 +37,13 @@ ROSDEP_KEYS = {
 PIP_ONLY = {"distributed", "igl", "mcap", "pykdtree", "rosbags"}
 # Extras, imported where they are used and said to be missing there.
 OPTIONAL = {
+    "h5py",
     "libusb_package",
     "onnx",
     "onnxscript",
     "open3d",
     "openvino",
+    "pyarrow",
     "rerun",
     "rerun_cli",
     "rtde_receive",

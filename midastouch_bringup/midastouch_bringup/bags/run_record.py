@@ -41,10 +41,10 @@ def read_run(path: str | Path) -> RunRecord:
     Raises InputError if the bag cannot be read or holds no frame with a result.
     """
     recorded = {topic.name for topic in bag_topics(path)}
-    results = {topic: dict(_by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
+    results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
     for topic in (POSE, CODE, PENETRATION):
-        results[topic] = dict(_by_stamp(path, topic)) if topic in recorded else {}
-    results[STATUS] = _answers(path)
+        results[topic] = dict(by_stamp(path, topic)) if topic in recorded else {}
+    results[STATUS] = answers(path)
     snapshots, n_particles, filter_ms = [], [], []
     start, seen = None, set()
     for frame in read_bag(path):
@@ -77,15 +77,15 @@ def read_run(path: str | Path) -> RunRecord:
     return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
 
 
-def _by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
+def by_stamp(path: str | Path, topic: str) -> Iterator[tuple[int, object]]:
     for message in bag_messages(path, {topic}):
         yield header_stamp_ns(message.data), typestore().deserialize_cdr(message.data, message.type_name)
 
 
-def _answers(path: str | Path) -> dict[int, object]:
+def answers(path: str | Path) -> dict[int, object]:
     """The first status of each stamp that is more than the word that it is still to come."""
     answers: dict[int, object] = {}
-    for stamp, status in _by_stamp(path, STATUS):
+    for stamp, status in by_stamp(path, STATUS):
         if status.state != status.STATE_WAITING:
             answers.setdefault(stamp, status)
     return answers

@@ -11,6 +11,7 @@ _SET_UP = "make setup"
 _TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
 _OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; sudo apt install libgl1 libegl1 libx11-6"
 _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
+_EXPORT = ".venv/bin/pip install -r tools/requirements/export.txt"
 
 # module, distribution, what it is for, required, the command that mends it
 MODULES = (
@@ -39,6 +40,8 @@ MODULES = (
     ),
     ("torch", "torch", "training, CUDA", False, _TRAIN),
     ("rerun", "rerun-sdk", "midastouch view", False, _VIEW),
+    ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, _EXPORT),
+    ("h5py", "h5py", "midastouch export --format hdf5", False, _EXPORT),
     ("midastouch_bringup.inspection.library", "open3d-cpu", "midastouch inspect", False, _OPEN3D),
 )
 _PROGRAMS = (

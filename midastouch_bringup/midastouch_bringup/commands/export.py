@@ -1,0 +1,59 @@
+"""`midastouch export`: recordings in the formats of learning stacks."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from . import arguments
+
+if TYPE_CHECKING:
+    from ..export.recording import Recording
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "export",
+        run,
+        "write recordings as a LeRobot dataset or as HDF5",
+        "midastouch export out/demo/run.mcap --format lerobot --out out/dataset",
+        "One episode for each bag: images, poses, and what the bag has of penetration maps, estimates, states and\n"
+        "truth. What is in the files: docs/exports.md. Needs: pip install 'midastouch_bringup[export]'.",
+    )
+    parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
+    parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"))
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder to write; an existing one is replaced")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_perception.files import atomic_path
+
+    from ..export.recording import Recording
+
+    write = _writer(args.format)  # before a long bag is read
+    recordings = [Recording(path) for path in args.bags]
+    with atomic_path(args.out) as folder:
+        folder.mkdir()
+        frames = write(recordings, folder)
+    names = ", ".join(column.name for column in recordings[0].columns)
+    print(f"{args.out}: {frames} frames in {len(recordings)} episodes: {names}")
+    return 0
+
+
+def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
+    """What writes recordings in that format into a folder; InputError with the mend without its library."""
+    from midastouch_perception.errors import InputError
+
+    try:
+        if name == "lerobot":
+            from ..export.lerobot import write_lerobot as write
+        else:
+            from ..export.hdf5 import write_hdf5 as write
+    except ModuleNotFoundError as error:
+        raise InputError(f"--format {name} needs {error.name}: pip install 'midastouch_bringup[export]'") from error
+    return write
