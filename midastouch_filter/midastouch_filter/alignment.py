@@ -42,11 +42,11 @@ class PenetrationAlignment:
     """Aligns poses on one mesh.
 
     Args: mesh; sensor, at the resolution of the penetration maps; noise.
-    Attributes: map_shape, rows and columns of the maps.
+    Attributes: sensor; map_shape, rows and columns of the maps.
     """
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
-        self.map_shape = sensor.gel_depth.shape
+        self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
         self._between_places = noise.between_places
         self._kernel = kernels.MapAlignment(
             PenetrationRenderer(mesh, sensor, _MARGIN).scene,

@@ -84,6 +84,21 @@ class FilterConfig:
     hindsight_touches: int = _number(20, 6, 200, "", "touches that are kept")
     hindsight_spacing: float = _number(0.02, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
 
+    # --- the object may move: contact odometry against the arm's
+    object_motion: bool = _switch(True, "follow the object when it slips or is pushed; needs refinement")
+    object_jump_translation: float = _number(
+        0.003, 1e-4, 0.05, "m", "size of the jumps of the object that are looked for, each axis, sigma"
+    )
+    object_jump_rotation: float = _number(
+        math.radians(3.0), 1e-3, 0.5, "rad", "size of the jumps of the object that are looked for, each axis, sigma"
+    )
+
+    # --- self-calibration while sliding
+    calibration: bool = _switch(True, "learn the errors of mount and clock while sliding; needs refinement")
+    mount_translation: float = _number(2e-3, 1e-6, 0.02, "m", "error of the mount, each axis, sigma")
+    mount_rotation: float = _number(math.radians(2.0), 1e-6, 0.3, "rad", "error of the mount, each axis, sigma")
+    clock_offset: float = _number(0.05, 1e-6, 0.5, "s", "offset of the arm's clock to the camera's, sigma")
+
     # --- further fingers on the same object
     finger_translation: float = _number(
         5e-4, 0.0, 0.05, "m", "error of a further finger's pose relative to the first one's, each axis, sigma"
@@ -114,6 +129,16 @@ class FilterConfig:
     def jitter(self) -> np.ndarray:
         """Covariance (6, 6) of one measured sensor pose, in its own frame: m^2, rad^2."""
         return np.diag(np.repeat([self.jitter_translation, self.jitter_rotation], 3) ** 2)
+
+    @property
+    def object_jump(self) -> np.ndarray:
+        """Covariance (6, 6) of how far the object jumps, in the gel's frame: m^2, rad^2."""
+        return np.diag(np.repeat([self.object_jump_translation, self.object_jump_rotation], 3) ** 2)
+
+    @property
+    def mount_error(self) -> np.ndarray:
+        """Covariance (6, 6) of the mount's error, in the gel's frame: m^2, rad^2."""
+        return np.diag(np.repeat([self.mount_translation, self.mount_rotation], 3) ** 2)
 
     @property
     def finger_error(self) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 import midastouch_kernels as kernels
 
+from .arm_errors import Calibration
 from .modes import Moments
 from .state import Status
 
@@ -45,12 +46,13 @@ class Estimate:
 
     modes, heaviest first (none while uninitialised); status; covariance (6, 6) of the whole belief about the dominant
     mode's pose, in the order and axes of `Mode.covariance`: while several places compete, the distance between them is
-    part of it. None while uninitialised.
+    part of it. None while uninitialised. calibration: what is known of mount and clock, None if nothing asks.
     """
 
     modes: list[Mode]
     status: Status
     covariance: np.ndarray | None = None
+    calibration: Calibration | None = None
 
     @property
     def pose(self) -> np.ndarray | None:

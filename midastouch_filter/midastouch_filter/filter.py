@@ -6,11 +6,13 @@ uneven, find the modes, and let what is felt in detail refine them. How each par
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 
 from .belief import Belief
@@ -27,7 +29,7 @@ from .places import Prior
 from .policies import Policies, default_policies
 from .propagation import OdometryJump
 from .reporting import Reporter
-from .state import Status
+from .state import CONVERGED, Status
 from .stopwatch import Stopwatch
 from .touch import Measurement
 from .workers import Workers
@@ -90,7 +92,7 @@ class ParticleFilter:
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder)
-        for policy in (self._do.propagate, self._do.reweigh, self._do.fingers):
+        for policy in (self._do.correct, self._do.propagate, self._do.reweigh, self._do.fingers):
             policy.restart()
         self._do.refine.restart(prior)
 
@@ -101,13 +103,18 @@ class ParticleFilter:
     # ------------------------------------------------------------------ one step
 
     def step(
-        self, odometry: np.ndarray | None, measurement: Measurement, others: Mapping[str, Measurement] | None = None
+        self,
+        odometry: np.ndarray | None,
+        measurement: Measurement,
+        others: Mapping[str, Measurement] | None = None,
+        elapsed: float | None = None,
     ) -> Estimate:
         """One step of the filter; returns its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
         others: what further fingers on the same object feel, by name, also while this one is in the air; any of them
         may be missing in any frame.
+        elapsed: seconds since the last step; None: unknown, and nothing is learnt about the arm's clock.
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
@@ -120,7 +127,7 @@ class ParticleFilter:
             return self._reporter.nothing()
         do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
         self._gates.skips("no_contact", not in_contact)
-        motion = self._propagate(odometry, in_contact)
+        motion = self._propagate(self._correct(odometry, elapsed), in_contact)
         felt = do.fingers.feel(touches, motion)
         do.refine.moved(motion, do.fingers.path, in_contact)
         touched = any(finger.touch.in_contact for finger in felt)
@@ -128,7 +135,22 @@ class ParticleFilter:
         self._cluster(changed=touched or motion is not None)
         if do.refine(self._belief, felt, tempering):
             do.reweigh.trend.explained()
-        return self._reporter.estimate(self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted)
+        estimate = self._reporter.estimate(
+            self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
+        )
+        with self._watch.stage("arm errors"):
+            do.correct.observe(self._belief, measurement, estimate.status.state == CONVERGED)
+        return estimate
+
+    def _correct(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+        """The odometry without what is known to be wrong with it; says so when the object moved."""
+        better, jump = self._do.correct(odometry, elapsed), self._do.correct.jump
+        if jump is not None:
+            distance, angle = np.linalg.norm(jump.moved[:3, 3]), se3.rotation_angle(jump.moved[:3, :3])
+            said = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"
+            self._gates.refuse("object_moved", said)
+            self._do.propagate.blur(self._belief.particles, jump.covariance)
+        return better
 
     def _propagate(self, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
         """Equation 1; starts again after a jump. The motion, None if nothing moved."""

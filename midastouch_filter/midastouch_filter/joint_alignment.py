@@ -50,9 +50,15 @@ def align_in_turn(
 
 
 def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4): adjoint of its inverse."""
+    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4)."""
+    on = adjoint(motion)
+    return on @ covariance @ on.T
+
+
+def adjoint(motion: np.ndarray) -> np.ndarray:
+    """(6, 6) that takes a tangent vector of a pose's own frame to the frame that went on by `motion` (4, 4)."""
     back = se3.inverse(motion)
     r, (x, y, z) = back[:3, :3], back[:3, 3]
-    adjoint = se3.turn(r)
-    adjoint[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
-    return adjoint @ covariance @ adjoint.T
+    out = se3.turn(r)
+    out[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
+    return out

@@ -104,6 +104,10 @@ class MotionModel:
         sigma = 0.25 * spacing * np.array([1, 1, 0, 0, 0, 1 / ROTATION_SCALE])
         self._move(particles, Odometry.from_matrix(np.eye(4)), sigma)
 
+    def blur(self, particles: Particles, covariance: np.ndarray) -> None:
+        """Spread particles in place by a covariance (6, 6) in their own frames, m^2 and rad^2, axis by axis."""
+        self._move(particles, Odometry.from_matrix(np.eye(4)), np.sqrt(np.diag(covariance)))
+
     def _move(self, particles: Particles, odometry: Odometry, sigma: np.ndarray) -> None:
         # a turn by w is the quaternion (w/2, 1), normalised
         scale = (sigma * [1, 1, 1, 0.5, 0.5, 0.5]).astype(np.float32)

@@ -15,6 +15,7 @@ from .initialisation import ParticleSource
 from .motion_model import MotionModel
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
+from .odometry_correction import AsMeasured, OdometryCorrection
 from .propagation import Propagation
 from .recovery import Recovery
 from .reevaluation import Reevaluation
@@ -27,9 +28,11 @@ from .workers import Workers
 
 @dataclass
 class Policies:
-    """propagate: equation 1; fingers: what is felt that is new; reweigh: equation 2, normalised; resample: when, and to
-    how many; recover: after a collapse of the likelihood; refine: the fine stage; source: of new particles."""
+    """correct: the odometry; propagate: equation 1; fingers: what is felt that is new; reweigh: equation 2, normalised;
+    resample: when, and to how many; recover: after a collapse of the likelihood; refine: the fine stage; source: of new
+    particles."""
 
+    correct: AsMeasured
     propagate: Propagation
     fingers: Fingers
     reweigh: Reweighting
@@ -51,7 +54,7 @@ def default_policies(
     """The policies that the configuration asks for, without a memory."""
     motion_model = MotionModel(config, rng, workers)
     source = ParticleSource(model.lookup, model.poses, motion_model, noise.jitter, rng, workers)
-    map_shape, refine = None, CoarseOnly()
+    map_shape, refine, correct = None, CoarseOnly(), AsMeasured()
     if model.alignment is not None:
         map_shape, effort = model.alignment.map_shape, Effort()
         refinement = Refinement(model.alignment, config, noise, effort, workers)
@@ -59,7 +62,9 @@ def default_policies(
         if config.hindsight:
             reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, config, noise, effort)
         refine = FineStage(refinement, reevaluation, config, noise, source, gates, watch)
+        correct = OdometryCorrection(model.alignment, config, noise)
     return Policies(
+        correct=correct,
         propagate=Propagation(motion_model, config, gates),
         fingers=Fingers(model.finger_maker(gates), map_shape, gates),
         reweigh=Reweighting(config, model.measurement.outlier, refine.pool),

@@ -31,6 +31,10 @@ class Propagation:
         """Adapt the noise floor after a touch, counted as `tempering` of an independent one."""
         self._exploration.update(dominant_mass, tempering)
 
+    def blur(self, particles: Particles, covariance: np.ndarray) -> None:
+        """Spread particles in place: where they are is known no better than to a covariance (6, 6), own frame."""
+        self._model.blur(particles, covariance)
+
     def __call__(self, particles: Particles, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
         """Move particles in place; the motion, None at rest or if the odometry is refused. Raises OdometryJump."""
         if odometry is None:

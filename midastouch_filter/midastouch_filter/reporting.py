@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .arm_errors import Calibration
 from .belief import Belief
 from .config import FilterConfig
 from .estimate import Estimate
@@ -24,9 +25,15 @@ class Reporter:
         return Estimate([], self.status(None, 0.0))
 
     def estimate(
-        self, belief: Belief, trend: LikelihoodTrend, in_contact: bool, checked: bool, restarted: str
+        self,
+        belief: Belief,
+        trend: LikelihoodTrend,
+        in_contact: bool,
+        checked: bool,
+        restarted: str,
+        calibration: Calibration | None,
     ) -> Estimate:
-        """Answer of a step; arguments as `Evidence`."""
+        """Answer of a step; arguments as `Evidence` and `Estimate`."""
         dominant = belief.modes[0]
         self._state.update(
             Evidence(
@@ -40,7 +47,7 @@ class Reporter:
                 spread_r=dominant.spread_rotation,
             )
         )
-        return Estimate(belief.answers, self.status(belief, trend.short), belief.covariance)
+        return Estimate(belief.answers, self.status(belief, trend.short), belief.covariance, calibration)
 
     def stale(self, reason: str, belief: Belief | None, trend: float) -> Status:
         """Status when input has stopped."""

@@ -1,0 +1,256 @@
+"""What is wrong with the arm's odometry: errors of mount and clock, and motions of the object it does not know of.
+
+The arm says where the gel is but for two errors that stay: the mount's, a constant transform, and the clock's, a
+constant time. Over a path that turns, both pull the pose away from where the penetration maps have it in ways that
+nothing else does. A Kalman filter estimates them together with the error of the pose itself:
+
+    state [error of the pose, error of the mount, error of the clock], measured: the first, by one alignment
+
+When the object slips or is pushed, the error of the pose jumps. For every one of the last frames another filter is kept
+that supposes a jump just then (Bayesian change-point detection, Adams and MacKay 2007); the odds between it and the one
+without a jump are a Bayes factor.
+
+A frame is taken into account a few frames later, when the velocity at it is known from both sides: a velocity from the
+past alone lags behind, which would look like a clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from .joint_alignment import adjoint, transform_covariance
+
+_POSE, _MOUNT, _CLOCK = slice(0, 6), slice(6, 12), 12
+_AROUND = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
+_RECENT = 4  # frames that the present velocity is the mean of
+_DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
+_FRESH = 0.2  # share of an alignment that is news: the next frame sees nearly the same patch
+_FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
+_WINDOW = 10  # frames within which a jump must become certain
+_DECISIVE = 14.0  # log-odds, nats, from which it is
+_KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is known of mount and clock.
+
+    mount (4, 4), `T_true_gel_told`: the gel frame that the mount tells, in the true one; clock [s], by which the arm's
+    poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations before
+    anything was felt; touches that were used.
+    """
+
+    mount: np.ndarray
+    clock: float
+    covariance: np.ndarray
+    prior: np.ndarray
+    touches: int
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations (7,): m, rad, s."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which (7,) are known much better than before."""
+        return self.sigma < _KNOWN * self.prior
+
+
+@dataclass(frozen=True)
+class ObjectJump:
+    """at_rest (4, 4): where the gel would have been in the last observed frame, had the object not moved; pose (4, 4):
+    where it was instead, with covariance (6, 6) in its own frame, m^2 and rad^2."""
+
+    at_rest: np.ndarray
+    pose: np.ndarray
+    covariance: np.ndarray
+
+    @property
+    def moved(self) -> np.ndarray:
+        """(4, 4): the gel's motion over the object because the object moved."""
+        return se3.inverse(self.at_rest) @ self.pose
+
+
+@dataclass
+class _Frame:
+    """motion (4, 4) into it, which took `elapsed` [s]; seen: as `observe` is told."""
+
+    motion: np.ndarray
+    elapsed: float
+    seen: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+
+@dataclass
+class _Hypotheses:
+    """One row each, the first without a jump: mean (K, 13) and covariance (K, 13, 13) of the errors; before (K, 13), the
+    mean as the frames before the jump had it; log_odds (K,) against the first; age (K,), frames since the jump."""
+
+    mean: np.ndarray
+    before: np.ndarray
+    covariance: np.ndarray
+    log_odds: np.ndarray
+    age: np.ndarray
+
+    def __getitem__(self, rows: np.ndarray | list[int]) -> _Hypotheses:
+        return _Hypotheses(*(value[rows] for value in vars(self).values()))
+
+    def __add__(self, other: _Hypotheses) -> _Hypotheses:
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return _Hypotheses(*(np.concatenate(pair) for pair in pairs))
+
+
+class ArmErrors:
+    """Estimates mount and clock, takes their errors out of the arm's motion, and notices when the object jumps.
+
+    Args: mount (6, 6), covariance of the mount's error before anything is felt, m^2, rad^2; clock [s], standard
+    deviation of the clock's; jitter (6, 6), covariance of one measured sensor pose; jump (6, 6), of the jumps of the
+    object that are looked for; spread (6, 6), of the first pose that is observed.
+    Attribute: jump of the object that became certain in this frame, else None.
+    """
+
+    def __init__(
+        self, mount: np.ndarray, clock: float, jitter: np.ndarray, jump: np.ndarray, spread: np.ndarray
+    ):
+        self._jitter, self._jump, self._spread = jitter, jump, spread
+        covariance = np.zeros((13, 13))
+        covariance[_MOUNT, _MOUNT], covariance[_CLOCK, _CLOCK] = mount, clock**2
+        self._prior = np.sqrt(np.diag(covariance)[6:])
+        self._rows = _Hypotheses(np.zeros((1, 13)), np.zeros((1, 13)), covariance[None], np.zeros(1), np.zeros(1, int))
+        # the hypotheses' errors are those of these, and of the pose
+        self._mount, self._clock, self._touches = np.eye(4), 0.0, 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Nobody knows where the gel is on the object, or how it got there; what was learnt stays."""
+        self._frames: deque[_Frame] = deque(maxlen=2 * _AROUND + 1)
+        self.forget_place()
+        self._velocity = self._present = np.zeros(6)
+
+    def forget_place(self) -> None:
+        """Nobody knows any longer where the gel is on the object; how the arm moves is known on."""
+        for frame in self._frames:
+            frame.seen = None
+        self._pose: np.ndarray | None = None
+        self.jump: ObjectJump | None = None
+        self._rows = self._rows[[0]]
+        self._rows.mean[:, _POSE] = 0.0
+
+    @property
+    def calibration(self) -> Calibration:
+        """What is known at present."""
+        covariance = self._rows.covariance[0][6:, 6:].copy()
+        return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
+
+    def corrected(self, motion: np.ndarray, elapsed: float | None) -> np.ndarray:
+        """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock."""
+        self.jump = None
+        self._frames.append(_Frame(motion, elapsed or 0.0))
+        if len(self._frames) == self._frames.maxlen:
+            self._take(self._frames[_AROUND], _mean_velocity(list(self._frames)[1:]))
+        before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT:])
+        return self._true(motion, before, self._present)
+
+    def observe(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
+        """The map alone has the gel at `offset` (6,) from pose (4, 4) in the newest frame, with information (6, 6), own
+        frame, which may be none in some directions."""
+        if self._frames:
+            self._frames[-1].seen = pose, offset, information
+
+    def _true(self, motion: np.ndarray, before: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """The gel's motion (4, 4), the arm's being told, at velocities (6,) of the gel that the mount tells."""
+        start, end = se3.exp(self._clock * before), se3.exp(self._clock * velocity)
+        return self._mount @ se3.inverse(start) @ motion @ end @ se3.inverse(self._mount)
+
+    def _take(self, frame: _Frame, velocity: np.ndarray) -> None:
+        """Account for a frame, at the velocity (6,) there."""
+        before, self._velocity = self._velocity, velocity
+        if self._pose is not None:
+            self._propagate(self._true(frame.motion, before, velocity), before)
+        if frame.seen is None:
+            return
+        if self._pose is None:
+            self._anchor(frame.seen[0])
+            return
+        self._suppose_a_jump()
+        self._weigh(*frame.seen)
+        best = 1 + int(np.argmax(self._rows.log_odds[1:]))
+        if self._rows.log_odds[best] > _DECISIVE:
+            since, covariance = self._since(), self._rows.covariance[best][_POSE, _POSE]
+            means = self._rows.before[best], self._rows.mean[best]
+            at_rest, moved = (self._pose @ se3.exp(mean[_POSE]) @ since for mean in means)
+            self.jump = ObjectJump(at_rest, moved, transform_covariance(covariance, since))
+            self._rows = self._rows[[best]]
+            self._rows.log_odds, self._rows.age = np.zeros(1), np.zeros(1, int)
+        self._settle()
+
+    def _since(self) -> np.ndarray:
+        """The gel's motion (4, 4) from the frame that is taken into account to the last observed one."""
+        motion = np.eye(4)
+        for frame in list(self._frames)[_AROUND + 1 : -1]:
+            motion = motion @ self._true(frame.motion, self._velocity, self._velocity)
+        return motion
+
+    def _propagate(self, motion: np.ndarray, velocity_before: np.ndarray) -> None:
+        self._pose = self._pose @ motion
+        carried, to_mount = adjoint(motion), adjoint(se3.inverse(self._mount))
+        transition = np.eye(13)
+        transition[_POSE, _POSE] = carried
+        transition[_POSE, _MOUNT] = carried @ to_mount - to_mount
+        transition[_POSE, _CLOCK] = to_mount @ self._velocity - carried @ to_mount @ velocity_before
+        rows = self._rows
+        rows.mean, rows.before = rows.mean @ transition.T, rows.before @ transition.T
+        rows.covariance = transition @ rows.covariance @ transition.T
+        rows.covariance[:, np.arange(6), np.arange(6)] += _DRIFT
+        rows.age = rows.age + 1
+
+    def _suppose_a_jump(self) -> None:
+        rows = self._rows
+        new = rows[[0]]
+        new.before, new.age = new.mean, np.zeros(1, int)
+        new.covariance[:, _POSE, _POSE] += self._jump
+        self._rows = rows[(rows.age < _WINDOW) | (np.arange(len(rows.age)) == 0)] + new
+
+    def _weigh(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
+        """Kalman update of all hypotheses, by a t distribution (its weights are those of a robust estimator)."""
+        rows, information = self._rows, _FRESH * information
+        innovation = se3.log(se3.inverse(self._pose) @ pose) + offset - rows.mean[:, _POSE]
+        noise = rows.covariance[:, _POSE, _POSE] + self._jitter
+        # inv(inv(information) + noise), where the information may be singular
+        mixed = np.eye(6) + noise @ information
+        weight = information @ np.linalg.inv(mixed)
+        squared = np.einsum("ki,kij,kj->k", innovation, weight, innovation)
+        log_likelihood = -0.5 * (_FREEDOM + 6) * np.log1p(squared / _FREEDOM) - 0.5 * np.linalg.slogdet(mixed)[1]
+        rows.log_odds = rows.log_odds + log_likelihood - rows.log_odds[0] - log_likelihood[0]
+        trust = np.minimum((_FREEDOM + 6) / (_FREEDOM + squared), 1.0)
+        gain = trust[:, None, None] * rows.covariance[:, :, _POSE] @ weight
+        rows.mean = rows.mean + np.einsum("kij,kj->ki", gain, innovation)
+        covariance = rows.covariance - gain @ rows.covariance[:, _POSE, :]
+        rows.covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
+        self._touches += 1
+
+    def _settle(self) -> None:
+        """Let the errors count from the first hypothesis' own pose, mount and clock."""
+        change = self._rows.mean[0].copy()
+        self._rows.mean, self._rows.before = self._rows.mean - change, self._rows.before - change
+        self._pose = self._pose @ se3.exp(change[_POSE])
+        self._mount = self._mount @ se3.exp(change[_MOUNT])
+        self._clock += float(change[_CLOCK])
+
+    def _anchor(self, pose: np.ndarray) -> None:
+        """A place is known again: only what was learnt of mount and clock holds there as well."""
+        self._pose = pose
+        covariance = self._rows.covariance[0]
+        covariance[_POSE, :] = covariance[:, _POSE] = 0.0
+        covariance[_POSE, _POSE] = self._spread
+
+
+def _mean_velocity(frames: list[_Frame]) -> np.ndarray:
+    """Mean velocity (6,) over some frames, m/s and rad/s; zero where no time is told."""
+    seconds = sum(frame.elapsed for frame in frames)
+    return sum(se3.log(frame.motion) for frame in frames) / seconds if seconds else np.zeros(6)

@@ -1,0 +1,143 @@
+"""What is wrong with the arm's odometry, taken out of it: errors of mount and clock, and motions of the object.
+
+All hypotheses about the place share them. So they are learnt at one of them, the dominant mode, and every part of the
+next step gets the better odometry. The gel is tracked there from map to map by contact odometry and by alignment, which
+the arm only guides: so the track follows the object when that moves, and differs from what the arm says.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from .alignment import Aligned, PenetrationAlignment
+from .arm_errors import ArmErrors, Calibration, ObjectJump
+from .belief import Belief
+from .config import FilterConfig
+from .contact_odometry import ContactOdometry
+from .motion_model import Odometry
+from .noise_model import NoiseModel
+from .places import pose_distance
+from .touch import Measurement
+
+_SAID = 0.1  # share of the prior's information below which a map says nothing
+
+
+class AsMeasured:
+    """The odometry is believed.
+
+    Attributes: jump of the object that became certain in this frame, else None; calibration, what is known of mount and
+    clock.
+    """
+
+    jump: ObjectJump | None = None
+    calibration: Calibration | None = None
+
+    def restart(self) -> None:
+        """The particles were drawn anew."""
+
+    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+        """The better odometry (4, 4); `elapsed` [s] since the last frame."""
+        return odometry
+
+    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
+        """Learn from what the step made of the first finger's touch; trusted: whether its answer is relied on."""
+
+
+class OdometryCorrection(AsMeasured):
+    """Takes errors out of the odometry.
+
+    Args: alignment; config; noise.
+    """
+
+    def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel):
+        self._alignment, self._config = alignment, config
+        self._reach, self._near = config.object_jump + 2 * noise.jitter, noise.jitter + noise.mode_floor
+        self._decisive = noise.decisive
+        self._contact = ContactOdometry(alignment.sensor, noise, self._reach)
+        self._errors = ArmErrors(
+            config.mount_error, config.clock_offset, noise.jitter, config.object_jump, noise.between_entries
+        )
+        self.restart()
+
+    def restart(self) -> None:
+        self._errors.restart()
+        self._lose()
+        self._arm = np.eye(4)
+
+    @property
+    def calibration(self) -> Calibration:
+        return self._errors.calibration
+
+    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+        self.jump = None
+        try:
+            motion = Odometry.from_matrix(np.eye(4) if odometry is None else odometry)
+        except ValueError:
+            return odometry
+        if motion.distance > self._config.max_odometry_jump:
+            return odometry
+        better = self._errors.corrected(motion.transform, elapsed)
+        self._arm = self._arm @ better
+        jump = self._errors.jump
+        if jump is None or self._track is None:
+            return better
+        still, moved = self._evidence(jump.at_rest), self._evidence(jump.pose)
+        if moved - still < self._decisive:  # over ridges the track may have gone to the next one, which feels alike
+            self._lose()
+            return better
+        self.jump = jump
+        followed = self._mode @ jump.moved
+        # the alignments of the last frames may have followed already
+        if self._evidence(followed) > self._evidence(self._mode):
+            self._track = followed
+            return jump.moved @ better
+        self._track = self._mode
+        return better
+
+    def _evidence(self, pose: np.ndarray) -> float:
+        """How well the last map fits the neighbourhood of a pose (4, 4)."""
+        return self._alignment.align(pose, self._near, self._penetration).log_evidence
+
+    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
+        penetration = touch.penetration
+        if not touch.in_contact or penetration is None or penetration.shape != self._alignment.map_shape:
+            self._lose()
+            return
+        self._mode = belief.modes[0].pose
+        if self._contact.is_last(penetration):
+            return
+        arm, self._arm, self._penetration = self._arm, np.eye(4), penetration
+        moved = self._contact(penetration, arm)
+        if self._track is None:
+            self._track = belief.answers[0].pose if trusted and 0 in belief.aligned else None
+            return
+        start = self._track @ moved
+        found = self._alignment.align(start, self._reach, penetration)
+        self._track = found.pose
+        lost = found.fit < self._config.relief_fit
+        if lost or pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius:
+            self._lose()
+            return
+        self._errors.observe(start, *without_prior(start, self._reach, found))
+
+    def _lose(self) -> None:
+        """The track ends: nothing is felt, or it left the place."""
+        self._contact.restart()
+        self._errors.forget_place()
+        self._track: np.ndarray | None = None
+
+
+def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) -> tuple[np.ndarray, np.ndarray]:
+    """What the map alone says, where the prior N(pose (4, 4), covariance (6, 6), own frame) became the posterior.
+
+    Offset (6,) from that pose and its information (6, 6): none in directions of which the map says next to nothing.
+    """
+    scale = np.linalg.cholesky(covariance)
+    gained, axes = np.linalg.eigh(scale.T @ np.linalg.inv(posterior.covariance) @ scale - np.eye(6))
+    said = gained > _SAID
+    gained, axes = gained[said], axes[:, said]
+    towards = axes.T @ np.linalg.solve(scale, se3.log(se3.inverse(pose) @ posterior.pose))
+    whitening = np.linalg.solve(scale.T, axes)
+    return scale @ axes @ (towards * (gained + 1) / gained), (whitening * gained) @ whitening.T
