@@ -153,13 +153,13 @@ class Reevaluation:
         starts = [mode @ to_newest for mode in modes]
         rivals = yield from self._search.find(window, starts)
         replay = Replay(window, self._search.along, self._alignment, self._noise, self._effort, self._explains)
-        for start in starts:
-            yield from replay.follow(start)
-        for start in rivals.poses:
-            if replay.alignments >= self._effort.alignments:
+        exhaustive = True
+        for i, start in enumerate(starts + rivals.poses):
+            exhaustive = i < len(starts) or replay.alignments < self._effort.alignments
+            if not exhaustive:
                 break
             yield from replay.follow(start)
-        yield self._compared(window, replay, rivals, len(replay.followed) == len(starts) + len(rivals.poses))
+        yield self._compared(window, replay, rivals, exhaustive)
 
     def _scored(self) -> Scored:
         keyframes = list(self._window.keyframes)

@@ -14,7 +14,10 @@ from .effort import Effort
 from .joint_alignment import align_in_turn, transform_covariance
 from .keyframes import Keyframe
 from .noise_model import NoiseModel
+from .places import pose_distance
 from .rival_search import Scored
+
+_SAME = 4e-3  # m, pose distance
 
 
 @dataclass(frozen=True)
@@ -58,11 +61,13 @@ class Replay:
         """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope.
 
         First to the newest few, and then once more from there: a codebook's entry would else fall behind a settled mode
-        by how far from the optimum it starts.
+        by how far from the optimum it starts. Who has come to where another place is by then, is that place.
         """
         newest = len(self._window.keyframes) - 1
         few = max(newest - self._effort.settled, 0)
         found = yield from self._back_to(few, start)
+        if any(each.at <= few and pose_distance(each.poses[few], found.poses[few]) < _SAME for each in self.followed):
+            return
         if few and found.at == few:
             onward = se3.inverse(self._window.keyframes[few].motion) @ self._window.keyframes[newest].motion
             found = yield from self._back_to(0, found.pose @ onward)

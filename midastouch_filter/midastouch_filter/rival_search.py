@@ -69,12 +69,12 @@ class RivalSearch:
         """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
-        candidates, _ = self._best(candidates, (yield from self._scored(candidates, newest, some)))
+        candidates, _ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))
         if any(len(keyframe.touches) > 1 for keyframe in window.keyframes):
             for angle in effort.turns:
                 yield None
                 candidates = self._turned(candidates[: effort.turned], angle, newest, some)
-        candidates, score = self._best(candidates, (yield from self._scored(candidates, newest, window)))
+        candidates, score = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
         return self._worth_replaying(candidates, score, taken)
 
     def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
@@ -106,9 +106,13 @@ class RivalSearch:
             self._looked_up = part.stop - part.start
             yield None
 
-    def _best(self, candidates: np.ndarray, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The best candidates and their scores, best first."""
-        best = np.argsort(-score, kind="stable")[: self._effort.kept]
+    def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The best candidates and their scores; by turns the next best of all touches and of those since the last lift.
+
+        The object may have been moved then, and what explained many touches before may explain none any more.
+        """
+        turns = np.stack([np.argsort(-each, kind="stable") for each in (score, recent)], axis=1).ravel()
+        best = turns[np.sort(np.unique(turns, return_index=True)[1])][: self._effort.kept]
         return candidates[best], score[best]
 
     def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: Scored) -> np.ndarray:
@@ -119,14 +123,18 @@ class RivalSearch:
         score = window.best_suffix(np.stack(scores, axis=1))
         return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
 
-    def _scored(self, candidates: np.ndarray, newest: Keyframe, window: Scored) -> Generator[None, None, np.ndarray]:
-        """Scores (C,) of candidates (C, 4, 4) at the newest keyframe, over the window."""
+    def _scored(
+        self, candidates: np.ndarray, newest: Keyframe, window: Scored
+    ) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
+        """Scores (C,) of candidates (C, 4, 4) at the newest keyframe: over the window, and since the last lift."""
         scores = np.zeros((len(candidates), len(window.weights)))
         for k in range(len(window.weights)):
             for part in self._slices(len(candidates)):
                 yield from self._pause(part)
                 scores[part, k] = self._of(candidates[part], newest, window, k)
-        return window.best_suffix(scores)
+        recent = [keyframe.stretch == newest.stretch for keyframe in window.keyframes]
+        best = window.best_suffix(scores)
+        return best, best if all(recent) else scores[:, recent].sum(axis=1)
 
     def _of(self, candidates: np.ndarray, newest: Keyframe, window: Scored, k: int) -> np.ndarray:
         """Tempered log-likelihood ratios (C,) of candidates (C, 4, 4) at the newest keyframe, by keyframe k."""
