@@ -189,8 +189,9 @@ def _localisation(one: dict) -> list[str]:
         )
     ]
     until, after = trust["frames_until_right"]["median"], "-"
-    if event and until["value"] is not None:
-        after = f"{until['value']:.0f} ({_between(until['interval'], '{:.0f}')})"
+    if event:
+        value = "never" if until["value"] is None else f"{until['value']:.0f}"
+        after = f"{value} ({_between(until['interval'], '{:.0f}')})"
     return [
         *errors,
         _share(trust["right_at_end"]),
@@ -208,7 +209,7 @@ def _share(one: dict, digits: int = 0) -> str:
 
 
 def _between(interval: list[float] | None, form: str) -> str:
-    return "-" if interval is None else "...".join(map(form.format, interval))
+    return "-" if interval is None else "...".join("never" if one is None else form.format(one) for one in interval)
 
 
 def peers() -> Table:

@@ -88,6 +88,18 @@ def test_trust_has_an_interval_for_every_figure(trials):
     assert ["right 30 frames after the event", "75.0%", "66.5% ... 81.9%"] in rows
 
 
+def test_who_is_never_right_again_counts_in_the_median(trials):
+    def until_right(never: int) -> dict:
+        many = [trials[0] | {"slide": k, "event_at": 2} for k in range(120)]
+        lost = [t | {"right_from_frame": None} for t in many[:never]]
+        return trust([*lost, *many[never:]])
+
+    assert until_right(never=20)["frames_until_right"]["median"]["value"] == 1
+    lost = until_right(never=100)
+    assert lost["frames_until_right"]["median"]["value"] == np.inf
+    assert ["frames until right, median", "never", "never ... never"] in trust_table(lost)[1]
+
+
 def test_too_few_trials_claim_nothing(trials):
     _, rows = trust_table(trust(trials[:3]))
     assert {row[1] for row in rows} == {"too few (3)"}
