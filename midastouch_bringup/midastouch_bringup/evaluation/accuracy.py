@@ -55,9 +55,9 @@ def trust(trials: list[dict]) -> dict:
     """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
 
     converged_wrong, of all frames; right_at_end; right_modulo_symmetry_at_end; region_95, share of converged frames
-    whose 95 % region holds the truth; right_after_event, of trials, so many frames later; frames_until_right, infinite
-    where it never is again; final errors of particles, closest mode and published pose; ms of a frame, of which
-    filter_cpu_ms.
+    whose 95 % region holds the truth; right_before_event, right_after_event, of trials, the latter so many frames
+    later; found_again, of those that were right before; frames_until_right, infinite where it never is again; final
+    errors of particles, closest mode and published pose; ms of a frame, of which filter_cpu_ms.
     enough: whether there are trials enough to claim anything.
     """
     groups = [(t["object"], t["slide"]) for t in trials]
@@ -84,6 +84,8 @@ def trust(trials: list[dict]) -> dict:
     converged = [t["coverage"]["converged"] for t in trials]
     within = int(np.searchsorted(LEVELS, _REGION - 1e-9)) + 1
     asked = [t["right_after_event"] is not None for t in trials]
+    before = [bool(t["right_before_event"]) for t in trials]
+    after = [bool(t["right_after_event"]) for t in trials]
     out = {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
@@ -93,7 +95,9 @@ def trust(trials: list[dict]) -> dict:
         "right_at_end": shares([is_right(t) for t in trials], ones),
         "right_modulo_symmetry_at_end": shares([is_right(t, "symmetric_estimate_trans_mm") for t in trials], ones),
         "region_95": shares([sum(one[:within]) for one in converged], [sum(one) for one in converged]),
-        "right_after_event": shares([bool(t["right_after_event"]) for t in trials], asked) | {"frames": AFTER_EVENT},
+        "right_before_event": shares(before, [t["right_before_event"] is not None for t in trials]),
+        "right_after_event": shares(after, asked) | {"frames": AFTER_EVENT},
+        "found_again": shares(np.logical_and(before, after), np.logical_and(before, asked)),
         "frames_until_right": {"median": value(np.array([_frames_until_right(t) for t in trials], float), np.median)},
         "ms": values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
         "filter_cpu_ms": values([t["filter_cpu_ms"] for t in trials]),
@@ -202,7 +206,9 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
         "converged_wrong": "frames converged wrong",
         "right_at_end": "right at the end",
         "right_modulo_symmetry_at_end": "right at the end, modulo symmetry",
+        "right_before_event": "right before the event",
         "right_after_event": f"right {after} frames after the event",
+        "found_again": "the same, of those right before",
         "region_95": "converged frames whose 95 % region holds the truth",
     }
     plain = {

@@ -74,10 +74,12 @@ def test_recovery_counts_frames_from_the_event(trials):
 
 
 def test_trust_has_an_interval_for_every_figure(trials):
-    many = [trials[k % 2] | {"slide": k, "event_at": 2, "right_after_event": k % 4 > 0} for k in range(120)]
+    many = [trials[k % 2] | {"slide": k, "event_at": 2, "right_before_event": k % 4 < 3, "right_after_event": k % 4 > 0}
+            for k in range(120)]  # fmt: skip
     one = trust(many)
     assert (one["converged_wrong"]["share"], one["right_at_end"]["share"]) == (pytest.approx(0.2), 1)
     assert one["right_after_event"]["share"] == 0.75
+    assert (one["right_before_event"]["share"], one["found_again"]["share"]) == (0.75, pytest.approx(2 / 3))
     low, high = one["right_after_event"]["interval"]
     assert 0.66 < low < 0.75 < high < 0.83
     assert one["right_at_end"]["interval"] == [pytest.approx(0.97, abs=0.005), 1]
