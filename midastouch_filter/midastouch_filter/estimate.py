@@ -64,7 +64,5 @@ def modes_from_moments(m: Moments) -> list[Mode]:
     The mean rotation is Markley's (2007): the largest eigenvector of the mean of q q^T. A deviation is the vector
     2 vec(q mean^-1), of length 2 sin(angle / 2): the rotation vector up to third order, and finite for any angle.
     """
-    poses, covariance = kernels.gaussians(
-        m.reference, m.position, m.position_square, m.quaternion, m.quaternion_square, m.cross
-    )
+    poses, covariance = kernels.gaussians(m.reference, m.square)
     return [Mode(*mode) for mode in zip(m.mass.tolist(), poses, covariance, m.count.tolist(), strict=True)]

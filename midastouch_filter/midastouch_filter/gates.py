@@ -69,12 +69,14 @@ class RestGate:
 
     def motion(self, odometry: Odometry) -> Odometry | None:
         """All motion since the last that was handed on, or None while it is too small."""
-        total = Odometry.from_matrix(self._pending @ odometry.transform)
+        total = odometry
+        if self._pending is not None:
+            total = Odometry.from_matrix(self._pending @ odometry.transform)
         moving = total.distance > self._config.update_min_d or total.angle > self._config.update_min_a
         held = self._gates.skips("at_rest", not moving)
-        self._pending = total.transform if held else np.eye(4)
+        self._pending = total.transform if held else None
         return None if held else total
 
     def reset(self) -> None:
         """Forget small steps held back, because the particles were drawn anew."""
-        self._pending = np.eye(4)
+        self._pending: np.ndarray | None = None

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from .config import FilterConfig
 
 
@@ -23,8 +21,7 @@ def sample_size(bins: int, error: float, quantile: float) -> int:
     return math.ceil(k / (2.0 * error) * (1.0 - a + math.sqrt(a) * quantile) ** 3)
 
 
-def adapted_count(drawn_regions: np.ndarray, config: FilterConfig) -> int:
-    """Number of particles for a distribution of which a sample fell into the cells `drawn_regions` (n,)."""
-    occupied = np.count_nonzero(np.bincount(drawn_regions))
+def adapted_count(occupied: int, config: FilterConfig) -> int:
+    """Number of particles for a distribution of which a sample fell into so many cells."""
     wanted = sample_size(occupied, config.pf_err, config.pf_z)
     return min(max(wanted, config.min_particles), config.max_particles)

@@ -33,18 +33,14 @@ class Moments:
     """Weighted sums over the particles of each of m modes, sorted by mass, heaviest first.
 
     reference (m, 7): position and quaternion that the sums are relative to (quaternions are flipped to its side);
-    mass (m,); count (m,) particles; position (m, 3) and position_square (m, 3, 3), relative to the reference [m];
-    quaternion (m, 4); quaternion_square (m, 4, 4); cross (m, 3, 4). All but mass and count are means.
+    mass (m,); count (m,) particles; square (m, 8, 8): mean of x x' for x = (1, position, quaternion), the position
+    relative to the reference [m].
     """
 
     reference: np.ndarray
     mass: np.ndarray
     count: np.ndarray
-    position: np.ndarray
-    position_square: np.ndarray
-    quaternion: np.ndarray
-    quaternion_square: np.ndarray
-    cross: np.ndarray
+    square: np.ndarray
 
 
 class ModeFinder:
@@ -76,29 +72,14 @@ class ModeFinder:
 
     def members(self, particles: Particles) -> np.ndarray:
         """Mode (N,) int32 of each particle, numbered as the latest moments, -1 for none."""
-        return self._rank[self._mode_of_region[self._regions.of_entry[particles.entries]]]
+        return kernels.members(particles.entries, self._regions.of_entry, self._mode_of_region, self._rank)
 
     def _cluster(self, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Peak regions (m,) of the modes and the mode (K,) of each region, -1 for none."""
         r = self._regions
-        occupied = np.flatnonzero(mass > 0)  # of Booleans, which takes a fraction of the time
-        if len(occupied) > _MOST_REGIONS:
-            occupied = np.sort(occupied[np.argpartition(-mass[occupied], _MOST_REGIONS)[:_MOST_REGIONS]])
-        density = kernels.smooth_regions(occupied, mass, r.start, r.neighbours)
-        order = occupied[np.argsort(-density[occupied], kind="stable")]
-        root = kernels.climb_regions(order, density, r.start, r.neighbours, self._centres, self._squared_radius)
-        root = root[occupied]
-        mass_of_root = np.bincount(root, mass[occupied], minlength=len(mass))
-        peaks = occupied[mass_of_root[occupied] > 0]
-        peaks = peaks[np.argsort(-mass_of_root[peaks], kind="stable")][:_MOST_MODES]
-        heavy = mass_of_root[peaks] >= self._min_mass
-        heavy[0] = True
-        peaks = peaks[heavy]
-        mode_of_root = np.full(len(mass), -1, np.int32)
-        mode_of_root[peaks] = np.arange(len(peaks), dtype=np.int32)
-        mode_of_region = np.full(len(mass), -1, np.int32)
-        mode_of_region[occupied] = mode_of_root[root]
-        return peaks, mode_of_region
+        return kernels.cluster_regions(
+            mass, r.start, r.neighbours, self._centres, self._squared_radius, self._min_mass, _MOST_REGIONS, _MOST_MODES
+        )
 
     def _sum(self, particles, weights, peaks, mode_of_region) -> tuple[Moments, np.ndarray]:
         reference = self._centres[peaks].astype(float)
@@ -110,14 +91,6 @@ class ModeFinder:
                 self._regions.of_entry, mode_of_region, reference, partial[chunk],
             ),
         )  # fmt: skip
-        total = partial.sum(axis=0)
         # the order of the regions' masses, rounding aside; sorted again so that it is exact
-        order = np.argsort(-total[:, 0], kind="stable")
-        total, reference = total[order], reference[order]
-        square = total[:, :-1].reshape(-1, 8, 8)
-        mass = square[:, 0, 0].copy()
-        square /= np.maximum(mass, np.finfo(float).tiny)[:, None, None]
-        parts = square[:, 0, 1:4], square[:, 1:4, 1:4], square[:, 0, 4:], square[:, 4:, 4:], square[:, 1:4, 4:]
-        reference = np.concatenate([reference[:, :3], reference[:, 4:]], axis=1)
-        moments = Moments(reference, mass, total[:, -1].astype(int), *map(np.ascontiguousarray, parts))
-        return moments, order
+        order, *moments = kernels.mode_moments(partial, reference)
+        return Moments(*moments), order

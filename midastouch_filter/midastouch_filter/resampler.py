@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+import midastouch_kernels as kernels
+
 from . import kld
 from .belief import Belief
 from .config import FilterConfig
@@ -38,4 +40,5 @@ class Resampler:
         """Number of particles that a distribution over the codebook like `entries` (n,) needs."""
         if not self._config.kld_sampling:
             return len(entries)
-        return kld.adapted_count(self._regions.of_entry[entries], self._config)
+        occupied = kernels.occupied_regions(self._regions.of_entry, entries, len(self._regions))
+        return kld.adapted_count(occupied, self._config)

@@ -72,13 +72,14 @@ class SurfaceGrid:
     def distance(self, positions: np.ndarray, workers: Workers) -> np.ndarray:
         """Signed distances (N,) float32 [m] of positions (N, 3) float32; `limit` outside the grid."""
         out = np.empty(len(positions), np.float32)
-        workers.run(
-            len(positions),
-            lambda low, high, _: kernels.interpolate_grid(
-                low, high, positions, self.values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
-            ),
-        )
+        workers.run(len(positions), lambda low, high, _: self.interpolate(low, high, positions, out))
         return out
+
+    def interpolate(self, low: int, high: int, positions: np.ndarray, out: np.ndarray) -> None:
+        """Set out (N,) float32 [m] for the positions [low, high) of (N, 3) float32, in one thread."""
+        kernels.interpolate_grid(
+            low, high, positions, self.values, self._origin32, 1 / self.spacing, _UNIT, self.limit, out
+        )
 
 
 def signed_distance(mesh: ObjectMesh, points: np.ndarray) -> np.ndarray:
@@ -115,16 +116,18 @@ class SurfaceConstraint:
 
         `codebook_distance` (N,) [m] is each particle's pose distance to its codebook entry.
         """
-        c = self._config
-        distance = self._grid.distance(particles.positions, self._workers)
-        excess = np.maximum(-c.max_penetration - distance, distance - c.max_hover)
-        np.maximum(excess, 0.0, out=excess)
-        out = np.square(excess * (1 / c.surface_sigma), dtype=float)
-        if c.book_constraint:
-            tilted = np.maximum(codebook_distance - self._codebook_reach, 0.0)
-            out += np.square(tilted * (1 / c.surface_sigma))
-        out *= -0.5
-        out[np.abs(distance) >= c.dead_distance] = -np.inf
+        c, n = self._config, len(particles)
+        reach = self._codebook_reach if c.book_constraint else np.inf
+        distance, out = np.empty(n, np.float32), np.empty(n)
+
+        def weigh(low: int, high: int, _: int) -> None:
+            self._grid.interpolate(low, high, particles.positions, distance)
+            kernels.surface_log_weight(
+                low, high, distance, codebook_distance, c.max_penetration, c.max_hover, reach, 1 / c.surface_sigma,
+                c.dead_distance, out,
+            )  # fmt: skip
+
+        self._workers.run(n, weigh)
         return out
 
     def distance(self, particles: Particles) -> np.ndarray:

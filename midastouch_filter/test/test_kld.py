@@ -1,4 +1,3 @@
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,6 +25,6 @@ def test_takes_the_quantile_not_the_probability(bins, probability):
 
 def test_count_stays_between_the_configured_limits():
     config = FilterConfig(min_particles=100, max_particles=2000)
-    assert kld.adapted_count(np.zeros(500, np.int32), config) == 100
-    assert kld.adapted_count(np.arange(500), config) == 2000
-    assert 100 < kld.adapted_count(np.arange(500) % 40, config) < 2000
+    assert kld.adapted_count(1, config) == 100
+    assert kld.adapted_count(500, config) == 2000
+    assert 100 < kld.adapted_count(40, config) < 2000

@@ -151,9 +151,7 @@ def test_threads_change_nothing(world, lookup):
     particles = cluster(lookup, world.poses[7], 20_000, rng, 4e-3, 0.2)
     weights = rng.dirichlet(np.ones(20_000))
     sums = [
-        ModeFinder(lookup, Regions(lookup, 0.005), 0.012, 0.01, Workers(t))
-        .find(particles, weights)
-        .quaternion_square.tobytes()
+        ModeFinder(lookup, Regions(lookup, 0.005), 0.012, 0.01, Workers(t)).find(particles, weights).square.tobytes()
         for t in (1, 3)
     ]
     assert sums[0] == sums[1]

@@ -18,13 +18,18 @@ nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions
     {
         nb::gil_scoped_release released;
         std::size_t count = 0;
-        for (std::size_t i = 0; i < n; ++i)
-            if (members.data()[i] != 0) mass += weights.data()[i], ++count;
+        for (std::size_t i = 0; i < n; ++i) {  // without a branch, that nobody could predict
+            const bool other = members.data()[i] != 0;
+            mass += other ? weights.data()[i] : 0.0, count += other;
+        }
         const std::size_t every = count / most > 1 ? count / most : 1;
         const double* c = place.data();
         double sums[6][6] = {}, sampled = 0;
-        for (std::size_t i = 0, k = 0; i < n; ++i) {
-            if (members.data()[i] == 0 || k++ % every || !(weights.data()[i] > 0)) continue;
+        for (std::size_t i = 0, left = 1; i < n; ++i) {
+            left -= members.data()[i] != 0;
+            if (left) continue;
+            left = every;
+            if (!(weights.data()[i] > 0)) continue;
             const float *t = positions.data() + 3 * i, *q = quaternions.data() + 4 * i;
             const double w = weights.data()[i];
             double d[6];

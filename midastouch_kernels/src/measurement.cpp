@@ -8,7 +8,7 @@
 
 namespace {
 
-constexpr std::size_t kPrefetch = 8;  // rows ahead whose code is fetched: it may lie anywhere
+constexpr std::size_t kPrefetch = 8;  // rows ahead that are fetched: they may lie anywhere
 constexpr std::size_t kLine = 16;     // floats in a line of the cache
 
 void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int64_t, -1> rows, In<float, -1> code,
@@ -47,9 +47,11 @@ nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbou
         word |= bit;
         return was;
     };
+    auto ahead = [&](std::size_t i) { return entries.data()[std::min(i + kPrefetch, entries.shape(0) - 1)]; };
     for (std::size_t i = 0; i < entries.shape(0); ++i) {
         const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
         if (entry >= n) throw nb::value_error("an entry that is not there");
+        __builtin_prefetch(neighbours.data() + k * ahead(i));
         if (set(lies, entry)) continue;
         set(taken, entry);
         for (std::size_t j = 0; j < count; ++j) set(taken, static_cast<std::size_t>(neighbours.data()[k * entry + j]));

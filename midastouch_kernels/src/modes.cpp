@@ -5,6 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
 #include <vector>
 
 namespace {
@@ -13,59 +16,102 @@ constexpr double kValley = 0.5;  // two peaks stay two modes if the density betw
 typedef double Quad __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)), may_alias));
 constexpr std::size_t kCoordinates = 8, kSums = kCoordinates * kCoordinates + 1;
 
-// Mass of each occupied region plus half that of its neighbours: a density with less sampling noise.
-Out<double> smooth_regions(In<int64_t, -1> occupied, In<double, -1> mass, In<int64_t, -1> start,
-                           In<int32_t, -1> neighbours) {
-    auto density = make_array<double>({mass.shape(0)});
-    for (std::size_t i = 0; i < occupied.shape(0); ++i) {
-        const int64_t r = occupied.data()[i];
-        double around = 0;
-        for (int64_t j = start.data()[r]; j < start.data()[r + 1]; ++j) around += mass.data()[neighbours.data()[j]];
-        density.data()[r] = mass.data()[r] + 0.5 * around;
-    }
-    return density;
-}
+// The regions as a graph: neighbours of region r are neighbour[start[r]] up to neighbour[start[r + 1]].
+struct RegionGraph {
+    const int64_t* start;
+    const int32_t* neighbour;
+    const float* centre;  // pose records
+    float squared_radius;
 
-// Root (K,) of each region in `order` (by falling density); the number of regions, K, for all others.
-Out<int64_t> climb_regions(In<int64_t, -1> order, In<double, -1> density, In<int64_t, -1> start,
-                           In<int32_t, -1> neighbours, In<float, -1, kRecord> centres, float squared_radius) {
-    const int64_t count = static_cast<int64_t>(density.shape(0));
-    auto result = make_array<int64_t>({density.shape(0)});
-    int64_t* root = result.data();
-    std::fill_n(root, count, count);
-    auto find = [&](int64_t r) {
-        while (root[r] != r) r = root[r] = root[root[r]];
-        return r;
-    };
-    const double* rho = density.data();
-    for (std::size_t i = 0; i < order.shape(0); ++i) {
-        const int64_t r = order.data()[i], first = start.data()[r], last = start.data()[r + 1];
-        int64_t best = -1;
-        for (int64_t j = first; j < last; ++j) {
-            const int64_t other = neighbours.data()[j];
-            if (root[other] < count && (best < 0 || rho[other] > rho[best])) best = other;
+    // Mass of each occupied region plus half that of its neighbours: a density with less sampling noise.
+    std::vector<double> smooth(const std::vector<int64_t>& occupied, const double* mass, std::size_t count) const {
+        std::vector<double> density(count);
+        for (const int64_t r : occupied) {
+            double around = 0;
+            for (int64_t j = start[r]; j < start[r + 1]; ++j) around += mass[neighbour[j]];
+            density[r] = mass[r] + 0.5 * around;
         }
-        if (best < 0) {
-            root[r] = r;
-            continue;
-        }
-        int64_t own = root[r] = find(best);
-        for (int64_t j = first; j < last; ++j) {
-            if (root[neighbours.data()[j]] == count) continue;
-            const int64_t rival = find(neighbours.data()[j]);
-            if (rival == own) continue;
-            const bool below = rho[rival] < rho[own];
-            const int64_t lower = below ? rival : own, higher = below ? own : rival;
-            const float* a = centres.data() + kRecord * lower;
-            if (squared_pose_distance(a, a + 4, centres.data() + kRecord * higher) <= squared_radius &&
-                rho[r] >= kValley * rho[lower]) {
-                root[lower] = higher;
-                if (own == lower) own = higher;
+        return density;
+    }
+
+    // Region at the peak that each region of `order` (by falling density) belongs to; -1 for all others.
+    std::vector<int64_t> climb(const std::vector<int64_t>& order, const std::vector<double>& rho) const {
+        std::vector<int64_t> root(rho.size(), -1);
+        auto find = [&](int64_t r) {
+            while (root[r] != r) r = root[r] = root[root[r]];
+            return r;
+        };
+        for (const int64_t r : order) {
+            int64_t best = -1;
+            for (int64_t j = start[r]; j < start[r + 1]; ++j) {
+                const int64_t other = neighbour[j];
+                if (root[other] >= 0 && (best < 0 || rho[other] > rho[best])) best = other;
+            }
+            if (best < 0) {
+                root[r] = r;
+                continue;
+            }
+            int64_t own = root[r] = find(best);
+            for (int64_t j = start[r]; j < start[r + 1]; ++j) {
+                if (root[neighbour[j]] < 0) continue;
+                const int64_t rival = find(neighbour[j]);
+                if (rival == own) continue;
+                const bool below = rho[rival] < rho[own];
+                const int64_t lower = below ? rival : own, higher = below ? own : rival;
+                const float* a = centre + kRecord * lower;
+                if (squared_pose_distance(a, a + 4, centre + kRecord * higher) <= squared_radius &&
+                    rho[r] >= kValley * rho[lower]) {
+                    root[lower] = higher;
+                    if (own == lower) own = higher;
+                }
             }
         }
+        for (const int64_t r : order) root[r] = find(r);
+        return root;
     }
-    for (std::size_t i = 0; i < order.shape(0); ++i) root[order.data()[i]] = find(order.data()[i]);
-    return result;
+};
+
+// By falling value, equal ones in their order.
+void sort_by(std::vector<int64_t>& regions, const std::vector<double>& value) {
+    std::stable_sort(regions.begin(), regions.end(), [&](int64_t a, int64_t b) { return value[a] > value[b]; });
+}
+
+// Peaks (m,) of the modes, heaviest first, and the mode (K,) of each region, -1 for none. Only the `most_regions`
+// heaviest regions count; modes lighter than `least_mass` and beyond `most_modes` are left out, but not the heaviest.
+nb::tuple cluster_regions(In<double, -1> mass, In<int64_t, -1> start, In<int32_t, -1> neighbours,
+                          In<float, -1, kRecord> centres, float squared_radius, double least_mass,
+                          std::size_t most_regions, std::size_t most_modes) {
+    const std::size_t count = mass.shape(0);
+    if (start.shape(0) != count + 1 || centres.shape(0) != count)
+        throw nb::value_error("masses, neighbours and centres of different numbers of regions");
+    const double* m = mass.data();
+    const RegionGraph graph{start.data(), neighbours.data(), centres.data(), squared_radius};
+    std::vector<int64_t> occupied;
+    for (std::size_t r = 0; r < count; ++r)
+        if (m[r] > 0) occupied.push_back(static_cast<int64_t>(r));
+    if (occupied.size() > most_regions) {
+        std::nth_element(occupied.begin(), occupied.begin() + static_cast<std::ptrdiff_t>(most_regions), occupied.end(),
+                         [&](int64_t a, int64_t b) { return m[a] != m[b] ? m[a] > m[b] : a < b; });
+        occupied.resize(most_regions);
+        std::sort(occupied.begin(), occupied.end());
+    }
+    const std::vector<double> density = graph.smooth(occupied, m, count);
+    std::vector<int64_t> order = occupied;
+    sort_by(order, density);
+    const std::vector<int64_t> root = graph.climb(order, density);
+    std::vector<double> mass_of_root(count);
+    for (const int64_t r : occupied) mass_of_root[root[r]] += m[r];
+    std::vector<int64_t> peaks;
+    for (const int64_t r : occupied)
+        if (root[r] == r) peaks.push_back(r);
+    sort_by(peaks, mass_of_root);
+    if (peaks.size() > most_modes) peaks.resize(most_modes);
+    while (peaks.size() > 1 && mass_of_root[peaks.back()] < least_mass) peaks.pop_back();
+    auto mode_of_region = make_array<int32_t>({count});
+    std::fill_n(mode_of_region.data(), count, -1);
+    for (std::size_t k = 0; k < peaks.size(); ++k) mode_of_region.data()[peaks[k]] = static_cast<int32_t>(k);
+    for (const int64_t r : occupied) mode_of_region.data()[r] = mode_of_region.data()[root[r]];
+    return nb::make_tuple(copy_of(peaks), mode_of_region);
 }
 
 // Mass (count,) of each region.
@@ -75,6 +121,27 @@ Out<double> region_mass(In<int32_t, -1> of_entry, In<int32_t, -1> entries, In<do
     for (std::size_t i = 0; i < entries.shape(0); ++i)
         mass.data()[of_entry.data()[entries.data()[i]]] += weights.data()[i];
     return mass;
+}
+
+// How many of `count` regions the entries belong to.
+std::size_t occupied_regions(In<int32_t, -1> of_entry, In<int32_t, -1> entries, std::size_t count) {
+    std::vector<bool> taken(count);
+    for (std::size_t i = 0; i < entries.shape(0); ++i) taken[of_entry.data()[entries.data()[i]]] = true;
+    return static_cast<std::size_t>(std::count(taken.begin(), taken.end(), true));
+}
+
+// The rank (N,) of the mode of each particle; the last one stands for mode -1.
+Out<int32_t> members(In<int32_t, -1> entries, In<int32_t, -1> of_entry, In<int32_t, -1> mode_of_region,
+                     In<int32_t, -1> rank) {
+    if (!rank.size()) throw nb::value_error("a rank for none is needed");
+    auto out = make_array<int32_t>({entries.shape(0)});
+    nb::gil_scoped_release released;
+    const std::size_t none = rank.shape(0) - 1;
+    for (std::size_t i = 0; i < entries.shape(0); ++i) {
+        const int32_t mode = mode_of_region.data()[of_entry.data()[entries.data()[i]]];
+        out.data()[i] = rank.data()[mode < 0 ? none : static_cast<std::size_t>(mode)];
+    }
+    return out;
 }
 
 // Sums per mode over particles [low, high): of w x x' (8, 8) for x = (1, position, quaternion), relative to the mode's
@@ -108,6 +175,31 @@ void sum_modes(std::size_t low, std::size_t high, In<float, -1, 3> positions, In
     }
 }
 
+// Of the sums of several ranges (C, m, 65): order (m,) by falling mass; and in that order references (m, 7) without the
+// fourth place of a record, masses, numbers of particles, and means (m, 8, 8).
+nb::tuple mode_moments(In<double, -1, -1, kSums> partial, In<double, -1, kRecord> reference) {
+    const std::size_t ranges = partial.shape(0), n = partial.shape(1);
+    if (reference.shape(0) != n) throw nb::value_error("sums and references of different sizes");
+    std::vector<double> total(n * kSums);
+    for (std::size_t c = 0; c < ranges; ++c)
+        for (std::size_t i = 0; i < total.size(); ++i) total[i] += partial.data()[c * total.size() + i];
+    std::vector<int64_t> order(n), count(n);
+    std::vector<double> mass(n);
+    std::iota(order.begin(), order.end(), int64_t{0});
+    for (std::size_t k = 0; k < n; ++k) mass[k] = total[kSums * k];
+    sort_by(order, mass);
+    std::sort(mass.begin(), mass.end(), std::greater<>());
+    auto place = make_array<double>({n, 7}), square = make_array<double>({n, kCoordinates, kCoordinates});
+    for (std::size_t k = 0; k < n; ++k) {
+        const double *sums = &total[kSums * order[k]], *record = reference.data() + kRecord * order[k];
+        std::copy_n(record, 3, place.data() + 7 * k), std::copy_n(record + 4, 4, place.data() + 7 * k + 3);
+        count[k] = static_cast<int64_t>(sums[kSums - 1]);
+        const double whole = std::max(mass[k], std::numeric_limits<double>::min());
+        for (std::size_t i = 0; i + 1 < kSums; ++i) square.data()[(kSums - 1) * k + i] = sums[i] / whole;
+    }
+    return nb::make_tuple(copy_of(order), place, copy_of(mass), copy_of(count), square);
+}
+
 // Eigenvector of the largest eigenvalue of a matrix (4, 4), positive semidefinite, by repeated squaring. If several
 // eigenvalues are the largest to 0.1 %, a vector of their common space; (0, 0, 0, 1) of a zero matrix.
 Quaternion<double> principal_axis(const double* square) {
@@ -137,19 +229,26 @@ Quaternion<double> principal_axis(const double* square) {
             power[3][largest] / length};
 }
 
-// Poses (m, 4, 4) and covariances (m, 6, 6) of modes from their moments. The mean rotation is Markley's (2007); a
-// deviation is the vector 2 vec(q mean^-1), which is linear in q.
-nb::tuple gaussians(In<double, -1, 7> reference, In<double, -1, 3> position, In<double, -1, 3, 3> position_square,
-                    In<double, -1, 4> quaternion, In<double, -1, 4, 4> quaternion_square, In<double, -1, 3, 4> cross) {
+// Poses (m, 4, 4) and covariances (m, 6, 6) of modes from their moments, the means of x x' of x = (1, position,
+// quaternion). The mean rotation is Markley's (2007); a deviation is the vector 2 vec(q mean^-1), which is linear in q.
+nb::tuple gaussians(In<double, -1, 7> reference, In<double, -1, kCoordinates, kCoordinates> square) {
     const std::size_t n = reference.shape(0);
-    if (position.shape(0) != n || position_square.shape(0) != n || quaternion.shape(0) != n ||
-        quaternion_square.shape(0) != n || cross.shape(0) != n)
-        throw nb::value_error("moments of different numbers of modes");
+    if (square.shape(0) != n) throw nb::value_error("moments of different numbers of modes");
     auto poses = make_array<double>({n, 4, 4}), covariance = make_array<double>({n, 6, 6});
     for (std::size_t k = 0; k < n; ++k) {
-        const double *origin = reference.data() + 7 * k, *t = position.data() + 3 * k, *q = quaternion.data() + 4 * k;
-        const double *tt = position_square.data() + 9 * k, *qq = quaternion_square.data() + 16 * k;
-        const double *tq = cross.data() + 12 * k, *u = origin + 3;
+        const double *origin = reference.data() + 7 * k, *u = origin + 3;
+        const double* moments = square.data() + kCoordinates * kCoordinates * k;
+        double t[3], q[4], tt[9], tq[12], qq[16];
+        for (int a = 0; a < 3; ++a) {
+            const double* row = moments + kCoordinates * (1 + a);
+            t[a] = moments[1 + a];
+            std::copy_n(row + 1, 3, tt + 3 * a);
+            std::copy_n(row + 4, 4, tq + 4 * a);
+        }
+        for (int a = 0; a < 4; ++a) {
+            q[a] = moments[4 + a];
+            std::copy_n(moments + kCoordinates * (4 + a) + 4, 4, qq + 4 * a);
+        }
         Quaternion<double> mean = principal_axis(qq);
         if (mean.x * u[0] + mean.y * u[1] + mean.z * u[2] + mean.w * u[3] < 0)
             mean = {-mean.x, -mean.y, -mean.z, -mean.w};
@@ -180,18 +279,22 @@ nb::tuple gaussians(In<double, -1, 7> reference, In<double, -1, 3> position, In<
 }  // namespace
 
 void bind_modes(nb::module_& m) {
-    m.def("smooth_regions", &smooth_regions, named("occupied"), named("mass"), named("start"), named("neighbours"),
-          "Density (K,) of each occupied region: its mass and half that of its neighbours.");
-    m.def("climb_regions", &climb_regions, named("order"), named("density"), named("start"), named("neighbours"),
-          named("centres"), nb::arg("squared_radius"),
-          "Region (K,) at the peak that each region of `order`, by falling density, belongs to; K for all others.");
+    m.def("cluster_regions", &cluster_regions, named("mass"), named("start"), named("neighbours"), named("centres"),
+          nb::arg("squared_radius"), nb::arg("least_mass"), nb::arg("most_regions"), nb::arg("most_modes"),
+          "Peaks (m,) of the modes, heaviest first, and the mode (K,) of each region of that mass, -1 for none.");
+    m.def("members", &members, named("entries"), named("of_entry"), named("mode_of_region"), named("rank"),
+          "rank of the mode of each particle's entry; the last one where that is -1.");
+    m.def("occupied_regions", &occupied_regions, named("of_entry"), named("entries"), nb::arg("count"),
+          "How many of `count` regions the entries belong to.");
     m.def("region_mass", &region_mass, named("of_entry"), named("entries"), named("weights"), nb::arg("count"),
           "Mass (count,) of each region: the sum of the weights of the particles whose entries belong to it.");
     m.def("sum_modes", &sum_modes, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
           named("entries"), named("weights"), named("of_entry"), named("mode_of_region"), named("reference"),
           named("out"), "Add to (m, 65), for each mode over the particles [low, high): w x x' (8, 8) of x = (1, position, "
           "quaternion), relative to the reference; and their number.");
-    m.def("gaussians", &gaussians, named("reference"), named("position"), named("position_square"),
-          named("quaternion"), named("quaternion_square"), named("cross"),
+    m.def("mode_moments", &mode_moments, named("partial"), named("reference"),
+          "Order (m,) by falling mass of the sums (C, m, 65) of several ranges; and in that order references (m, 7), "
+          "masses, numbers of particles, and means (m, 8, 8).");
+    m.def("gaussians", &gaussians, named("reference"), named("square"),
           "Poses (m, 4, 4) and covariances (m, 6, 6), fixed axes, of modes from their moments.");
 }

@@ -224,10 +224,9 @@ def _moments(particles: Particles, weights: np.ndarray, which: np.ndarray) -> tu
     w = w / mass
     t, q = particles.positions[which].astype(float), particles.quaternions[which].astype(float)
     reference = np.concatenate([t[np.argmax(w)], q[np.argmax(w)]])
-    t = t - reference[:3]
     q = np.where((q @ reference[3:] < 0)[:, None], -q, q)
-    wt, wq = w[:, None] * t, w[:, None] * q
-    return reference, mass, len(which), wt.sum(axis=0), wt.T @ t, wq.sum(axis=0), wq.T @ q, wt.T @ q
+    x = np.concatenate([np.ones((len(which), 1)), t - reference[:3], q], axis=1)
+    return reference, mass, len(which), x.T @ (w[:, None] * x)
 
 
 def _stack(rows: list[tuple]) -> Moments:
