@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
         speed.filter,
         speed.lookup,
         speed.end_to_end,
+        speed.four_modes,
         lambda: pose_age(speed.stepper()),
         lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
         speed.simulator,
@@ -94,6 +95,7 @@ def _table(result: dict) -> str:
         ("fcrn_ms", "the paper's TDN (FCRN)"),
         ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
         ("end_to_end_ms", "image to estimate, 50,000 particles"),
+        ("four_modes_ms", "filter step, four modes aligned"),
         ("pose_age_ms", "age of an image when its transform is found, 500 Hz of 20 links"),
     ):
         if key in result:

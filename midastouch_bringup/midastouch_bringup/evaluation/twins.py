@@ -1,0 +1,55 @@
+"""An object with places that feel exactly alike: several copies of one object, side by side."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from midastouch_filter.initialisation import ParticleSource
+from midastouch_filter.particles import Particles
+from midastouch_filter.policies import Policies, default_policies
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+_APART = 0.03  # m, more than the gel is wide: a sensor on one copy does not see the next
+
+
+class Twins:
+    """So many copies of an object, the first where it is, and a codebook of as many poses as its own.
+
+    Each copy gets the first of the codebook's poses: as a codebook is spread over the surface by farthest points, they
+    cover it evenly. Attributes: mesh; codebook.
+    """
+
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, count: int):
+        extent = mesh.bounds[1] - mesh.bounds[0]
+        axis = int(np.argmin(extent))
+        self._shifts = np.arange(count)[:, None] * (extent[axis] + _APART) * np.eye(3)[axis]
+        vertices = (mesh.vertices + self._shifts[:, None]).reshape(-1, 3)
+        faces = (mesh.faces + len(mesh.vertices) * np.arange(count)[:, None, None]).reshape(-1, 3)
+        self.mesh = ObjectMesh.from_arrays(vertices, faces, f"{count} x {mesh.name}")
+        each = len(codebook.poses) // count
+        poses = np.tile(codebook.poses[:each], (count, 1, 1))
+        poses[:, :3, 3] += np.repeat(self._shifts, each, axis=0)
+        self.codebook = Codebook(poses, np.tile(codebook.codes[:each], (count, 1)), codebook.meta)
+
+    def policies(self, *arguments: object) -> Policies:
+        """As `default_policies`, but a start around a prior is one at that place of every copy."""
+        policies = default_policies(*arguments)
+        return dataclasses.replace(policies, source=_OnEveryCopy(policies.source, self._shifts))
+
+
+class _OnEveryCopy:
+    def __init__(self, source: ParticleSource, shifts: np.ndarray):
+        self._source, self._shifts = source, shifts
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._source, name)
+
+    def gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float, n: int) -> Particles:
+        priors = np.repeat(prior[None], len(self._shifts), axis=0)
+        priors[:, :3, 3] += self._shifts
+        joined = Particles.joined([self._source.gaussian(each, sigma_t, sigma_r, n // len(priors)) for each in priors])
+        joined.log_weights -= np.log(len(priors))
+        return joined
