@@ -21,6 +21,7 @@ from .noise_model import NoiseModel
 from .places import pose_distance
 from .touch import Measurement
 
+_CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
 _SAID = 0.1  # share of the prior's information below which a map says nothing
 
 
@@ -56,8 +57,13 @@ class OdometryCorrection(AsMeasured):
         self._reach, self._near = config.object_jump + 2 * noise.jitter, noise.jitter + noise.mode_floor
         self._decisive = noise.decisive
         self._contact = ContactOdometry(alignment.sensor, noise, self._reach)
+        unknown = float(config.calibration)
         self._errors = ArmErrors(
-            config.mount_error, config.clock_offset, noise.jitter, config.object_jump, noise.between_entries
+            unknown * config.mount_error,
+            unknown * config.clock_offset,
+            noise.jitter,
+            config.object_jump if config.object_motion else None,
+            noise.between_entries,
         )
         self.restart()
 
@@ -67,8 +73,8 @@ class OdometryCorrection(AsMeasured):
         self._arm = np.eye(4)
 
     @property
-    def calibration(self) -> Calibration:
-        return self._errors.calibration
+    def calibration(self) -> Calibration | None:
+        return self._errors.calibration if self._config.calibration else None
 
     def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
         self.jump = None
@@ -115,12 +121,14 @@ class OdometryCorrection(AsMeasured):
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
+        path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose
         lost = found.fit < self._config.relief_fit
         if lost or pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius:
             self._lose()
             return
-        self._errors.observe(start, *without_prior(start, self._reach, found))
+        offset, information = without_prior(start, self._reach, found)
+        self._errors.observe(start, offset, min(1.0, path / _CORRELATION) * information)
 
     def _lose(self) -> None:
         """The track ends: nothing is felt, or it left the place."""

@@ -62,7 +62,8 @@ def default_policies(
         if config.hindsight:
             reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, config, noise, effort)
         refine = FineStage(refinement, reevaluation, config, noise, source, gates, watch)
-        correct = OdometryCorrection(model.alignment, config, noise)
+        if config.calibration or config.object_motion:
+            correct = OdometryCorrection(model.alignment, config, noise)
     return Policies(
         correct=correct,
         propagate=Propagation(motion_model, config, gates),

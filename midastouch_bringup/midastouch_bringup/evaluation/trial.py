@@ -35,7 +35,8 @@ AnyFilter = ParticleFilter | PaperFilter
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
     """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
-    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object.
+    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
+    before, None where nobody knows.
 
     Only differences of the measured pose reach the filter.
     """
@@ -45,6 +46,7 @@ class TrialFrame:
     ms: dict[str, float]
     measured: np.ndarray
     truth: np.ndarray
+    seconds: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,6 +62,9 @@ class Yardstick:
         """Poses (N, 4, 4) as they are compared with the truth (4, 4)."""
         return self.symmetry.nearest(poses, truth) if self.twins and len(poses) else poses
 
+
+FRAME_TIME = 0.05
+"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
 
 Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
@@ -90,7 +95,7 @@ def run_trial(
         odometry = None if previous is None else se3.inverse(previous) @ frame.measured
         previous = frame.measured
         start, cpu_start = time.perf_counter(), time.process_time()
-        estimate = particle_filter.step(odometry, frame.felt)
+        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds)
         ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
         record.add(frame, estimate, particle_filter, ms, cpu_ms)
         if observe is not None:
