@@ -149,13 +149,27 @@ class ArmErrors:
         covariance = self._rows.covariance[0][6:, 6:].copy()
         return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
 
-    def corrected(self, motion: np.ndarray, elapsed: float | None) -> np.ndarray:
-        """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock."""
+    @property
+    def is_late(self) -> bool:
+        """Whether it is known that the arm's poses are of another time than the images."""
+        return bool(self.calibration.known[6]) and abs(self._clock) > 3 * self.calibration.sigma[6]
+
+    def expected(self, elapsed: float) -> np.ndarray:
+        """Motion (4, 4) of the gel in `elapsed` seconds if it goes on as the arm said last."""
+        return self._mount @ se3.exp(elapsed * self._present) @ se3.inverse(self._mount)
+
+    def corrected(self, motion: np.ndarray, elapsed: float | None, felt: np.ndarray | None = None) -> np.ndarray:
+        """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock.
+
+        felt (6,): velocity of the gel over the object at present, if it is known better than from the arm: m/s, rad/s.
+        """
         self.jump = None
         self._frames.append(_Frame(motion, elapsed or 0.0))
         if len(self._frames) == self._frames.maxlen:
             self._take(self._frames[_AROUND], _mean_velocity(list(self._frames)[1:]))
         before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT:])
+        if felt is not None:
+            self._present = adjoint(self._mount) @ felt
         return self._true(motion, before, self._present)
 
     def observe(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:

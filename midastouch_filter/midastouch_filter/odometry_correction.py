@@ -38,12 +38,12 @@ class AsMeasured:
     def restart(self) -> None:
         """The particles were drawn anew."""
 
-    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
-        """The better odometry (4, 4); `elapsed` [s] since the last frame."""
+    def __call__(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
+        """The better odometry (4, 4); touch of the first finger, `elapsed` [s] since the last frame."""
         return odometry
 
-    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
-        """Learn from what the step made of the first finger's touch; trusted: whether its answer is relied on."""
+    def observe(self, belief: Belief, touch: Measurement) -> None:
+        """Learn from what the step made of the first finger's touch."""
 
 
 class OdometryCorrection(AsMeasured):
@@ -70,13 +70,13 @@ class OdometryCorrection(AsMeasured):
     def restart(self) -> None:
         self._errors.restart()
         self._lose()
-        self._arm = np.eye(4)
+        self._arm, self._seconds = np.eye(4), 0.0
 
     @property
     def calibration(self) -> Calibration | None:
         return self._errors.calibration if self._config.calibration else None
 
-    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+    def __call__(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
         self.jump = None
         try:
             motion = Odometry.from_matrix(np.eye(4) if odometry is None else odometry)
@@ -84,7 +84,8 @@ class OdometryCorrection(AsMeasured):
             return odometry
         if motion.distance > self._config.max_odometry_jump:
             return odometry
-        better = self._errors.corrected(motion.transform, elapsed)
+        self._seconds += elapsed or 0.0
+        better = self._errors.corrected(motion.transform, elapsed, self._felt_velocity(touch))
         self._arm = self._arm @ better
         jump = self._errors.jump
         if jump is None or self._track is None:
@@ -102,22 +103,36 @@ class OdometryCorrection(AsMeasured):
         self._track = self._mode
         return better
 
+    def _felt_velocity(self, touch: Measurement) -> np.ndarray | None:
+        """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""
+        if not (self._seconds and self._errors.is_late and self._usable(touch)):
+            return None
+        if self._contact.is_last(touch.penetration):
+            return None
+        motion = self._contact.register(touch.penetration, self._errors.expected(self._seconds))
+        return None if motion is None else se3.log(motion) / self._seconds
+
+    def _usable(self, touch: Measurement) -> bool:
+        penetration = touch.penetration
+        return touch.in_contact and penetration is not None and penetration.shape == self._alignment.map_shape
+
     def _evidence(self, pose: np.ndarray) -> float:
         """How well the last map fits the neighbourhood of a pose (4, 4)."""
         return self._alignment.align(pose, self._near, self._penetration).log_evidence
 
-    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
-        penetration = touch.penetration
-        if not touch.in_contact or penetration is None or penetration.shape != self._alignment.map_shape:
+    def observe(self, belief: Belief, touch: Measurement) -> None:
+        if not self._usable(touch):
             self._lose()
             return
-        self._mode = belief.modes[0].pose
+        penetration, self._mode = touch.penetration, belief.modes[0].pose
         if self._contact.is_last(penetration):
             return
-        arm, self._arm, self._penetration = self._arm, np.eye(4), penetration
-        moved = self._contact(penetration, arm)
-        if self._track is None:
-            self._track = belief.answers[0].pose if trusted and 0 in belief.aligned else None
+        moved = self._contact.register(penetration, self._arm)
+        self._contact.keep(penetration, moved)
+        self._arm, self._seconds, self._penetration = np.eye(4), 0.0, penetration
+        if self._track is None or moved is None:
+            trusted = 0 in belief.aligned and belief.dominant_mass >= self._config.converged_mass
+            self._track = belief.answers[0].pose if trusted else None
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
