@@ -138,8 +138,7 @@ class ParticleFilter:
         estimate = self._reporter.estimate(
             self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
         )
-        with self._watch.stage("arm errors"):
-            do.correct.observe(self._belief, measurement)
+        do.correct.observe(self._belief, measurement)
         return estimate
 
     def _correct(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:

@@ -19,6 +19,7 @@ from .contact_odometry import ContactOdometry
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .places import pose_distance
+from .stopwatch import Stopwatch
 from .touch import Measurement
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
@@ -49,11 +50,11 @@ class AsMeasured:
 class OdometryCorrection(AsMeasured):
     """Takes errors out of the odometry.
 
-    Args: alignment; config; noise.
+    Args: alignment; config; noise; watch.
     """
 
-    def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel):
-        self._alignment, self._config = alignment, config
+    def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel, watch: Stopwatch):
+        self._alignment, self._config, self._watch = alignment, config, watch
         self._reach, self._near = config.object_jump + 2 * noise.jitter, noise.jitter + noise.mode_floor
         self._decisive = noise.decisive
         self._contact = ContactOdometry(alignment.sensor, noise, self._reach)
@@ -84,6 +85,10 @@ class OdometryCorrection(AsMeasured):
             return odometry
         if motion.distance > self._config.max_odometry_jump:
             return odometry
+        with self._watch.stage("odometry"):
+            return self._better(motion, touch, elapsed)
+
+    def _better(self, motion: Odometry, touch: Measurement, elapsed: float | None) -> np.ndarray:
         self._seconds += elapsed or 0.0
         better = self._errors.corrected(motion.transform, elapsed, self._felt_velocity(touch))
         self._arm = self._arm @ better
@@ -124,9 +129,13 @@ class OdometryCorrection(AsMeasured):
         if not self._usable(touch):
             self._lose()
             return
-        penetration, self._mode = touch.penetration, belief.modes[0].pose
-        if self._contact.is_last(penetration):
-            return
+        self._mode = belief.modes[0].pose
+        if not self._contact.is_last(touch.penetration):
+            with self._watch.stage("track"):
+                self._follow(belief, touch.penetration)
+
+    def _follow(self, belief: Belief, penetration: np.ndarray) -> None:
+        """Go on with the track to this map, or begin one where the belief is sure."""
         moved = self._contact.register(penetration, self._arm)
         self._contact.keep(penetration, moved)
         self._arm, self._seconds, self._penetration = np.eye(4), 0.0, penetration

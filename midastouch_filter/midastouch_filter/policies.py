@@ -63,7 +63,7 @@ def default_policies(
             reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, config, noise, effort)
         refine = FineStage(refinement, reevaluation, config, noise, source, gates, watch)
         if config.calibration or config.object_motion:
-            correct = OdometryCorrection(model.alignment, config, noise)
+            correct = OdometryCorrection(model.alignment, config, noise, watch)
     return Policies(
         correct=correct,
         propagate=Propagation(motion_model, config, gates),
