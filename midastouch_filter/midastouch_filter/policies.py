@@ -64,7 +64,8 @@ def default_policies(
             places = len(model.regions)
             reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, places, config, noise, effort)
         refine = FineStage(refinement, reevaluation, config, noise, source, resample, gates, watch)
-        correct = OdometryCorrection(model.alignment, config, noise)
+        if config.calibration or config.object_motion:
+            correct = OdometryCorrection(model.alignment, config, noise, watch)
     return Policies(
         correct=correct,
         propagate=Propagation(motion_model, config, gates),

@@ -18,10 +18,7 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 
-from .trial import Event, TrialFrame
-
-FRAME_TIME = 0.05
-"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+from .trial import FRAME_TIME, Event, TrialFrame
 
 _BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
 _DELAY = 0.05  # s
@@ -149,7 +146,11 @@ def slow_camera(scene: Scene) -> Disturbed:
             name: getattr(frame, name) @ se3.exp(0.5 * se3.log(se3.inverse(getattr(frame, name)) @ pose))
             for name, pose in (("measured", following.measured), ("truth", following.truth))
         }
-        out += [dataclasses.replace(frame, ms={}, **half), following]
+        seconds = 0.5 * following.seconds if following.seconds else None
+        out += [
+            dataclasses.replace(frame, ms={}, seconds=seconds, **half),
+            dataclasses.replace(following, seconds=seconds),
+        ]
     return Disturbed(out)
 
 

@@ -117,7 +117,7 @@ class KnowsThePoses:
         self._left = list(poses)
         self.poses = poses[:1]
 
-    def step(self, odometry, measurement) -> Estimate:
+    def step(self, odometry, measurement, elapsed=None) -> Estimate:
         pose = self._left.pop(0)
         self.poses = pose[None]
         status = Status(CONVERGED, "sure", n_particles=1, n_modes=1, mode_mass=1.0)
