@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,24 +95,24 @@ class MotionModel:
         c = self._config
         sigma_t = c.noise_per_metre * odometry.distance + exploration * c.noise_translation
         sigma_r = c.noise_per_radian * odometry.angle + exploration * c.noise_rotation
-        self._move(particles, odometry, np.repeat([sigma_t, sigma_r], 3))
+        self._move(particles, odometry, [sigma_t] * 3 + [sigma_r] * 3)
 
     def scatter(self, particles: Particles, spacing: float) -> None:
         """Spread particles in place along the surface, by about the distance `spacing` [m] between them.
 
         The gel frame's x and y lie along the surface, and z is its normal: so the noise is in x, y and yaw.
         """
-        sigma = 0.25 * spacing * np.array([1, 1, 0, 0, 0, 1 / ROTATION_SCALE])
-        self._move(particles, Odometry.from_matrix(np.eye(4)), sigma)
+        along = 0.25 * spacing
+        self._move(particles, Odometry.from_matrix(np.eye(4)), [along, along, 0, 0, 0, along / ROTATION_SCALE])
 
     def blur(self, particles: Particles, covariance: np.ndarray) -> None:
         """Spread particles in place by a covariance (6, 6) in their own frames, m^2 and rad^2, axis by axis."""
         self._move(particles, Odometry.from_matrix(np.eye(4)), np.sqrt(np.diag(covariance)))
 
-    def _move(self, particles: Particles, odometry: Odometry, sigma: np.ndarray) -> None:
+    def _move(self, particles: Particles, odometry: Odometry, sigma: Sequence[float]) -> None:
         # a turn by w is the quaternion (w/2, 1), normalised
-        scale = (sigma * [1, 1, 1, 0.5, 0.5, 0.5]).astype(np.float32)
-        noisy = bool(sigma.any())
+        scale = np.array([*sigma[:3], *(0.5 * angle for angle in sigma[3:])], np.float32)
+        noisy = any(sigma)
         self._workers.run(
             len(particles),
             lambda low, high, chunk: kernels.compose(

@@ -17,7 +17,7 @@ def log_sum_exp(values: np.ndarray) -> float:
 
 def effective_size(weights: np.ndarray) -> float:
     """Effective number of particles, 1 / sum(w^2), of weights (N,) with sum 1; between 1 and N."""
-    return float(1.0 / np.square(weights).sum())  # not np.dot: the threads of BLAS would spin beside our own
+    return kernels.effective_size(weights)
 
 
 def systematic(weights: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
