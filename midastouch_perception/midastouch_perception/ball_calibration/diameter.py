@@ -17,7 +17,7 @@ from ..sensor_model import SensorModel
 from ..tdn.inference import load_tdn
 from .response import height_slopes
 
-FELT, SPREAD = 0.72, 0.18
+FELT, SPREAD = 0.71, 0.22
 """Radius that the shipped network feels, of the ball's: median over simulated sensors, and standard deviation of the
 logarithm between them (`midastouch evaluate-checks`)."""
 _DOUBT, _REFUSAL = 1.96, 3.29  # deviations: 1 in 20 and 1 in 1000 balls of the right diameter

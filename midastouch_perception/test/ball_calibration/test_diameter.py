@@ -12,7 +12,7 @@ def test_a_diameter_is_doubted_from_two_deviations_on_and_refused_from_three():
     assert diameter_doubt(felt, 6e-3 * np.exp(1.5 * SPREAD)) == ""
     for wrong in (np.exp(2.5 * SPREAD), np.exp(-2.5 * SPREAD)):
         assert "feels like one of about 6 mm" in diameter_doubt(felt, 6e-3 * wrong)
-    for wrong in (2.0, 0.5):
+    for wrong in (np.exp(3.5 * SPREAD), np.exp(-3.5 * SPREAD)):
         with pytest.raises(InputError, match="check its diameter"):
             diameter_doubt(felt, 6e-3 * wrong)
 
