@@ -336,9 +336,23 @@ def checks() -> Table:
     content = report("checks")
     rows = [[what, _percent(one["alarms"])] for what, one in content["fit_check"].items()]
     rows[0][0] = "all as it should be (false alarms)"
-    rows += [[f"no-contact image {what}", _percent(share)] for what, share in content["no_contact_image"].items()]
-    rows[len(content["fit_check"])][0] = "no-contact image as it should be (false alarms)"
+    layouts = [[f"no-contact image {what}", _percent(share)] for what, share in content["no_contact_image"].items()]
+    layouts[0][0] = "no-contact image as it should be (false alarms)"
+    rows += layouts
+    for name, one in content["real_sensors"].items():
+        trials = f"real presses `{name}`, {one['trials']} trials"
+        rows.append([f"{trials}: as it should be (false alarms)", _percent(one["right"])])
+        rows.append([f"{trials}: background taken in contact", _percent(one["touched"])])
     return ["what is given", "alarms, [checks]"], rows
+
+
+def diameters() -> Table:
+    """What becomes of a wrong diameter of the ball."""
+    rows = [
+        [f"{one['factor']:.2g}", _percent(one["doubted"]), _percent(one["refused"])]
+        for one in report("checks")["ball_diameter"]["given"]
+    ]
+    return ["diameter given, over the true one", "warned or refused", "refused"], rows
 
 
 def contacts() -> Table:
@@ -459,8 +473,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, peers, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed,
-        soak, commands,
+        paper, localisation, peers, variants, slides, depth, presses, checks, diameters, contacts, brightness,
+        single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 

@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     if args.px_per_mm:
         sensor = sensor.at_scale(1e3 * args.px_per_mm)
     if args.source == "live":
-        code, result, images = _live(args, path)
+        result, images, code = _live(args, path)
         if result is None:
             return code
     else:
@@ -91,8 +91,8 @@ def _of_object(args: argparse.Namespace, store, sensor):
 
 
 def _live(args: argparse.Namespace, path: Path):
-    """From the running sensor, kept at `path`: exit code, result and images of the presses; without a result if the
-    guide was ended before the last press, or the presses cannot be used."""
+    """From the running sensor, kept at `path`: result, images of the presses, exit code; no result if the guide was
+    ended before the last press, or the presses cannot be used."""
     try:
         from midastouch_perception.nodes.calibrate import CalibrateNode
         from midastouch_perception.ros import spin
@@ -120,13 +120,13 @@ def _live(args: argparse.Namespace, path: Path):
         made.append(CalibrateNode(lambda text: print(text, flush=True), once=True))
         return made
 
-    code = spin.run(guide, ["calibrate", "--ros-args", *words])
+    spin.run(guide, ["calibrate", "--ros-args", *words])
     if not made or made[0].failure:
-        return 2, None, {}
+        return None, {}, 2
     if made[0].result is None:
         print(f"{folder}: {len(made[0].images)} presses; midastouch calibrate {folder} uses five or more")
-        return 1, None, {}
-    return code, made[0].result, made[0].images
+        return None, {}, 1
+    return made[0].result, made[0].images, 0
 
 
 def _report(args: argparse.Namespace, result, images, sensor) -> None:
@@ -138,7 +138,7 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
         if press.problem:
             print(f"{press.name}: not used: {press.problem}")
     print(text_table(["on touches not calibrated with, median", "before", "after", "truth"], figure_rows(result)))
-    if result.doubt:
+    if result.doubt and args.source != "live":  # where the guide has said so
         print(f"warning: {result.doubt}")
     if args.page:
         print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")

@@ -11,7 +11,8 @@ from midastouch_perception.simulation.ball_presses import PressedSensor
 
 FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
 """Diameter given over the true one."""
-_RADII = 2e-3, 5e-3  # m
+RADII = 2e-3, 5e-3
+"""Of the balls, from and to [m]."""
 _PRESSES = 8
 
 
@@ -20,7 +21,7 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
     deviation of its logarithm; by factor, shares of doubts (refusals among them) and of refusals."""
     ratios, outcomes = [], {factor: [] for factor in FACTORS}
     for _ in range(n):
-        radius = rng.uniform(*_RADII)
+        radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)
         felt = felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
         if felt is not None:

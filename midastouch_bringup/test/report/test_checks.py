@@ -13,6 +13,8 @@ def test_every_table_is_on_the_page(tmp_path):
         "fit_check": {"right": case},
         "no_contact_image": {"upside down": 1.0},
         "cause_named": {"upside down": 0.83},
+        "real_sensors": {"d20641": {"trials": 62, "right": 0.02, "touched": 0.97}},
+        "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46, "refused": 0.13}]},
         "capture": {"a touch refused": 0.98},
         "contact": {
             "missed": {"wire": touches},
@@ -31,6 +33,9 @@ def test_every_table_is_on_the_page(tmp_path):
         "wire, 0.05 to 0.10 mm deep",
         "0.14",
         "2 % brighter",
+        "d20641",
+        "0.97",
+        "0.46",
         "0.03",
         "0.01",
     ):

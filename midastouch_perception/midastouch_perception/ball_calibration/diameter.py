@@ -17,10 +17,12 @@ from ..sensor_model import SensorModel
 from ..tdn.inference import load_tdn
 from .response import height_slopes
 
-FELT, SPREAD = 0.72, 0.18
-"""Radius that the shipped network feels, of the ball's: median over simulated sensors, and standard deviation of the
-logarithm between them (`midastouch evaluate-checks`)."""
-_DOUBT, _REFUSAL = 1.96, 3.29  # deviations: 1 in 20 and 1 in 1000 balls of the right diameter
+FELT = 0.72
+"""Radius that the shipped network feels, of the ball's: median over simulated sensors
+(`midastouch evaluate-checks`)."""
+DOUBT, REFUSAL = 1.42, 1.81
+"""Factors between the diameter given and the one felt. On simulated sensors one right diameter in eight is beyond the
+first, and one in a hundred beyond the second."""
 _CORE = 0.3  # of the deepest penetration: the rim is smeared
 _FEWEST = 40  # px of it
 
@@ -42,14 +44,14 @@ def diameter_doubt(felt: float | None, ball_diameter: float) -> str:
     if felt is None:
         return ""
     likely = 2 * felt / FELT
-    deviation = abs(np.log(likely / ball_diameter)) / SPREAD
-    if deviation <= _DOUBT:
+    factor = max(likely / ball_diameter, ball_diameter / likely)
+    if factor <= DOUBT:
         return ""
     said = (
         f"the ball of {1e3 * ball_diameter:g} mm feels like one of about {1e3 * likely:.0f} mm; check its diameter, in "
         "metres"
     )
-    if deviation > _REFUSAL:
+    if factor > REFUSAL:
         raise InputError(said)
     return said
 

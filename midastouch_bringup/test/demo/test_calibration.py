@@ -1,0 +1,18 @@
+import cv2
+import numpy as np
+
+from midastouch_bringup.demo.calibration import calibrated_touches
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+
+
+def test_touches_are_felt_better_after_the_calibration():
+    result, rows = calibrated_touches(ObjectMesh.load(bundled_objects()["handle_tool"]))
+    assert result.calibration.presses >= 8
+
+    def error(which: int) -> float:
+        """Root mean square over all touches, mm."""
+        pairs = [(row.reliefs[which], cv2.resize(row.reliefs[2], row.reliefs[which].shape[::-1])) for row in rows]
+        return 1e3 * float(np.sqrt(np.mean([(felt - truth) ** 2 for felt, truth in pairs])))
+
+    assert error(1) < 0.7 * error(0)
