@@ -31,8 +31,10 @@ _RECENT = 4  # frames that the present velocity is the mean of
 _DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
 _FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
 _WINDOW = 10  # frames within which a jump must become certain
-_DECISIVE = 14.0  # log-odds, nats, from which it is
 _KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
+
+DECISIVE = 9.0
+"""Log-odds [nats] from which a jump of the object is certain: `tools/fit_object_motion.py`."""
 
 
 @dataclass(frozen=True)
@@ -150,6 +152,11 @@ class ArmErrors:
         return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
 
     @property
+    def suspicion(self) -> float:
+        """Log-odds [nats] of the likeliest jump in the last frames against none."""
+        return float(self._rows.log_odds[1:].max(initial=-np.inf))
+
+    @property
     def is_late(self) -> bool:
         """Whether it is known that the arm's poses are of another time than the images."""
         return bool(self.calibration.known[6]) and abs(self._clock) > 3 * self.calibration.sigma[6]
@@ -197,7 +204,7 @@ class ArmErrors:
             self._suppose_a_jump()
         self._weigh(*frame.seen)
         best = int(np.argmax(self._rows.log_odds))
-        if self._rows.log_odds[best] > _DECISIVE:
+        if self._rows.log_odds[best] > DECISIVE:
             since, covariance = self._since(), self._rows.covariance[best][_POSE, _POSE]
             means = self._rows.before[best], self._rows.mean[best]
             at_rest, moved = (self._pose @ se3.exp(mean[_POSE]) @ since for mean in means)

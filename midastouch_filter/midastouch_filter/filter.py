@@ -29,7 +29,7 @@ from .places import Prior
 from .policies import Policies, default_policies
 from .propagation import OdometryJump
 from .reporting import Reporter
-from .state import Status
+from .state import CONVERGED, Status
 from .stopwatch import Stopwatch
 from .touch import Measurement
 from .workers import Workers
@@ -138,7 +138,7 @@ class ParticleFilter:
         estimate = self._reporter.estimate(
             self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
         )
-        do.correct.observe(self._belief, measurement)
+        do.correct.observe(self._belief, measurement, estimate.status.state == CONVERGED)
         return estimate
 
     def _correct(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:

@@ -23,6 +23,8 @@ from .stopwatch import Stopwatch
 from .touch import Measurement
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
+_TOLD = 0.8  # nats by which the last map must speak against an object at rest: `tools/fit_object_motion.py`
+_PATIENCE = 3  # frames in a row that the track may fail to explain: over a sharp edge
 _SAID = 0.1  # share of the prior's information below which a map says nothing
 
 
@@ -43,8 +45,8 @@ class AsMeasured:
         """The better odometry (4, 4); touch of the first finger, `elapsed` [s] since the last frame."""
         return odometry
 
-    def observe(self, belief: Belief, touch: Measurement) -> None:
-        """Learn from what the step made of the first finger's touch."""
+    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
+        """Learn from what the step made of the first finger's touch; trusted: whether its answer is relied on."""
 
 
 class OdometryCorrection(AsMeasured):
@@ -56,7 +58,6 @@ class OdometryCorrection(AsMeasured):
     def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel, watch: Stopwatch):
         self._alignment, self._config, self._watch = alignment, config, watch
         self._reach, self._near = config.object_jump + 2 * noise.jitter, noise.jitter + noise.mode_floor
-        self._decisive = noise.decisive
         self._contact = ContactOdometry(alignment.sensor, noise, self._reach)
         unknown = float(config.calibration)
         self._errors = ArmErrors(
@@ -72,6 +73,11 @@ class OdometryCorrection(AsMeasured):
         self._errors.restart()
         self._lose()
         self._arm, self._seconds = np.eye(4), 0.0
+
+    @property
+    def suspicion(self) -> float:
+        """Log-odds [nats] of the likeliest jump of the object in the last frames against none."""
+        return self._errors.suspicion
 
     @property
     def calibration(self) -> Calibration | None:
@@ -96,7 +102,7 @@ class OdometryCorrection(AsMeasured):
         if jump is None or self._track is None:
             return better
         still, moved = self._evidence(jump.at_rest), self._evidence(jump.pose)
-        if moved - still < self._decisive:  # over ridges the track may have gone to the next one, which feels alike
+        if moved - still < _TOLD:  # over ridges the track may have gone to the next one, which feels alike
             self._lose()
             return better
         self.jump = jump
@@ -125,40 +131,42 @@ class OdometryCorrection(AsMeasured):
         """How well the last map fits the neighbourhood of a pose (4, 4)."""
         return self._alignment.align(pose, self._near, self._penetration).log_evidence
 
-    def observe(self, belief: Belief, touch: Measurement) -> None:
+    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
         if not self._usable(touch):
             self._lose()
             return
         self._mode = belief.modes[0].pose
         if not self._contact.is_last(touch.penetration):
             with self._watch.stage("track"):
-                self._follow(belief, touch.penetration)
+                self._follow(belief, touch.penetration, trusted)
 
-    def _follow(self, belief: Belief, penetration: np.ndarray) -> None:
-        """Go on with the track to this map, or begin one where the belief is sure."""
+    def _follow(self, belief: Belief, penetration: np.ndarray, trusted: bool) -> None:
+        """Go on with the track to this map, or begin one."""
         moved = self._contact.register(penetration, self._arm)
         self._contact.keep(penetration, moved)
         self._arm, self._seconds, self._penetration = np.eye(4), 0.0, penetration
         if self._track is None or moved is None:
-            trusted = 0 in belief.aligned and belief.dominant_mass >= self._config.converged_mass
-            self._track = belief.answers[0].pose if trusted else None
+            self._track = belief.answers[0].pose if trusted and 0 in belief.aligned else None
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
+        explained = found.fit > self._config.relief_fit
         path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
-        self._track = found.pose
-        lost = found.fit < self._config.relief_fit
-        if lost or pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius:
+        self._track = found.pose if explained else start
+        self._unexplained = 0 if explained else self._unexplained + 1
+        away = pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius
+        if away or self._unexplained > _PATIENCE:
             self._lose()
-            return
-        offset, information = without_prior(start, self._reach, found)
-        self._errors.observe(start, offset, min(1.0, path / _CORRELATION) * information)
+        elif explained:
+            offset, information = without_prior(start, self._reach, found)
+            self._errors.observe(start, offset, min(1.0, path / _CORRELATION) * information)
 
     def _lose(self) -> None:
         """The track ends: nothing is felt, or it left the place."""
         self._contact.restart()
         self._errors.forget_place()
         self._track: np.ndarray | None = None
+        self._unexplained = 0
 
 
 def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) -> tuple[np.ndarray, np.ndarray]:

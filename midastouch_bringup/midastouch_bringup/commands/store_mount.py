@@ -28,16 +28,15 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import numpy as np
 
-    from midastouch_msgs.msg import ArmCalibration
     from midastouch_perception import se3
     from midastouch_perception.errors import InputError
     from midastouch_perception.message_arrays import pose_from_msg
 
     from ..arm.mount_correction import correct_mount
-    from ..ros.latched_message import latched_message
     from ..ros.launch_arguments import SHARE
+    from ..ros.learnt_calibration import learnt_calibration
 
-    told = latched_message(ArmCalibration, "calibration", args.namespace)
+    told = learnt_calibration(args.namespace)
     known = list(told.known)
     if not any(known):
         raise InputError("calibration: nothing is known yet; slide over edges, and turn the sensor while it touches")

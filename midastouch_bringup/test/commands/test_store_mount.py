@@ -8,9 +8,10 @@ from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 
 from midastouch_bringup import cli
 from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_bringup.ros.latched_message import latched_message
+from midastouch_bringup.ros.learnt_calibration import learnt_calibration
 from midastouch_msgs.msg import ArmCalibration
 from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 
@@ -20,7 +21,7 @@ SHIPPED = Path(__file__).parents[2] / "config" / "frames.yaml"
 def publish(graph, known: list[bool]) -> None:
     pose = Pose(position=Point(x=0.002), orientation=Quaternion(w=1.0))
     message = ArmCalibration(mount=PoseWithCovariance(pose=pose), clock_offset=0.05, known=known, touches=60)
-    graph.publisher(ArmCalibration, "calibration", latched=True).publish(message)
+    graph.companion.create_publisher(ArmCalibration, "calibration", qos.latched()).publish(message)
 
 
 def test_the_mount_is_stored_and_what_is_unknown_named(graph, tmp_path, capsys):
@@ -43,4 +44,4 @@ def test_nothing_is_stored_before_something_is_known(graph, tmp_path, capsys):
 
 def test_a_topic_that_nobody_publishes_is_named(graph):
     with pytest.raises(InputError, match=r"/left/calibration.*--namespace"):
-        latched_message(ArmCalibration, "calibration", "left", patience=0.2)
+        learnt_calibration("left", patience=0.2)
