@@ -113,9 +113,9 @@ def twist(here: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 
 def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
-    """Poses T_obj_gel (N, 4, 4) below the upper side of the tool's grip, to and fro: an arm reaches it from above."""
+    """Poses T_obj_gel (N, 4, 4) below the upper side of the tool's grip, to and fro between pommel and collar."""
     t = np.arange(0, length, STEP)
-    x, y = -0.045 - 0.04 * np.cos(t / 0.04), 0.004 * np.sin(20 * t)
+    x, y = -0.035 - 0.032 * np.cos(t / 0.032), 0.003 * np.sin(20 * t)
     points = np.stack([x, y, relief(mesh)(x, y)], axis=1)
     normals = mesh.smooth_normals(points, radius=8e-3)
     return se3.make(se3.frame_from_normal(normals, 0.3 * np.sin(9 * t)), points - TOO_DEEP * normals)
@@ -123,6 +123,6 @@ def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
 
 if __name__ == "__main__":
     tool = ObjectMesh.load(bundled_objects()["handle_tool"])
-    path = along_the_grip(tool, 0.3)
-    # all around the grip feels the same: the filter is told about where the slide begins
+    path = along_the_grip(tool, 0.35)
+    # all around the grip feels the same: the filter is told where the slide begins
     run(Arm(tool, along(path, lifted=TOO_DEEP + 8e-3)), len(path) * STEP / SPEED, told=True)

@@ -87,10 +87,10 @@ class Engine(Node):
 
 
 def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
-    """A start for the filter, known to 10 mm and 10 deg."""
+    """A start for the filter, known to 3 mm and 3 deg."""
     message = PoseWithCovarianceStamped(header=Header(frame_id="object"))
     message.pose.pose = pose_to_msg(T_obj_gel)
-    message.pose.covariance = np.diag(np.repeat([0.01, np.radians(10)], 3) ** 2).ravel()
+    message.pose.covariance = np.diag(np.repeat([0.003, np.radians(3)], 3) ** 2).ravel()
     return message
 
 
