@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 TEST_OBJECTS = ("004", "005", "006", "021", "025", "035", "037", "042", "048", "055")
 """The paper's ten, by their YCB numbers."""
 
+_DISTURBANCES = ("tool_bias", "time_offset", "rest", "slow_camera", "lift", "kidnap")
+_PROTOCOLS = ("plain", *_DISTURBANCES, "real_sensor", "real_sensor_calibrated")
+
 
 def add_parser(subparsers) -> None:
     """Add the sub-command."""
@@ -50,10 +53,11 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument(
         "--protocol",
-        choices=("plain", "tool_bias", "time_offset", "rest", "slow_camera", "lift", "kidnap"),
+        choices=_PROTOCOLS,
         default="plain",
         help="what is done to the slides: a tool 2 mm, 2 deg off; poses 50 ms late; stops of 1 s; every image twice; "
-        "lifted and put down 50 mm away; the same, untold (default plain)",
+        "lifted and put down 50 mm away; the same, untold; seen by sensors measured on real gel, without and with a "
+        "calibration from ten presses of a ball (default plain)",
     )
     parser.add_argument("--config", metavar="YAML", help="filter settings of the default, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="default 50000")
@@ -66,6 +70,7 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from contextlib import ExitStack
+    from functools import partial
     from pathlib import Path
 
     from ..evaluation.accuracy import accuracy_text, compact_trials, summarise_accuracy
@@ -73,6 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
     from ..evaluation.comparison import compare_variants
     from ..evaluation.machine import machine_info
+    from ..evaluation.real_sensor import REAL_SENSORS, RealSensorStock
     from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
     from ..evaluation.stock import Stock
@@ -81,7 +87,9 @@ def run(args: argparse.Namespace) -> int:
     from ..progress import progress_bar
 
     folder = Path(args.out)
-    stock = Stock(folder, args.tdn, args.tcn, args.sensor, args.length, args.codebook_size)
+    calibrated = REAL_SENSORS.get(args.protocol)
+    make_stock = Stock if calibrated is None else partial(RealSensorStock, calibrated=calibrated)
+    stock = make_stock(folder, args.tdn, args.tcn, args.sensor, args.length, args.codebook_size)
     plan = Plan(
         stock,
         load_filter_config(args.config),

@@ -37,6 +37,12 @@ def add_parser(subparsers) -> None:
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
     parser.add_argument("--save", metavar="DIR", help="of live presses (default out/presses/SERIAL)")
+    parser.add_argument(
+        "--optics",
+        metavar="FILE",
+        help="write here how the sensor's images answer to the shape of its gel (JSON, for midastouch benchmark "
+        "--protocol real_sensor --optics)",
+    )
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
 
 
@@ -63,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     result = calibrate(images, background, args.ball_diameter, sensor, args.serial)
     path = Path(args.out) if args.out else store.calibration_path
     result.calibration.save(path)
+    if args.optics:
+        _measure_optics(args, images, result)
     for press in result.presses:
         if press.problem:
             print(f"{press.name}: not used: {press.problem}")
@@ -86,6 +94,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")
     print(f"{path}: calibration from {result.calibration.presses} presses")
     return 0
+
+
+def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
+    from midastouch_perception.simulation.optics_fit import fit_optics
+
+    source = f"{result.calibration.presses} presses of a ball of {1e3 * args.ball_diameter:g} mm"
+    optics = fit_optics(Path(args.optics).stem, source, images, result)
+    optics.save(args.optics)
+    print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in presses that it has not seen")
 
 
 def _read(folder: Path):

@@ -32,8 +32,8 @@ from .variants import VARIANTS
 @dataclasses.dataclass(frozen=True)
 class Plan:
     """What is run: stock; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
-    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, "plain" or one of
-    `DISTURBANCES`; threads of the filter (0: one per core)."""
+    of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `DISTURBANCES` or
+    the name of what the stock's slides are; threads of the filter (0: one per core)."""
 
     stock: Stock
     config: FilterConfig
@@ -57,7 +57,7 @@ class Plan:
             "protocol": self.protocol,
             "slide_length_m": self.stock.length,
             "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.networks.describe(),
+            "networks": self.stock.describe(),
             "filter": dataclasses.asdict(self.config),
             "filter_code": _filter_code(),
             "threads": self.threads,
@@ -85,7 +85,7 @@ class Plan:
             "stride": self.stride,
             "length": self.stock.length,
             "codebook": codebook_digest,
-            "networks": self.stock.networks.describe(),
+            "networks": self.stock.describe(),
             "filter_code": _filter_code(),
             "record": RECORD,
         }
@@ -148,7 +148,7 @@ def run_campaign(
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
-    networks = plan.stock.networks.describe()
+    networks = plan.stock.describe()
     digest = plan.stock.codebook_digest(mesh)
     content = [mesh.sha256, networks, digest, plan.stock.length, plan.slides, _filter_code()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
@@ -228,9 +228,8 @@ def _frames(plan: Plan, mesh: ObjectMesh, slide: int) -> list[TrialFrame]:
     """Frames of the trials on one slide, disturbed as the plan says."""
     sequence, touches = plan.stock.touches(mesh, slide)
     frames = touches.frames(sequence, plan.stride)
-    if plan.protocol == PLAIN:
-        return frames
-    return DISTURBANCES[plan.protocol](frames, np.random.default_rng(slide))
+    disturb = DISTURBANCES.get(plan.protocol)
+    return disturb(frames, np.random.default_rng(slide)) if disturb else frames
 
 
 @cache

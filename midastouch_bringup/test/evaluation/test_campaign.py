@@ -25,6 +25,9 @@ class StubStock:
     length: float = 0.045
     codebook_size: int = 4000
 
+    def describe(self):
+        return self.networks.describe()
+
     def codebook(self, mesh, size=None):
         return type(self.book)(self.book.poses[:size], self.book.codes[:size], self.book.meta)
 
