@@ -40,8 +40,8 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--optics",
         metavar="FILE",
-        help="write here how the sensor's images answer to the shape of its gel (JSON, for midastouch benchmark "
-        "--protocol real_sensor --optics)",
+        help="write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
+        "midastouch benchmark --protocol real_sensor)",
     )
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
 
@@ -99,8 +99,7 @@ def run(args: argparse.Namespace) -> int:
 def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
     from midastouch_perception.simulation.optics_fit import fit_optics
 
-    source = f"{result.calibration.presses} presses of a ball of {1e3 * args.ball_diameter:g} mm"
-    optics = fit_optics(Path(args.optics).stem, source, images, result)
+    optics = fit_optics(Path(args.optics).stem, args.command_line, images, result)
     optics.save(args.optics)
     print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in presses that it has not seen")
 

@@ -30,6 +30,7 @@ REAL_SENSORS = {"real_sensor": False, "real_sensor_calibrated": True}
 
 _BALL_DIAMETER = 6e-3  # m: a bearing's
 _PRESSES = 10
+_CONTACT = (0.35, 0.65)  # radius, of the ball's: as deep as people pressed the sensors that were measured
 _CHUNK = 32  # maps rendered at a time: bounds memory
 
 
@@ -84,6 +85,6 @@ def _ball_presses(sensor: SensorModel, rng: np.random.Generator) -> list[np.ndar
     for cell in rng.permutation(_PRESSES):
         u = (0.2 + 0.6 * (cell % columns + rng.random()) / columns) * sensor.width
         v = (0.15 + 0.7 * (cell // columns + rng.random()) / rows) * sensor.height
-        centre = ball_centre(u, v, rng.uniform(0.4, 0.75) * radius, radius, sensor)
+        centre = ball_centre(u, v, rng.uniform(*_CONTACT) * radius, radius, sensor)
         out.append(ball_penetration(centre, radius, sensor))
     return out

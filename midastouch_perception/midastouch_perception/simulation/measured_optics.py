@@ -2,8 +2,8 @@
 
 Relative light, as in `gel_light.py`, but nothing of it is imagined: each colour's ratio to the no-contact image is a
 polynomial in the gel's normal, with factors quadratic in the position, plus what relief on six sides takes or adds
-(shadow lobes). Beyond the steepest slope of the presses colours stay as they are there. Judges; nothing is trained
-with it.
+(shadow lobes). Beyond the steepest slope of the presses, and beyond where they were, colours stay as they are there.
+Judges; nothing is trained with it.
 """
 
 from __future__ import annotations
@@ -50,17 +50,19 @@ class GelShape:
 class MeasuredOptics:
     """One measured sensor.
 
-    Attributes: name; source, what was measured and how; shape of the gel; steepest, sine of the largest slope seen;
-    normal (7, 6, 3), factors of the terms of normal and position in each colour; sides (18, 3), those of relief
-    beside; background (16, 12, 3) grey levels; exposure (3,), standard deviation of each colour's log-brightness
-    between frames; drift (6,), that of a frame's light over the position; noise, of a pixel of the map's resolution,
-    grey levels; explained, share (0 ... 1) of the change in presses left out of the fit.
+    Attributes: name; source, the command that made it; shape of the gel; steepest, sine of the largest slope seen;
+    region (4,), left, right, top and bottom of the presses, as shares of the image; normal (7, 6, 3), factors of the
+    terms of normal and position in each colour; sides (18, 3), those of relief beside; background (16, 12, 3) grey
+    levels; exposure (3,), standard deviation of each colour's log-brightness between frames; drift (6,), that of a
+    frame's light over the position; noise, of a pixel of the map's resolution, grey levels; explained, share (0 ... 1)
+    of the change in presses left out of the fit.
     """
 
     name: str
     source: str
     shape: GelShape
     steepest: float
+    region: np.ndarray
     normal: np.ndarray
     sides: np.ndarray
     background: np.ndarray
@@ -81,6 +83,7 @@ class MeasuredOptics:
             arrays = {
                 name: _finite(data.pop(name), shape)
                 for name, shape in (
+                    ("region", (4,)),
                     ("normal", (_NORMAL_TERMS, 6, 3)),
                     ("sides", (SIDE_TERMS, 3)),
                     ("background", (16, 12, 3)),
@@ -115,7 +118,7 @@ class MeasuredOptics:
     def ratio(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
         """Image over no-contact image (H, W, 3) float32 for a penetration map (H, W) m, m per pixel."""
         height = self.shape.height(penetration, pixel)
-        places = place_terms(*height.shape)
+        places = places_within(self.region, *height.shape)
         out = side_terms(height, pixel, self.steepest) @ self.sides.astype(np.float32) + 1
         factors = np.tensordot(places, self.normal.astype(np.float32), (2, 1))
         out += (normal_terms(height, pixel, self.steepest)[..., None] * factors).sum(axis=2)
@@ -125,6 +128,14 @@ class MeasuredOptics:
 def measured_sensors() -> list[str]:
     """Names of the shipped ones."""
     return sorted(path.stem for path in _FOLDER.glob("*.json"))
+
+
+def places_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Terms (H, W, 6) float32 of each pixel's nearest position in a region (`MeasuredOptics.region`)."""
+    left, right, top, bottom = region * np.array([width, width, height, height])
+    rows = np.clip(np.arange(height), top, bottom).astype(int).clip(0, height - 1)
+    columns = np.clip(np.arange(width), left, right).astype(int).clip(0, width - 1)
+    return place_terms(height, width)[rows][:, columns]
 
 
 def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
