@@ -50,6 +50,14 @@ class RealSensorStock(Stock):
         """The measured sensors."""
         return [MeasuredOptics.load(name) for name in measured_sensors()]
 
+    @cached_property
+    def calibrations(self) -> list[SensorCalibration]:
+        """One of each measured sensor."""
+        return [
+            calibrate_measured(optics, self.networks.sensor, np.random.default_rng(k))
+            for k, optics in enumerate(self.optics)
+        ]
+
     def describe(self) -> dict[str, str]:
         optics = " ".join(f"{optics.name}-{optics.content_id}" for optics in self.optics)
         return super().describe() | {"optics": optics, "calibrated": str(self.calibrated)}
@@ -59,10 +67,9 @@ class RealSensorStock(Stock):
         return "touches_calibrated" if self.calibrated else "touches_uncalibrated"
 
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
-        rng = np.random.default_rng(number)
-        sensor = self.networks.sensor
-        camera = MeasuredSensor(self.optics[number % len(self.optics)], sensor, rng)
-        calibration = calibrate_measured(camera, sensor, rng) if self.calibrated else None
+        which, sensor = number % len(self.optics), self.networks.sensor
+        camera = MeasuredSensor(self.optics[which], sensor, np.random.default_rng(number))
+        calibration = self.calibrations[which] if self.calibrated else None
         networks = dataclasses.replace(self.networks, tdn=load_tdn(self.tdn, sensor, calibration=calibration))
         renderer, images = PenetrationRenderer(mesh, sensor.for_maps), []
         for start in range(0, sequence.n_frames, _CHUNK):
@@ -70,9 +77,10 @@ class RealSensorStock(Stock):
         return Touches.of_images(images, camera.background, networks, {})
 
 
-def calibrate_measured(camera: MeasuredSensor, sensor: SensorModel, rng: np.random.Generator) -> SensorCalibration:
+def calibrate_measured(optics: MeasuredOptics, sensor: SensorModel, rng: np.random.Generator) -> SensorCalibration:
     """What a person with a ball gets from a sensor: ten presses spread over the gel. Raises InputError as
     `calibrate`."""
+    camera = MeasuredSensor(optics, sensor, rng)
     presses = [np.maximum(press, 0) for press in _ball_presses(sensor.for_maps, rng)]
     images = {f"press_{i:02d}": image for i, image in enumerate(camera.images(np.stack(presses)))}
     return calibrate(images, camera.background, _BALL_DIAMETER, sensor).calibration

@@ -12,7 +12,7 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import cv2
@@ -118,11 +118,15 @@ class MeasuredOptics:
     def ratio(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
         """Image over no-contact image (H, W, 3) float32 for a penetration map (H, W) m, m per pixel."""
         height = self.shape.height(penetration, pixel)
-        places = places_within(self.region, *height.shape)
         out = side_terms(height, pixel, self.steepest) @ self.sides.astype(np.float32) + 1
-        factors = np.tensordot(places, self.normal.astype(np.float32), (2, 1))
-        out += (normal_terms(height, pixel, self.steepest)[..., None] * factors).sum(axis=2)
+        out += (normal_terms(height, pixel, self.steepest)[..., None, :] @ _factors(self, *height.shape))[..., 0, :]
         return np.maximum(out, 0)
+
+
+@lru_cache(maxsize=4)
+def _factors(optics: MeasuredOptics, height: int, width: int) -> np.ndarray:
+    """Of the normal's terms (H, W, 7, 3) float32 in each colour, at every pixel."""
+    return np.tensordot(places_within(optics.region, height, width), optics.normal.astype(np.float32), (2, 1))
 
 
 def measured_sensors() -> list[str]:
