@@ -25,7 +25,7 @@ def add_parser(subparsers) -> None:
         "truth. What is in the files: docs/exports.md. Needs: pip install 'midastouch_bringup[export]'.",
     )
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
-    parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"))
+    parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder to write; an existing one is replaced")
 
 

@@ -54,10 +54,6 @@ class TactoCamera:
         return self._optics.image(penetration, self.background, rng, normals)
 
 
-CAMERAS = {"tacto": TactoCamera}
-"""What images of a simulated slide are taken with, by name: made of sensor model and generator."""
-
-
 def simulate_sequence(
     mesh: ObjectMesh,
     sensor: SensorModel,
@@ -66,7 +62,6 @@ def simulate_sequence(
     out: Path,
     progress: bool = False,
     leap: Leap | None = None,
-    camera: str = "tacto",
 ) -> int:
     """Simulate a slide of `length` m over the mesh, write it to `out` and return the number of frames.
 
@@ -75,7 +70,7 @@ def simulate_sequence(
     rng = np.random.default_rng(seed)
     poses = simulate_slide(mesh, sensor, length, rng, leap=leap)
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
-    camera = CAMERAS[camera](sensor, rng)
+    camera = TactoCamera(sensor, rng)
     renderer = PenetrationRenderer(mesh, sensor)
     # a generator per image, so that the order in which threads draw does not matter
     noises = rng.spawn(len(poses))

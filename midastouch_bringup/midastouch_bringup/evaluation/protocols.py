@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +13,8 @@ from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances
 from .disturbances import Disturbance
-from .stock import SlideKind
+from .real_sensor import RealSensorStock
+from .stock import SlideKind, Stock
 from .trial import RIGHT
 
 NEXT = "next"
@@ -31,7 +34,7 @@ class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
     touched in place of the campaign's objects; codebook_size, poses; right [m], how near a pose must be to the truth;
-    twins, as of `Yardstick`."""
+    twins, as of `Yardstick`; stock, made as `Stock`, of what is seen on the slides."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -43,6 +46,7 @@ class Protocol:
     codebook_size: int = 50_000
     right: float = RIGHT
     twins: bool = False
+    stock: Callable[..., Stock] = Stock
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
@@ -67,6 +71,10 @@ PROTOCOLS = {
     "unexplained": _event("12 touches that nothing explains", disturbances.unexplained, foreign="eyebolt"),
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
     "wrong_mesh": Protocol("another object is touched", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT),
+    "real_sensor": Protocol("seen by measured real sensors", stock=partial(RealSensorStock, calibrated=False)),
+    "real_sensor_calibrated": Protocol(
+        "the same, calibrated with ten presses of a ball", stock=partial(RealSensorStock, calibrated=True)
+    ),
     "small_parts": Protocol(
         "parts smaller than the gel",
         slides=SlideKind(0.075),

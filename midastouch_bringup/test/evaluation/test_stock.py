@@ -19,7 +19,7 @@ def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
 def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypatch):
     seeds = []
 
-    def simulate(mesh, sensor, length, seed, out, progress, leap, camera):
+    def simulate(mesh, sensor, length, seed, out, progress, leap):
         seeds.append((length, seed))
         if seed < 2000:
             raise InputError("stuck")
