@@ -212,6 +212,11 @@ class ParticleFilter:
         return self._belief.weights if self._belief else np.empty(0)
 
     @property
+    def codebook_spacing(self) -> float:
+        """Typical pose distance [m] of a codebook entry to the nearest other one; 1 rad counts as 10 mm."""
+        return self._object.lookup.spacing
+
+    @property
     def codebook_indices(self) -> np.ndarray:
         """Codebook entry (N,) of each particle, as of the last touch."""
         return self._object.order[self._belief.particles.entries] if self._belief else np.empty(0, np.int64)

@@ -56,23 +56,30 @@ class ObjectPrior:
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown."""
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. density: how many poses the codebook has
+    and how far they are apart, in words."""
 
     filter: ParticleFilter
     diagonal: float
     name: str
     sensor: SensorModel | None = None
     network_id: str = ""
+    density: str = ""
 
 
 def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
     """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
     mesh = ObjectMesh.load(mesh_path)
-    codebook = Codebook.load(codebook_path, mesh=mesh)
+    return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed)
+
+
+def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int) -> LoadedObject:
+    """The filter on a mesh and its codebook; InputError on a codebook that cannot be used."""
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     memory.trim()
     sensor = SensorModel.load(codebook.meta["sensor"]).for_maps
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]))
+    density = f"codebook of {len(codebook.poses):,} poses, {1e3 * running.codebook_spacing:.1f} mm apart"
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]), density)
 
 
 class Localiser:

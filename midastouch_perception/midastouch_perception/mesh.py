@@ -49,6 +49,8 @@ class ObjectMesh:
         Raises InputError: no such file, not a mesh, no faces, non-finite vertices, larger than 2 m, smaller than 1 mm.
         """
         path = require_file(path, "mesh")
+        if path.suffix.lower() in (".step", ".stp"):
+            raise InputError(f"{path}: STEP holds surfaces, no triangles; export it from your CAD as STL, in metres")
         try:
             loaded = trimesh.load(path, process=False, force="mesh")
             vertices, faces = np.asarray(loaded.vertices, float), np.asarray(loaded.faces)

@@ -125,6 +125,8 @@ def bad_meshes(folder):
     (folder / "empty.stl").write_bytes(b"")
     trimesh.PointCloud(np.random.default_rng(0).random((10, 3))).export(folder / "points.ply")
     trimesh.creation.box((100, 50, 20)).export(folder / "millimetres.stl")
+    trimesh.creation.box((1e-4, 5e-5, 2e-5)).export(folder / "dust.stl")
+    (folder / "part.STEP").write_text("ISO-10303-21;")
     flat = trimesh.Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
     flat.export(folder / "flat.ply")
 
@@ -137,6 +139,8 @@ def bad_meshes(folder):
         ("empty.stl", "cannot be read|without faces"),
         ("points.ply", "without faces|cannot be read"),
         ("millimetres.stl", "100 m across; it looks like millimetres"),
+        ("part.STEP", "STEP holds surfaces, no triangles; export it from your CAD as STL, in metres"),
+        ("dust.stl", "0.1 mm across, too small to be felt"),
         ("flat.ply", "zero area"),
     ],
 )

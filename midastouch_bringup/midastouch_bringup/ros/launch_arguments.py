@@ -81,7 +81,9 @@ ARGUMENTS = {
         "Mesh of the object, metres: a path or package://...",
         sets=(("particle_filter", "mesh"), ("digit_sim", "mesh")),
     ),
-    "codebook": Argument("Codebook of that mesh", sets=(("particle_filter", "codebook"),)),
+    "codebook": Argument(
+        "Codebook of that mesh; empty: a coarse one is built", sets=(("particle_filter", "codebook"),)
+    ),
     "init_mode": Argument(
         "Start: over the whole surface, at initial_pose, or once a pose is given",
         choices=("", "uniform", "pose", "wait"),

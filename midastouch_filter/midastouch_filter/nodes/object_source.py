@@ -23,10 +23,17 @@ class NewObject:
 
 
 class ObjectSource:
-    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed)`; all of it raises InputError."""
+    """Reads meshes and codebooks by `load(mesh_path, codebook_path, config, seed)`, and where there is no codebook has
+    one built by `build(mesh_path, network, sensor_model, config, seed)`; all of it raises InputError."""
 
-    def __init__(self, load: Callable[..., LoadedObject], parameters: Parameters, config: FilterConfig):
-        self._load, self._parameters, self._config = load, parameters, config
+    def __init__(
+        self,
+        load: Callable[..., LoadedObject],
+        build: Callable[..., LoadedObject],
+        parameters: Parameters,
+        config: FilterConfig,
+    ):
+        self._load, self._build, self._parameters, self._config = load, build, parameters, config
         self._folders = [resolve(f, "object_folders") for f in parameters["object_folders"].split(":") if f]
 
     def initial(self) -> NewObject | None:
@@ -40,21 +47,26 @@ class ObjectSource:
         A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
         used ("": no code has come yet).
         """
-        for address, what in ((mesh, "mesh"), (codebook, "codebook")):
+        for address, what in ((mesh, "mesh"), *([(codebook, "codebook")] if codebook else [])):
             require_within(address, resolve(address, what), self._folders)
         new = self._read(mesh, codebook)
         theirs = new.loaded.network_id
         if theirs and network_id and theirs != network_id:
+            mend = "build it again" if codebook else "set the parameter tcn of this node"
             raise InputError(
-                f"{codebook}: built with the network {theirs}, but the codes that come are of {network_id}; build it "
-                "again, or restart tcn with that network first"
+                f"{codebook or mesh}: built with the network {theirs}, but the codes that come are of {network_id}; "
+                f"{mend}, or restart tcn with that network first"
             )
         return new
 
     def _read(self, mesh: str, codebook: str) -> NewObject:
-        paths = resolve(mesh, "mesh"), resolve(codebook, "codebook")
+        path, seed = resolve(mesh, "mesh"), self._parameters["seed"]
         try:
-            loaded = self._load(*paths, self._config, self._parameters["seed"])
+            if codebook:
+                loaded = self._load(path, resolve(codebook, "codebook"), self._config, seed)
+            else:
+                network, sensor = self._parameters["tcn"], self._parameters["sensor_model"]
+                loaded = self._build(path, network, sensor, self._config, seed)
         except OSError as error:  # a folder that may not be entered, a name too long
-            raise InputError(f"cannot read {mesh} with {codebook}: {error}") from error
-        return NewObject(loaded, mesh if "://" in mesh else paths[0])
+            raise InputError(f"cannot read {mesh} with {codebook or 'no codebook'}: {error}") from error
+        return NewObject(loaded, mesh if "://" in mesh else path)

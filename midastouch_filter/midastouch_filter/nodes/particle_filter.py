@@ -8,6 +8,7 @@ from midastouch_perception.ros import spin
 from midastouch_perception.ros.managed_node import ManagedNode
 
 from ..localiser import LoadedObject, Localiser, load_object
+from ..quick_start import SIZE, build_object
 from ..state import UNINITIALISED, Status
 from ..touch import Measurement
 from .code_processor import CodeProcessor
@@ -24,18 +25,20 @@ class ParticleFilterNode(ManagedNode):
     """While active, every code is answered by one FilterStatus of its stamp, unless time runs back while it waits; one
     before may say that it waits.
 
-    A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh
-    and codebook; with `subscribe` false codes come through `on_code` from a stage in the same process.
+    A code is processed once the sensor's transform at its stamp is known. `load` replaces the reading of mesh and
+    codebook, `build` that of a mesh whose codebook is made; with `subscribe` false codes come through `on_code` from a
+    stage in the same process.
     """
 
     def __init__(
         self,
         load: Callable[..., LoadedObject] = load_object,
+        build: Callable[..., LoadedObject] = build_object,
         subscribe: bool = True,
         **node_options,
     ):
         super().__init__("particle_filter", PARAMETERS, **node_options)
-        self._load, self._subscribe = load, subscribe
+        self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
         self._time = NodeClock(self)
         self._out = EstimatePublisher(self, self.parameters, self._time.now)
@@ -51,7 +54,7 @@ class ParticleFilterNode(ManagedNode):
         """Load mesh and codebook, and prepare the filter's start on them."""
         self._config = config_of(self.parameters)
         fingers_of(self.parameters)  # whether they can be used is said now
-        self._objects = ObjectSource(self._load, self.parameters, self._config)
+        self._objects = ObjectSource(self._load, self._build, self.parameters, self._config)
         self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
         mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
         if mesh or codebook:
@@ -82,7 +85,9 @@ class ParticleFilterNode(ManagedNode):
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
-        return self._codes.report.describe()
+        level, message, values = self._codes.report.describe()
+        loaded = self._localiser.object
+        return level, message, values | ({"codebook": loaded.density} if loaded is not None else {})
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
         """Take one code, stamp in ns; what comes while the node is not active is dropped."""
@@ -102,7 +107,8 @@ class ParticleFilterNode(ManagedNode):
             self._codes.forgive_silence()
         self._take(new)
         self._codes.change_object()
-        report.say(stamp(), UNINITIALISED, f"the object is now '{new.loaded.name}': {self._codes.waits_for}")
+        known = f"'{new.loaded.name}'" if codebook else f"'{new.loaded.name}', by a coarse {new.loaded.density}"
+        report.say(stamp(), UNINITIALISED, f"the object is now {known}: {self._codes.waits_for}")
 
     def _take(self, new: NewObject) -> None:
         self._localiser.set_object(new.loaded)
@@ -110,7 +116,9 @@ class ParticleFilterNode(ManagedNode):
 
 
 def _loading(mesh: str, codebook: str) -> str:
-    return f"loading the mesh {mesh} and the codebook {codebook}"
+    if codebook:
+        return f"loading the mesh {mesh} and the codebook {codebook}"
+    return f"loading the mesh {mesh} and building a codebook of {SIZE:,} poses"
 
 
 def main(args=None) -> int:

@@ -22,7 +22,7 @@ def resolve(address: str, what: str) -> Path:
     package, a user that does not exist and what is no address.
     """
     if not address:
-        raise InputError(f"no {what} given: mesh and codebook belong together, set both")
+        raise InputError(f"no {what} given; set it")
     if address.startswith(_PACKAGE):
         name, _, inside = address[len(_PACKAGE) :].partition("/")
         try:

@@ -31,14 +31,14 @@ def skipped(status: FilterStatus) -> dict[str, int]:
 class Bench:
     """A node with its inputs and the statuses it has published since its start; `waits` are those that are no answers.
 
-    load: replaces the one that hands out fake filters; `filters` are those that were handed out.
+    load: replaces the one that hands out fake filters; `filters` are those that were handed out. options: of the node.
     """
 
-    def __init__(self, graph, load: Callable | None = None, **parameters):
+    def __init__(self, graph, load: Callable | None = None, options: dict | None = None, **parameters):
         self.graph, self.filters = graph, []
         load = load or loader_of(self.filters)
         self.node = graph.add(
-            lambda **options: ParticleFilterNode(load=load, **options),
+            lambda **given: ParticleFilterNode(load=load, **(options or {}), **given),
             {**REPLAY, **parameters},
         )
         self.statuses = graph.listen(FilterStatus, "filter_status", latched=True, wanted=is_answer)

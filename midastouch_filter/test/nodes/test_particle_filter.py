@@ -92,7 +92,7 @@ def test_code_handed_over_in_one_process(graph):
         ({"init_mode": "somewhere"}, "one of uniform, pose, wait"),
         ({"min_particles": 0}, "min_particles"),
         ({"min_particles": 5000, "max_particles": 1000}, "min_particles"),
-        ({"mesh": "/data/mug.ply"}, "codebook"),
+        ({"codebook": "/data/mug.npz"}, "no mesh given"),
         ({"mesh": "/bad.ply", "codebook": "/a.npz"}, "not a mesh"),
     ],
 )

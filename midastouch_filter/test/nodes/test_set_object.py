@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import SECOND, FakeFilter, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -77,7 +80,7 @@ def test_the_new_object_starts_from_scratch_and_says_so_at_once(graph):
     ("wanted", "complaint"),
     [
         (SetObject.Request(mesh_path="/data/bad.ply", codebook_path="/data/bad.npz"), "not a mesh"),
-        (SetObject.Request(mesh_path="/data/cup.ply"), "no codebook given"),
+        (SetObject.Request(mesh_path="/data/cup.step"), "no such mesh file"),
         (SetObject.Request(codebook_path="/data/cup.npz"), "no mesh given"),
         (SetObject.Request(mesh_path="package://no_such_package/a.ply", codebook_path="/a.npz"), "no package"),
         (SetObject.Request(mesh_path="package://rclpy/../../x.ply", codebook_path="/a.npz"), "leaves its package"),
@@ -99,6 +102,30 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
     np.testing.assert_allclose(bench.of["mug"].odometry[1], translation(0.01), atol=1e-9)
     graph.spin_until(lambda: meshes)
     assert len(meshes) == 1
+
+
+@pytest.mark.usefixtures("brisk_health")
+def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
+    asked = []
+
+    def build(mesh_path, network, sensor_model, config, seed):
+        asked.append((mesh_path, network, sensor_model, seed))
+        return LoadedObject(FakeFilter(), 0.1, mesh_path.stem, None, "fake", "codebook of 5,000 poses, 6.0 mm apart")
+
+    bench = ObjectBench(graph, options={"build": build}, tcn="/nets/own.onnx", seed=3, object_folders="/data")
+    health = graph.listen(DiagnosticArray, "/diagnostics")
+    wanted = SetObject.Request(mesh_path="/data/cup.ply")
+    assert graph.call(SetObject, "set_object", wanted).success
+    assert asked == [(Path("/data/cup.ply"), "/nets/own.onnx", "digit_tacto", 3)]
+    graph.spin_until(lambda: bench.statuses and "now 'cup'" in bench.statuses[-1].reason, "the word that it is there")
+    assert "by a coarse codebook of 5,000 poses, 6.0 mm apart" in bench.statuses[-1].reason
+    assert "building a codebook of 5,000 poses" in bench.waits[-1].reason
+    said = {"codebook": "codebook of 5,000 poses, 6.0 mm apart"}.items()
+    graph.spin_until(
+        lambda: any(said <= {v.key: v.value for v in s.values}.items() for m in health for s in m.status), "its health"
+    )
+    outside = graph.call(SetObject, "set_object", SetObject.Request(mesh_path="/secret/cup.ply"))
+    assert "outside of /data" in outside.message
 
 
 def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp_path):

@@ -1,0 +1,31 @@
+import pytest
+import trimesh
+
+from midastouch_filter import quick_start
+from midastouch_filter.config import FilterConfig
+from midastouch_perception.errors import InputError
+from midastouch_perception.objects import bundled_objects
+
+EYEBOLT = bundled_objects()["eyebolt"]
+
+
+def test_a_mesh_alone_is_enough_for_a_filter(monkeypatch):
+    monkeypatch.setattr(quick_start, "SIZE", 300)
+    config = FilterConfig(min_particles=100, max_particles=200)
+    loaded = quick_start.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
+    assert (loaded.name, loaded.sensor.height) == ("eyebolt", 160)
+    assert loaded.network_id.startswith("tcn_fast")
+    assert loaded.density == f"codebook of 300 poses, {1e3 * loaded.filter.codebook_spacing:.1f} mm apart"
+    assert 1e-3 < loaded.filter.codebook_spacing < 20e-3
+    loaded.filter.initialise_uniform()
+    assert len(loaded.filter.poses) == 200
+
+
+def test_what_the_parameters_do_not_name_is_said(tmp_path):
+    with pytest.raises(InputError, match="no_such_network"):
+        quick_start.build_object(EYEBOLT, "no_such_network", "digit_tacto", FilterConfig(), 0)
+    with pytest.raises(InputError, match="no_such_sensor"):
+        quick_start.build_object(EYEBOLT, "fast", "no_such_sensor", FilterConfig(), 0)
+    trimesh.creation.box((100, 50, 20)).export(tmp_path / "part.stl")
+    with pytest.raises(InputError, match=r"part.stl: 100 m across; it looks like millimetres"):
+        quick_start.build_object(tmp_path / "part.stl", "fast", "digit_tacto", FilterConfig(), 0)
