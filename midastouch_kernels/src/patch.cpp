@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace {
 
-constexpr double kSlack = 2.5e-3;  // m that what is seen may have moved before triangles are gathered anew
+constexpr double kSlack = 2e-3;  // m that what is seen may have moved before triangles are gathered anew
 constexpr float kOnEdge = 1e-4f;   // pixels, by which triangles overlap: more than single precision loses
 
 Lanes smaller(Lanes a, Lanes b) { return a < b ? a : b; }
@@ -35,21 +36,25 @@ struct Patch::Outlines {
 };
 
 Patch::Patch(const Scene& scene)
-    : scene_(scene), reach_(std::hypot(scene.half_extent(0), scene.half_extent(1), scene.gel_distance())),
+    : scene_(scene),
       gel_depth_(scene.gel_depth(), scene.gel_depth() + static_cast<std::size_t>(scene.height()) * scene.width()) {
     gel_depth_.resize(gel_depth_.size() + kLanes);
 }
 
-// Whether nothing that is seen has moved farther than the slack.
+// Whether nothing that is seen, nor the camera, has moved farther than the slack. A rigid motion moves no point of a
+// pyramid farther than that of its corners which it moves farthest.
 bool Patch::covers(const Transform& pose) const {
-    double turned = 0, moved = 0;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 4; ++j) {
-            const double change = pose[4 * i + j] - centre_[4 * i + j];
-            (j < 3 ? turned : moved) += change * change;
+    const double x = scene_.half_extent(0), y = scene_.half_extent(1), z = -scene_.margin();
+    const double corners[5][3] = {{x, y, z}, {x, -y, z}, {-x, y, z}, {-x, -y, z}, {0, 0, scene_.gel_distance()}};
+    return std::all_of(std::begin(corners), std::end(corners), [&](const double* corner) {
+        double squared = 0;
+        for (int a = 0; a < 3; ++a) {
+            double moved = pose[4 * a + 3] - centre_[4 * a + 3];
+            for (int b = 0; b < 3; ++b) moved += (pose[4 * a + b] - centre_[4 * a + b]) * corner[b];
+            squared += moved * moved;
         }
-    // the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
-    return std::sqrt(moved) + std::sqrt(turned / 2) * reach_ <= kSlack;
+        return squared <= kSlack * kSlack;
+    });
 }
 
 void Patch::gather(const Transform& pose) {
@@ -110,7 +115,8 @@ void Patch::draw(const Transform& pose, float* penetration) {
             for (std::size_t l = 0; l < some.count; ++l)
                 if (across[l]) scene_.draw_face(some.face[l], pose.data(), penetration, nullptr);
         if (!any(out.seen)) continue;
-        const Lanes first_u = __builtin_convertvector(out.left, Lanes), first_v = __builtin_convertvector(out.top, Lanes);
+        const Lanes first_u = __builtin_convertvector(out.left, Lanes);
+        const Lanes first_v = __builtin_convertvector(out.top, Lanes);
         for (int k = 0; k < 3; ++k) {
             const int a = (k + 1) % 3, b = (k + 2) % 3;
             const Lanes du = v[b] - v[a], dv = u[a] - u[b];

@@ -28,7 +28,6 @@ private:
     void fill(const Outlines& outlines, std::size_t which, float* penetration) const;
 
     const Scene& scene_;
-    const double reach_;  // m, how far from the gel's origin anything that matters lies: what is seen, and the camera
     std::vector<float> gel_depth_;
     Transform centre_{};  // where triangles were gathered, and what their corners are relative to; at first no pose
     std::vector<Triangles> triangles_;

@@ -178,5 +178,5 @@ void bind_pose_cells(nb::module_& m) {
     nb::class_<PoseCells>(m, "PoseCells", "Entries of a codebook by their position.")
         .def(nb::init<In<float, -1, kRecord>>(), named("records"))
         .def("nearest", &PoseCells::nearest, named("poses"), nb::arg("within"),
-             "Entry (N,) nearest to each pose (N, 4, 4); the number of entries where none is nearer than `within` [m].");
+             "Entry (N,) nearest to each pose (N, 4, 4); the number of entries where none is nearer than `within`.");
 }
