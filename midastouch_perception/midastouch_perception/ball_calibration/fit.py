@@ -13,7 +13,7 @@ from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
-from .held_out import FEWEST, cross_validation, fitted, upright_strength
+from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .presses import Press, background_behind, look_at, visible_share
 from .refine import refine_contacts
 
@@ -21,7 +21,6 @@ MOST = 40
 _EXPLAINED = 0.3  # of a press, by the light of all
 _VISIBLE = 0.7
 _WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
-_STRENGTH = 0.42, 1.25  # colour by slope, of the standard sensor's, that any DIGIT measured has
 _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has not seen
 
 
@@ -67,9 +66,9 @@ def calibrate(
     _require_enough(presses)
     presses = _refined(presses, radius, half)
     _require_enough(presses)
-    too_strong_or_weak = _strength_doubt(presses, ball_diameter, half)
+    _require_one_ball(presses, ball_diameter, half)
     pressed = [images[press.name] for press in presses if not press.problem]
-    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter) or too_strong_or_weak
+    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
@@ -129,20 +128,11 @@ def _require_enough(presses: list[Press]) -> None:
         raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons}")
 
 
-def _strength_doubt(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> str:
-    """Why the colours hardly are those of such a ball; empty if they may be. InputError if they cannot be."""
+def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:
     radius = 0.5 * ball_diameter
     used = [press for press in presses if not press.problem]
     widest = float(np.median([press.contact.radius for press in used])) / radius
     if widest > _WIDEST:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
-    middle = upright_strength(
-        [press.change for press in used], [penetration_of(press, radius, sensor) for press in used], sensor.pixel_size
-    )
-    if _STRENGTH[0] < middle < _STRENGTH[1]:
-        return ""
-    likely = 1e3 * ball_diameter / middle
-    return (
-        f"for a ball of {1e3 * ball_diameter:g} mm the colours change {middle:.1f} times as much as on other DIGITs; "
-        f"of one of about {likely:.0f} mm they would as much; check its diameter, in metres"
-    )
+    penetrations = [penetration_of(press, radius, sensor) for press in used]
+    require_upright([press.change for press in used], penetrations, sensor.pixel_size)

@@ -66,24 +66,19 @@ def cross_validation(
     return dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
 
 
-def upright_strength(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], pixel: float) -> float:
-    """How strongly the colours change by the slopes of what touches, of the standard sensor's (median).
-
-    Raises InputError if they change the other way round, across or along the finger.
-    """
-    strength = []  # across, along, and altogether
+def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], pixel: float) -> None:
+    """Raises InputError if the colours change by the slopes of what touches the other way round than on other DIGITs,
+    across or along the finger."""
+    agreement = []
     for change, penetration in zip(changes, penetrations, strict=True):
         truth, inside = contact_slopes(penetration, pixel)
-        product, square = plain_slopes(change)[inside] * truth[inside], truth[inside] ** 2
-        strength.append([*(product.sum(axis=0) / (square.sum(axis=0) + 1e-9)), product.sum() / square.sum()])
-    across, along, altogether = np.median(strength, axis=0)
-    if min(across, along) < 0:
+        agreement.append((plain_slopes(change)[inside] * truth[inside]).sum(axis=0))
+    if np.median(agreement, axis=0).min() < 0:
         raise InputError(
             "the colours answer to slopes the other way round than on other DIGITs: the images are turned or mirrored, "
             "have red and blue swapped, or the no-contact image shows a contact; check the driver's rotation and "
             "encoding, and capture the no-contact image anew"
         )
-    return float(altogether)
 
 
 def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .fit import Result, made_of
-from .held_out import FEWEST, cross_validation, fitted, upright_strength
+from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .pose_refinement import refine_poses
 from .presses import Press, image_problem
 
@@ -70,7 +70,7 @@ def calibrate_on_object(
         raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons}")
     changes = [touch.change for touch in touches]
     used = [(change, p) for change, p in zip(changes, penetrations, strict=True) if p is not None]
-    upright_strength(*zip(*used, strict=True), half.pixel_size)
+    require_upright(*zip(*used, strict=True), half.pixel_size)
     made = made_of(background, sensor, serial, object_name=mesh.name)
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)

@@ -153,6 +153,7 @@ class TdnNode(ManagedNode):
         self._captures.observe(image)
         if self._background.image is not former:
             self._fit.reset()
+            self._touched.reset()
             self._calibration.check(self._background.image)
 
     def _contact_in(self, image: np.ndarray) -> str:

@@ -8,11 +8,15 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, image_msg, touched
 from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
 from tdn_rig import REPLAY, start, warnings_of
 
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.tdn.background_store import BackgroundStore
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
@@ -97,6 +101,32 @@ def test_images_unlike_the_background_are_named_in_the_diagnostics(graph, tmp_pa
     graph.spin_until(lambda: warned())
     assert "no part of the image" in warned()[0]
     assert "capture_background" in warned()[0]
+
+
+def test_a_touched_background_is_named_until_another_one_is_captured(graph, tmp_path):
+    real = SensorModel.load("digit_real")
+    digit = PressedSensor(real, lit_gel()[None], 3e-3, np.random.default_rng(4))
+    BackgroundStore(tmp_path, "D20123").save(digit.image([(120, 160, 1.6e-3)]))
+    parameters = {"sensor_model": "digit_real", "serial": "D20123", "background_folder": str(tmp_path)}
+    graph.add(TdnNode, {**REPLAY, **parameters, "background_frames": 4, "still_threshold": 20.0})
+    images, warned = graph.publisher(Image, "image_raw"), warnings_of(graph)
+    free = digit.background
+
+    def show(stamp: int) -> None:
+        images.publish(image_msg(free + np.uint8(stamp % 3), stamp))
+
+    for stamp in range(1, 26):
+        show(stamp)
+    graph.spin_until(lambda: any("shows a touch" in text for text in warned()), "the alarm")
+    captured = graph.companion.create_client(Trigger, "capture_background")
+    graph.spin_until(captured.service_is_ready)
+    answer = captured.call_async(Trigger.Request())
+    for stamp in range(26, 36):
+        show(stamp)
+    graph.spin_until(answer.done, "the capture")
+    assert answer.result().success
+    statuses = graph.listen(DiagnosticArray, "/diagnostics")
+    graph.spin_until(lambda: any(s.level == b"\x00" for m in statuses for s in m.status), "a status without alarm")
 
 
 def test_images_turned_since_the_background_are_named_in_the_diagnostics(graph, tmp_path):

@@ -57,3 +57,8 @@ def test_nothing_is_said_of_few_images_and_another_background_is_judged_anew(tdn
     assert check.problem
     check.observe(presses[0], digit.background)
     assert check.problem == ""
+    for image in presses[:5]:
+        check.observe(image, presses[8])
+    assert check.problem
+    check.reset()
+    assert check.problem == ""
