@@ -244,9 +244,9 @@ def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: 
         sequence, touches = plan.stock.touches(mesh, slide)
         return touches.frames(sequence, plan.stride)
 
-    scene = Scene(
-        frames(mesh), np.random.default_rng(slide), frames(foreign) if foreign else [], plan.stock.codebook(mesh)
-    )
+    scene = Scene(frames(mesh), np.random.default_rng(slide))
+    if foreign:  # the stock's own codebook: all variants meet the same scene
+        scene = dataclasses.replace(scene, foreign=frames(foreign), codebook=plan.stock.codebook(mesh))
     return PROTOCOLS[plan.protocol].disturb(scene)
 
 
