@@ -47,7 +47,6 @@ class PenetrationAlignment:
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
         self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
-        self._between_places = noise.between_places
         self._kernel = kernels.MapAlignment(
             PenetrationRenderer(mesh, sensor, _MARGIN).scene,
             *sensor.rays,
@@ -65,7 +64,7 @@ class PenetrationAlignment:
         pose = np.ascontiguousarray(pose, float)
         start = pose if start is None else np.ascontiguousarray(start, float)
         found, posterior, log_evidence, fit = self._kernel.align(pose, covariance, penetration, start)
-        return Aligned(found, posterior, self._between_places * log_evidence, fit)
+        return Aligned(found, posterior, log_evidence, fit)
 
 
 def without_jitter(

@@ -28,9 +28,6 @@ class NoiseModel:
     map_noise [m], of a penetration map, is one and the same over map_correlation [m].
     touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
     between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
-    between_places: exponent of the marginal likelihood of a map when places are compared: what a map mistakes looks
-    like another place, as if its error were half as large again.
-    largest_evidence: that one map may speak for one place and against another. A map may be wrong altogether.
     map_patches: half the number of independent parts of a map; misfit_floor: share of a map that is never explained;
     see `misfit_evidence`.
     change, change_lifted: probability that the object was moved between two keyframes, and while the sensor was lifted.
@@ -48,10 +45,8 @@ class NoiseModel:
     touch_correlation: float
     between_entries: np.ndarray
     mode_floor: np.ndarray
-    between_places: float = 1 / 1.5**2
-    largest_evidence: float = 5.0
-    map_patches: float = 4.0
-    misfit_floor: float = 0.01
+    map_patches: float = 2.6
+    misfit_floor: float = 0.024
     change: float = 1e-3
     change_lifted: float = 0.2
     prior_floor: float = -12.0
@@ -59,7 +54,7 @@ class NoiseModel:
     settled: float = 0.995
     code_margin: float = 4.0
     elsewhere: float = 22.5
-    decisive: float = 3.0
+    decisive: float = 6.75
 
     def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.

@@ -180,11 +180,12 @@ class Refinement:
     def _weigh(
         self, particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], tempering: float, count: int
     ) -> None:
-        """Multiply the aligned modes' masses by their tempered marginal likelihoods; together they keep their mass."""
-        best = max(a.log_evidence for a in aligned.values())
+        """Multiply the aligned modes' masses by what the maps say of them, tempered; together they keep their mass."""
+        evidence = {k: float(self._noise.misfit_evidence(1.0 - posterior.fit)) for k, posterior in aligned.items()}
+        best = max(evidence.values())
         gain = np.full(count + 1, np.nan)
-        for k, posterior in aligned.items():
-            gain[k] = tempering * max(posterior.log_evidence - best, -self._noise.largest_evidence)
+        for k, own in evidence.items():
+            gain[k] = tempering * (own - best)
         gain = gain[members]
         concerned = np.flatnonzero(np.isfinite(gain))
         before = particles.log_weights[concerned]
