@@ -34,7 +34,7 @@ class Effort:
     kept: int = 60
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
-    lookups_per_step: int = 1500
-    alignments: int = 80
-    alignments_per_step: int = 8
+    lookups_per_step: int = 2500
+    alignments: int = 100
+    alignments_per_step: int = 12
     settled: int = 3

@@ -153,13 +153,13 @@ class Reevaluation:
         starts = [mode @ to_newest for mode in modes]
         rivals = yield from self._search.find(window, starts)
         replay = Replay(window, self._search.along, self._alignment, self._noise, self._effort, self._explains)
-        exhaustive = True
-        for i, start in enumerate(starts + rivals.poses):
-            exhaustive = i < len(starts) or replay.alignments < self._effort.alignments
-            if not exhaustive:
+        asked = 0
+        for start in starts + rivals.poses:
+            if asked >= len(starts) and replay.alignments >= self._effort.alignments:
                 break
+            asked += 1
             yield from replay.follow(start)
-        yield self._compared(window, replay, rivals, exhaustive)
+        yield self._compared(window, replay, rivals, asked - len(starts))
 
     def _scored(self) -> Scored:
         keyframes = list(self._window.keyframes)
@@ -167,8 +167,8 @@ class Reevaluation:
         change = np.where(lifted, self._noise.change_lifted, self._noise.change)
         return Scored(keyframes, independence(keyframes, self._noise.touch_correlation), change)
 
-    def _compared(self, window: Scored, replay: Replay, rivals: Rivals, exhaustive: bool) -> Comparison:
-        """Probabilities of all places that were followed, at present."""
+    def _compared(self, window: Scored, replay: Replay, rivals: Rivals, asked: int) -> Comparison:
+        """Probabilities of all places that were followed, at present; `asked`, number of the rivals among them."""
         now, followed, every = self._window.motion, replay.followed, replay.evidence()
         onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
         poses = [each.pose @ on for each, on in zip(followed, onward, strict=True)]
@@ -187,6 +187,9 @@ class Reevaluation:
             Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
             for i, p in zip(distinct, share, strict=True)
         ]
+        best = followed[distinct[int(share.argmax())]]
+        # who explains all touches need not fear those that explain the last ones only
+        exhaustive = asked >= (rivals.lasting if best.at == 0 else len(rivals.poses))
         places.sort(key=lambda place: -place.probability)
         on = se3.inverse(window.keyframes[-1].motion) @ now
         return Comparison(places, elsewhere, exhaustive, rivals.cloud @ on, rivals.cloud_scores)

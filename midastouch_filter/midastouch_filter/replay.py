@@ -105,4 +105,5 @@ class Replay:
         best, touches = misfit.argmin(axis=0), np.arange(misfit.shape[1])
         poses = np.stack([self.followed[i].poses[k] for k, i in enumerate(best)])
         against_best = self._noise.misfit_evidence(misfit) - self._noise.misfit_evidence(misfit[best, touches])
-        return self._window.weights * (self._code_ratios(poses, self._window.keyframes) + against_best)
+        codes = self._code_ratios(poses, self._window.keyframes)
+        return self._window.weights * (codes + against_best) - self._window.chance()

@@ -17,14 +17,17 @@ from .places import is_apart
 from .touch import Measurement
 
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_SAMPLE = 2048  # entries that stand for the codebook
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 @dataclass(frozen=True)
 class Rivals:
-    """poses: of places that are worth a look, (4, 4) at the newest keyframe, best first; cloud (C, 4, 4): of everything
-    that may explain the touches, there too, and cloud_scores (C,) nats."""
+    """poses: of places that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches and
+    of those since the last lift; lasting: after so many of them all of the former have come; cloud (C, 4, 4): of
+    everything that may explain the touches, there too, and cloud_scores (C,) nats."""
 
     poses: list[np.ndarray]
+    lasting: int
     cloud: np.ndarray
     cloud_scores: np.ndarray
 
@@ -44,6 +47,15 @@ class Scored:
         chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
         change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
         return Scored([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
+
+    def chance(self) -> np.ndarray:
+        """(K,) nats that the codes of each touch, weighted, say of a place at random: their mean over the codebook."""
+        return np.array(
+            [
+                sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
+                for weight, keyframe in zip(self.weights, self.keyframes, strict=True)
+            ]
+        )
 
     def best_suffix(self, scores: np.ndarray) -> np.ndarray:
         """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
@@ -69,13 +81,13 @@ class RivalSearch:
         """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
-        candidates, _ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))
+        candidates, *_ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))
         if any(len(keyframe.touches) > 1 for keyframe in window.keyframes):
             for angle in effort.turns:
                 yield None
                 candidates = self._turned(candidates[: effort.turned], angle, newest, some)
-        candidates, score = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
-        return self._worth_replaying(candidates, score, taken)
+        candidates, *scores = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
+        return self._worth_replaying(candidates, *scores, taken)
 
     def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
         """Poses (C, 4, 4) at the newest keyframe of the entries that fit best in any of them."""
@@ -106,14 +118,14 @@ class RivalSearch:
             self._looked_up = part.stop - part.start
             yield None
 
-    def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The best candidates and their scores; by turns the next best of all touches and of those since the last lift.
+    def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The best candidates and both of their scores; by turns the next best of either.
 
         The object may have been moved then, and what explained many touches before may explain none any more.
         """
         turns = np.stack([np.argsort(-each, kind="stable") for each in (score, recent)], axis=1).ravel()
         best = turns[np.sort(np.unique(turns, return_index=True)[1])][: self._effort.kept]
-        return candidates[best], score[best]
+        return candidates[best], score[best], recent[best]
 
     def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: Scored) -> np.ndarray:
         """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains the keyframes."""
@@ -162,9 +174,14 @@ class RivalSearch:
         entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF)
         return np.append(log_ratio, log_ratio.min())[entries].astype(float)
 
-    def _worth_replaying(self, candidates: np.ndarray, score: np.ndarray, taken: Sequence[np.ndarray]) -> Rivals:
+    def _worth_replaying(
+        self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
+    ) -> Rivals:
         chosen: list[np.ndarray] = []
-        for pose in candidates[score > score.max() - self._margin]:
-            if is_apart(pose, [*taken, *chosen]):
-                chosen.append(pose)
-        return Rivals(chosen, candidates, score)
+        lasting = 0
+        good = [by > by.max() - self._margin for by in (score, recent)]
+        for i in np.flatnonzero(good[0] | good[1]):
+            if is_apart(candidates[i], [*taken, *chosen]):
+                chosen.append(candidates[i])
+                lasting = len(chosen) if good[0][i] else lasting
+        return Rivals(chosen, lasting, candidates, score)
