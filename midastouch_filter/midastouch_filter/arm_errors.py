@@ -31,6 +31,7 @@ _RECENT = 4  # frames that the present velocity is the mean of
 _DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
 _FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
 _WINDOW = 10  # frames within which a jump must become certain
+_SIGNIFICANT = 3.0  # standard deviations by which an error must differ from none to be taken out
 _KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
 
 DECISIVE = 9.0
@@ -157,13 +158,17 @@ class ArmErrors:
         return float(self._rows.log_odds[1:].max(initial=-np.inf))
 
     @property
-    def is_late(self) -> bool:
-        """Whether it is known that the arm's poses are of another time than the images."""
-        return bool(self.calibration.known[6]) and abs(self._clock) > 3 * self.calibration.sigma[6]
+    def applied(self) -> tuple[np.ndarray, float]:
+        """Mount (4, 4) and clock [s] as far as they are known to be wrong, axis by axis: a right one is left alone."""
+        found = self.calibration
+        errors = np.r_[se3.log(found.mount), found.clock]
+        errors[~found.known | (np.abs(errors) < _SIGNIFICANT * found.sigma)] = 0.0
+        return se3.exp(errors[:6]), float(errors[6])
 
     def expected(self, elapsed: float) -> np.ndarray:
         """Motion (4, 4) of the gel in `elapsed` seconds if it goes on as the arm said last."""
-        return self._mount @ se3.exp(elapsed * self._present) @ se3.inverse(self._mount)
+        mount, _ = self.applied
+        return mount @ se3.exp(elapsed * self._present) @ se3.inverse(mount)
 
     def corrected(self, motion: np.ndarray, elapsed: float | None, felt: np.ndarray | None = None) -> np.ndarray:
         """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock.
@@ -174,10 +179,11 @@ class ArmErrors:
         self._frames.append(_Frame(motion, elapsed or 0.0))
         if len(self._frames) == self._frames.maxlen:
             self._take(self._frames[_AROUND], _mean_velocity(list(self._frames)[1:]))
+        mount, clock = self.applied
         before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT:])
         if felt is not None:
-            self._present = adjoint(self._mount) @ felt
-        return self._true(motion, before, self._present)
+            self._present = adjoint(mount) @ felt
+        return _without(mount, clock, motion, before, self._present)
 
     def observe(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
         """The map alone has the gel at `offset` (6,) from pose (4, 4) in the newest frame, with information (6, 6), own
@@ -185,16 +191,11 @@ class ArmErrors:
         if self._frames:
             self._frames[-1].seen = pose, offset, information
 
-    def _true(self, motion: np.ndarray, before: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """The gel's motion (4, 4), the arm's being told, at velocities (6,) of the gel that the mount tells."""
-        start, end = se3.exp(self._clock * before), se3.exp(self._clock * velocity)
-        return self._mount @ se3.inverse(start) @ motion @ end @ se3.inverse(self._mount)
-
     def _take(self, frame: _Frame, velocity: np.ndarray) -> None:
         """Account for a frame, at the velocity (6,) there."""
         before, self._velocity = self._velocity, velocity
         if self._pose is not None:
-            self._propagate(self._true(frame.motion, before, velocity), before)
+            self._propagate(_without(self._mount, self._clock, frame.motion, before, velocity), before)
         if frame.seen is None:
             return
         if self._pose is None:
@@ -217,7 +218,7 @@ class ArmErrors:
         """The gel's motion (4, 4) from the frame that is taken into account to the last observed one."""
         motion = np.eye(4)
         for frame in list(self._frames)[_AROUND + 1 : -1]:
-            motion = motion @ self._true(frame.motion, self._velocity, self._velocity)
+            motion = motion @ _without(self._mount, self._clock, frame.motion, self._velocity, self._velocity)
         return motion
 
     def _propagate(self, motion: np.ndarray, velocity_before: np.ndarray) -> None:
@@ -272,6 +273,17 @@ class ArmErrors:
         covariance = self._rows.covariance[0]
         covariance[_POSE, :] = covariance[:, _POSE] = 0.0
         covariance[_POSE, _POSE] = self._spread
+
+
+def _without(
+    mount: np.ndarray, clock: float, motion: np.ndarray, before: np.ndarray, velocity: np.ndarray
+) -> np.ndarray:
+    """The gel's motion (4, 4), the arm's being told, without the errors of mount (4, 4) and clock [s].
+
+    before and velocity (6,): of the gel that the mount tells, where the motion starts and ends.
+    """
+    start, end = se3.exp(clock * before), se3.exp(clock * velocity)
+    return mount @ se3.inverse(start) @ motion @ end @ se3.inverse(mount)
 
 
 def _mean_velocity(frames: list[_Frame]) -> np.ndarray:

@@ -116,7 +116,7 @@ class OdometryCorrection(AsMeasured):
 
     def _felt_velocity(self, touch: Measurement) -> np.ndarray | None:
         """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""
-        if not (self._seconds and self._errors.is_late and self._usable(touch)):
+        if not (self._seconds and self._errors.applied[1] and self._usable(touch)):
             return None
         if self._contact.is_last(touch.penetration):
             return None
