@@ -1,6 +1,6 @@
 """Fit what the filter assumes of the evidence of touches, from simulated ones on procedural objects.
 
-.venv/bin/python tools/fit_evidence.py [--objects 12] [--windows 6] [--seed 0]
+.venv/bin/python tools/fit_evidence.py [--objects 8] [--windows 3] [--seed 0]
 
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
 replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
@@ -155,8 +155,8 @@ def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--objects", type=int, default=12)
-    parser.add_argument("--windows", type=int, default=6, help="on each object")
+    parser.add_argument("--objects", type=int, default=8)
+    parser.add_argument("--windows", type=int, default=3, help="on each object")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     networks, pairs = Networks.load(), []
@@ -170,7 +170,8 @@ def main() -> None:
     print(f"map_patches {np.exp(found[0]):.2f}, misfit_floor {np.exp(found[1]):.2g}")
     print(f"correlation length {1e3 * SPACING / weight:.0f} mm")
     for length in LENGTHS:
-        print(f"{length:2d} touches: {surprise(found, pairs, (length,)):.3f} nats of 0.693 left")
+        if any(len(pair.true) >= length for pair in pairs):
+            print(f"{length:2d} touches: {surprise(found, pairs, (length,)):.3f} nats of 0.693 left")
 
 
 if __name__ == "__main__":
