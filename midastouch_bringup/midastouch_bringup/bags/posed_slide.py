@@ -41,13 +41,16 @@ class PosedSlide:
             return [self._sequence.image(i) for i in sorted(chosen)]
         return [frame.image for i, frame in enumerate(self._frames()) if i in set(chosen)]
 
-    def background(self) -> np.ndarray:
-        """The no-contact image (320, 240, 3) uint8 RGB: the sequence's own, or what its images have in common.
+    def background(self, kept: np.ndarray | None = None) -> np.ndarray:
+        """The no-contact image (320, 240, 3) uint8 RGB: the sequence's own, else the sensor's `kept` one, else what the
+        images have in common.
 
         Raises InputError if they do not show the gel untouched.
         """
         if self._sequence is not None and (own := self._sequence.background) is not None:
             return own
+        if kept is not None:
+            return kept
         chosen = np.unique(np.linspace(0, len(self.poses) - 1, _BACKGROUND_FRAMES).round().astype(int))
         images = self.images(chosen.tolist())
         background = estimate_background(images)

@@ -95,7 +95,7 @@ def _of_object(args: argparse.Namespace, store, sensor):
     mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source)
     chosen = choose_touches(slide.poses, mesh, sensor)
     kept = store.load(sensor.height, sensor.width) if store else None
-    background = slide.background() if kept is None else kept
+    background = slide.background(kept)
     images = {f"frame {i}": image for i, image in zip(chosen, slide.images(chosen), strict=True)}
     return calibrate_on_object(images, slide.poses[chosen], background, mesh, sensor, args.serial), images
 
