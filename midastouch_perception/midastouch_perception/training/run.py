@@ -156,9 +156,9 @@ def _plot_log(rows: list[dict], path: Path) -> None:
     names = [k for k in rows[0] if k not in ("minutes", "step")]
     figure, axes = plt.subplots(1, len(names), figsize=(3.2 * len(names), 2.8), squeeze=False)
     for axis, name in zip(axes[0], names, strict=True):
-        axis.plot([r["minutes"] for r in rows], [r[name] for r in rows])
-        axis.set(xlabel="minutes", title=name)
-        axis.set_yscale("log")
+        values = [r[name] for r in rows]
+        axis.plot([r["minutes"] for r in rows], values)
+        axis.set(xlabel="minutes", title=name, yscale="log" if min(values) > 0 else "linear")
     figure.tight_layout()
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=110)
