@@ -7,6 +7,8 @@ the arm only guides: so the track follows the object when that moves, and differ
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from midastouch_perception import se3
@@ -23,7 +25,8 @@ from .stopwatch import Stopwatch
 from .touch import Measurement
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
-_TOLD = 0.8  # nats by which the last map must speak against an object at rest: `tools/fit_object_motion.py`
+_TOLD = 1.0  # nats by which the last maps must speak against an object at rest: `tools/fit_object_motion.py`
+_ASKED = 3  # last maps that are asked so
 _PATIENCE = 3  # frames in a row that the track may fail to explain: over a sharp edge
 _SAID = 0.1  # share of the prior's information below which a map says nothing
 
@@ -128,8 +131,9 @@ class OdometryCorrection(AsMeasured):
         return touch.in_contact and penetration is not None and penetration.shape == self._alignment.map_shape
 
     def _evidence(self, pose: np.ndarray) -> float:
-        """How well the last map fits the neighbourhood of a pose (4, 4)."""
-        return self._alignment.align(pose, self._near, self._penetration).log_evidence
+        """How well the last maps fit the neighbourhood of a pose (4, 4) and of those before it along the track."""
+        since = pose @ se3.inverse(self._track)
+        return sum(self._alignment.align(since @ track, self._near, felt).log_evidence for track, felt in self._felt)
 
     def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
         if not self._usable(touch):
@@ -144,7 +148,7 @@ class OdometryCorrection(AsMeasured):
         """Go on with the track to this map, or begin one."""
         moved = self._contact.register(penetration, self._arm)
         self._contact.keep(penetration, moved)
-        self._arm, self._seconds, self._penetration = np.eye(4), 0.0, penetration
+        self._arm, self._seconds = np.eye(4), 0.0
         if self._track is None or moved is None:
             self._track = belief.answers[0].pose if trusted and 0 in belief.aligned else None
             return
@@ -154,6 +158,7 @@ class OdometryCorrection(AsMeasured):
         path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose if explained else start
         self._unexplained = 0 if explained else self._unexplained + 1
+        self._felt.append((self._track, penetration))
         away = pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius
         if away or self._unexplained > _PATIENCE:
             self._lose()
@@ -167,6 +172,7 @@ class OdometryCorrection(AsMeasured):
         self._errors.forget_place()
         self._track: np.ndarray | None = None
         self._unexplained = 0
+        self._felt: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_ASKED)
 
 
 def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) -> tuple[np.ndarray, np.ndarray]:
