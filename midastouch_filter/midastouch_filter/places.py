@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,8 +42,9 @@ class Prior:
 
 def pose_distance(a: np.ndarray, b: np.ndarray) -> float:
     """Pose distance [m] as the look-up's, of (4, 4) and (4, 4)."""
-    angle = se3.rotation_angle(a[:3, :3].T @ b[:3, :3])
-    return float(np.hypot(np.linalg.norm(a[:3, 3] - b[:3, 3]), 2 * ROTATION_SCALE * np.sin(angle / 2)))
+    squared = np.square(a - b)
+    # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
+    return math.sqrt(squared[:3, 3].sum() + 0.5 * ROTATION_SCALE**2 * squared[:3, :3].sum())
 
 
 def is_apart(pose: np.ndarray, others: Sequence[np.ndarray]) -> bool:

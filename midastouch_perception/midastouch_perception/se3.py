@@ -54,8 +54,7 @@ def to_xyzquat(transform: np.ndarray) -> np.ndarray:
 def inverse(transform: np.ndarray) -> np.ndarray:
     """Inverse transforms (..., 4, 4), by transposition of the rotation."""
     transform = np.asarray(transform, float)
-    rotation = np.swapaxes(transform[..., :3, :3], -1, -2)
-    return make(rotation, -np.einsum("...ij,...j->...i", rotation, transform[..., :3, 3]))
+    return kernels.inverses(np.ascontiguousarray(transform.reshape(-1, 4, 4))).reshape(transform.shape)
 
 
 def exp(xi: np.ndarray) -> np.ndarray:
