@@ -35,7 +35,7 @@ def share_interval(part: Sequence[float], whole: Sequence[float], groups: Sequen
     z = norm.ppf(0.5 + LEVEL / 2)
     middle = (p + z**2 / (2 * cases)) / (1 + z**2 / cases)
     half = z / (1 + z**2 / cases) * np.sqrt(p * (1 - p) / cases + z**2 / (4 * cases**2))
-    return [max(float(middle - half), 0.0), min(float(middle + half), 1.0)]
+    return [round(float(bound), 9) for bound in (middle - half, middle + half)]
 
 
 def bootstrap_interval(
