@@ -25,7 +25,7 @@ PAPER, UNIFORM = "paper", "uniform"
 _SHORT = SlideKind(length=0.3)
 """Long enough to converge by far: what goes wrong then goes wrong all the time."""
 _EVENT = SlideKind(length=0.27)
-"""60 frames to converge from a narrow start (after 40 half of the filters have not), then the event, then 120 to find
+"""60 frames to converge from a narrow start (after 40 half of the filters have not); then the event, and 120 to find
 back."""
 _NARROW = 0.2  # of the paper's start
 
