@@ -12,10 +12,13 @@ import json
 import re
 from pathlib import Path
 
+from midastouch_bringup.evaluation.paired import error_ratio
+
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENTS = ("README.md", "docs/evaluation.md")
 
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
+_REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
 _SLIDES = "../shared/data/ycb_slide_sim"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
 PROTOCOLS = {
@@ -42,6 +45,9 @@ COMMANDS = {
         if name != "small_parts"
     },
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
+    "real_plain": f"{_BENCHMARK} {_REAL}",
+    "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
+    "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
     "ablation": f"{_BENCHMARK} --slides 1 --seeds 1 --init paper --variant paper ablation --jobs 2",
     "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
@@ -51,13 +57,13 @@ COMMANDS = {
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
     "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
     "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
-    "--ball-diameter 0.0088 --px-per-mm 18.68",
+    "--ball-diameter 0.0088 --px-per-mm 18.68 --check-labels",
     "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
-    "--ball-diameter 0.0088 --px-per-mm 18.68 --calibrate-with 10",
+    "--ball-diameter 0.0088 --px-per-mm 18.68 --calibrate-with 10 --check-labels",
     "presses_vocdex": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
-    "--ball-diameter 0.006",
+    "--ball-diameter 0.006 --check-labels",
     "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
-    "--ball-diameter 0.006 --calibrate-with 10",
+    "--ball-diameter 0.006 --calibrate-with 10 --check-labels",
     "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds --sensors 100 "
     "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
     "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
@@ -70,6 +76,11 @@ COMMANDS = {
 }
 ENOUGH = 100
 """Fewer trials than this claim nothing."""
+_OPTICS = {
+    "real_plain": "TACTO's",
+    "real_sensor": "of two real sensors, not calibrated",
+    "real_sensor_calibrated": "of the same, calibrated with ten presses each",
+}
 
 Table = tuple[list[str], list[list[object]]]
 
@@ -234,6 +245,28 @@ def peers() -> Table:
     return header, rows
 
 
+def real() -> Table:
+    """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
+    rows, base = [], report("real_plain")["trials"]
+    for name, what in _OPTICS.items():
+        one, trials = _benchmark(name), report(name)["trials"]
+        ratio = error_ratio(trials, base)
+        rows.append(
+            [
+                what,
+                _error(one, "e", "mean"),
+                _error(one, "e", "median"),
+                _error(one, "closest_mode", "median"),
+                _of(one["right"], one["trials"]),
+                "1" if name == "real_plain" else f"{ratio.value:.2f} ({ratio.low:.2f} ... {ratio.high:.2f})",
+                "1" if name == "real_plain" else f"{ratio.median:.2f}",
+                f"[{name}]",
+            ]
+        )
+    header = ["optics", "particles, mean", "particles, median", "closest mode, median", "right"]
+    return [*header, "mean over TACTO's", "median pair over TACTO's", "report"], rows
+
+
 def variants() -> Table:
     """What each part of the filter is worth, under the protocols that exercise it."""
     rows = []
@@ -300,6 +333,29 @@ def depth() -> Table:
     ]
     rows.append(["*paper*", "0.135 mm", "-", "-", "-"])
     return ["slides", "RMSE, all pixels", "in contact", "contact IoU", "report"], rows
+
+
+def labels() -> Table:
+    """The same presses without the labels, and the labels themselves."""
+    rows = []
+    for sensor in ("d20641", "vocdex"):
+        plain, calibrated = (report(f"presses_{sensor}{how}") for how in ("", "_calibrated"))
+        for what, one in (
+            ("labels against images", plain["labels"]),
+            ("felt without calibration, against images", plain["against_fit"]),
+            ("felt with calibration, against images", calibrated["against_fit"]),
+        ):
+            rows.append(
+                [
+                    f"{1e3 * plain['ball_diameter']:.1f} mm, {one['presses']} times",
+                    what,
+                    f"{one['rmse_in_circle_mm']:.2f} mm",
+                    f"{one['peak_ratio']:.2f}",
+                    f"{one['depth_correlation']:.2f}",
+                    f"{one['centre_mm']:.2f} mm",
+                ]
+            )
+    return ["ball", "what", "RMSE inside", "deepest over deepest", "correlation of both", "centres apart"], rows
 
 
 def presses() -> Table:
@@ -452,8 +508,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, peers, variants, slides, depth, presses, checks, contacts, brightness, single_touch, speed,
-        soak, commands,
+        paper, localisation, real, peers, variants, slides, depth, presses, labels, checks, contacts, brightness,
+        single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 

@@ -41,7 +41,9 @@ def add_parser(subparsers) -> None:
         "  lift         lifted, put down 50 mm away         kidnap       the same, untold\n"
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
-        "  small_parts  parts smaller than the gel",
+        "  small_parts  parts smaller than the gel\n"
+        "  real_sensor, real_sensor_calibrated: seen by sensors measured on real gel, without and with a calibration\n"
+        "  from ten presses of a ball; with --sensor digit_real",
     )
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
@@ -94,7 +96,6 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
     from ..evaluation.small_parts import small_parts
-    from ..evaluation.stock import Stock
     from ..evaluation.trial_log import TrialLog
     from ..evaluation.variants import VARIANTS, chosen_variants
     from ..progress import progress_bar
@@ -102,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
     folder = Path(args.out).resolve()  # workers may run elsewhere
     protocol = chosen_protocol(args.protocol)
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
-    stock = Stock(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size or protocol.codebook_size)
+    size = args.codebook_size or protocol.codebook_size
+    stock = protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size)
     chosen = chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = Plan(

@@ -41,6 +41,12 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--namespace", default="", help="of the live sensor (default: none)")
     parser.add_argument("--save", metavar="DIR", help="of live presses (default out/presses/SERIAL)")
+    parser.add_argument(
+        "--optics",
+        metavar="FILE",
+        help="write here how the sensor's images answer to the shape of its gel (JSON, as the sensors behind "
+        "midastouch benchmark --protocol real_sensor)",
+    )
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
 
 
@@ -65,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         result, images = _of_object(args, store, sensor) if args.object else _of_presses(args, sensor)
         result.calibration.save(path)
+    if args.optics:
+        _measure_optics(args, images, result)
     _report(args, result, images, sensor)
     print(f"{path}: calibration from {result.calibration.touched}")
     return 0
@@ -142,6 +150,14 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
         print(f"warning: {result.doubt}")
     if args.page:
         print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")
+
+
+def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
+    from midastouch_perception.simulation.optics_fit import fit_optics
+
+    optics = fit_optics(Path(args.optics).stem, args.command_line, images, result)
+    optics.save(args.optics)
+    print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")
 
 
 def _read(folder: Path):

@@ -38,6 +38,11 @@ def add_parser(subparsers) -> None:
         metavar="N",
         help="judge each press with a calibration from N of the others, drawn with --seed",
     )
+    parser.add_argument(
+        "--check-labels",
+        action="store_true",
+        help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
+    )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
@@ -70,6 +75,7 @@ def run(args: argparse.Namespace) -> int:
     calibrations = calibrations_of(settings, presses, sensor)
     with progress_bar(total=len(presses.images), unit="press") as bar:
         rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
+    checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
     result = {
         "folder": str(Path(args.folder).resolve()),
         **settings,
@@ -80,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
         "machine": machine_info(),
         "presses": rows,
         "summary": summary,
+        **checked,
     }
     result = to_json(result)
     if args.json:
@@ -88,28 +95,56 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _table(result: dict) -> str:
-    from ..evaluation.table import number, text_table
+def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
+    from midastouch_perception.errors import InputError
 
-    summary = result["summary"]
+    from ..evaluation.label_check import FittedBall
+    from ..evaluation.press_quality import measure_presses
+
+    if presses.circles is None:
+        raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")
+    ball, radius = FittedBall(presses, args.ball_diameter, sensor), args.ball_diameter / 2
+    return {
+        "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],
+        "against_fit": measure_presses(tdn, ball.presses, radius, calibrations=calibrations)[1],
+    }
+
+
+def _table(result: dict) -> str:
+    from ..evaluation.table import text_table
+
+    columns = {
+        "felt": result["summary"],
+        "felt, by the images' ball": result.get("against_fit"),
+        "that ball, by the labels": result.get("labels"),
+    }
+    columns = {title: _figures(summary, result["ball_diameter"]) for title, summary in columns.items() if summary}
+    rows = zip(*columns.values(), strict=True)
+    return text_table(
+        ["median over presses", *columns], [[cells[0][0], *(value for _, value in cells)] for cells in rows]
+    )
+
+
+def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
+    from ..evaluation.table import number
+
     truth = "labelled circle" if summary["labelled"] else "felt outline"
-    rows = [
-        ["presses", summary["presses"]],
-        ["contact found", f"{100 * summary['found_share']:.0f} %"],
-        ["relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"],
-        [f"RMSE to the ball under the {truth}, inside", f"{number(summary['rmse_in_circle_mm'], 2)} mm"],
-        ["deepest felt over deepest of that ball", number(summary["peak_ratio"], 2)],
-        ["correlation of both over the presses", number(summary["depth_correlation"], 2)],
-        [f"contact's IoU with it; centre off by ({truth})", _pair(summary, "iou_ideal", "centre_mm")],
-        ["IoU with the nearest ball of that size", number(summary["iou"], 2)],
-        [
-            f"radius of the ball felt, {500 * result['ball_diameter']:g} mm in truth",
+    return [
+        ("presses", summary["presses"]),
+        ("contact found", f"{100 * summary['found_share']:.0f} %"),
+        ("relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"),
+        (f"RMSE to the ball under the {truth}, inside", f"{number(summary['rmse_in_circle_mm'], 2)} mm"),
+        ("deepest felt over deepest of that ball", number(summary["peak_ratio"], 2)),
+        ("correlation of both over the presses", number(summary["depth_correlation"], 2)),
+        (f"contact's IoU with it; centre off by ({truth})", _pair(summary, "iou_ideal", "centre_mm")),
+        ("IoU with the nearest ball of that size", number(summary["iou"], 2)),
+        (
+            f"radius of the ball felt, {500 * ball_diameter:g} mm in truth",
             f"{number(summary['felt_radius_mm'], 1)} mm",
-        ],
-        ["roundness of the outline", number(summary["roundness"], 2)],
-        ["penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"],
+        ),
+        ("roundness of the outline", number(summary["roundness"], 2)),
+        ("penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"),
     ]
-    return text_table(["median over presses", "value"], rows)
 
 
 def _pair(summary: dict, share: str, distance: str) -> str:

@@ -60,7 +60,7 @@ class Plan:
             "slide_length_m": self.stock.slides.length,
             **PROTOCOLS[self.protocol].describe(),
             "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.networks.describe(),
+            "networks": self.stock.describe(),
             "filter": dataclasses.asdict(self.config),
             "filter_code": _filter_code(),
             "threads": _THREADS,
@@ -91,7 +91,7 @@ class Plan:
             "protocol_code": _protocol_code(),
             **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
-            "networks": self.stock.networks.describe(),
+            "networks": self.stock.describe(),
             "filter_code": _filter_code(),
             "record": RECORD,
         }
@@ -172,7 +172,7 @@ def _wanted(
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
-    networks = plan.stock.networks.describe()
+    networks = plan.stock.describe()
     digest = plan.stock.codebook_digest(mesh)
     content = [mesh.sha256, networks, digest, plan.stock.slides.name, plan.slides, _filter_code()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})

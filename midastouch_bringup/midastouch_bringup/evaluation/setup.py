@@ -32,9 +32,13 @@ class Networks:
     sensor: SensorModel
 
     @classmethod
-    def load(cls, tdn: str = "fast", tcn: str = "fast", sensor: str = "digit_tacto") -> Networks:
-        """By name or file; raises InputError for what is not there."""
+    def load(
+        cls, tdn: str = "fast", tcn: str = "fast", sensor: str = "digit_tacto", light: str | None = None
+    ) -> Networks:
+        """By name or file; light: as `SensorModel.light`, the model's own by default. InputError for what is not
+        there."""
         model = SensorModel.load(sensor)
+        model = dataclasses.replace(model, light=light or model.light)
         return cls(load_tdn(tdn, model), load_tcn(tcn, model), model)
 
     def pipeline(self) -> TouchPipeline:

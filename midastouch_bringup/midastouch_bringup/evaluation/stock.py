@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -47,7 +48,8 @@ class SlideKind:
 class Stock:
     """What trials are made of.
 
-    folder: where it is kept; tdn, tcn, sensor: as for `Networks.load`; slides, their kind; codebook_size, poses.
+    folder: where it is kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides, their kind;
+    codebook_size, poses.
     """
 
     folder: Path
@@ -63,8 +65,12 @@ class Stock:
 
     @cached_property
     def networks(self) -> Networks:
-        """Loaded on first use."""
-        return Networks.load(self.tdn, self.tcn, self.sensor)
+        """Loaded on first use; for the light of the slides, which is TACTO's."""
+        return Networks.load(self.tdn, self.tcn, self.sensor, "additive")
+
+    def describe(self) -> dict[str, str]:
+        """What the touches of every slide depend on, for the JSON."""
+        return self.networks.describe()
 
     def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
         """The object's codebook; of `size` poses if they are not `codebook_size`."""
@@ -76,13 +82,21 @@ class Stock:
         return sha256(cached_codebook_path(mesh, size or self.codebook_size, self._codebooks))[:12]
 
     @property
+    def _touches(self) -> str:
+        return "touches"
+
+    @property
+    def _home(self) -> Path:
+        return self.folder / Path(self.sensor).stem
+
+    @property
     def _codebooks(self) -> Path:
-        return self.folder / "codebooks"
+        return self._home / "codebooks"
 
     def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
         """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
         kind = f"{self.slides.name}_{mesh.sha256[:8]}"
-        path = self.folder / "slides" / kind / mesh.name / f"{number:02d}"
+        path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
         if not path.is_dir():
             self._simulate(mesh, number, path)
         return load_sequence(path)
@@ -103,16 +117,21 @@ class Stock:
     def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
         """Slide `number` over the object and what the networks make of it."""
         sequence = self.slide(mesh, number)
-        path = self.folder / "touches" / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
+        origin = made_from(sequence, self.networks) | self.describe()
+        path = self._home / self._touches / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
         try:
             touches = Touches.load(path)
-            if made_from(sequence, self.networks).items() <= touches.made_from.items():
+            if origin.items() <= touches.made_from.items():
                 return sequence, touches
         except InputError:  # none yet, or damaged
             pass
-        touches = Touches.perceive(sequence, self.networks)
+        touches = self._perceive(mesh, sequence, number)
+        touches = dataclasses.replace(touches, made_from=touches.made_from | origin)
         touches.save(path)
         return sequence, touches
+
+    def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
+        return Touches.perceive(sequence, self.networks)
 
     def symmetry(self, mesh: ObjectMesh) -> Symmetry:
         """The object's symmetry."""

@@ -36,6 +36,11 @@ class Touches:
         """Run the networks over a sequence; each frame once, timed."""
         background, source = sequence_background(sequence)
         images = [sequence.image(i) for i in range(sequence.n_frames)]
+        return cls.of_images(images, background, networks, made_from(sequence, networks) | {"background": source})
+
+    @classmethod
+    def of_images(cls, images: list[np.ndarray], background: np.ndarray, networks: Networks, origin: dict) -> Touches:
+        """Run the networks over images and a no-contact image, all (320, 240, 3) uint8; origin: as `made_from`."""
         pipeline = networks.pipeline()
         for image in images[:_WARM_UP_FRAMES]:
             pipeline.process(image, background)
@@ -44,7 +49,7 @@ class Touches:
         for image, row in zip(images, ms, strict=True):
             felt.append(measurement_of(pipeline.process(image, background)))
             row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
-        return cls(felt, ms, made_from(sequence, networks) | {"background": source})
+        return cls(felt, ms, origin)
 
     def save(self, path: Path) -> None:
         """Write one `.npz`."""

@@ -27,6 +27,9 @@ class StubStock:
     codebook_size: int = 4000
     slides: SlideKind = field(default_factory=lambda: SlideKind(0.045))
 
+    def describe(self):
+        return self.networks.describe()
+
     def codebook(self, mesh, size=None):
         return type(self.book)(self.book.poses[:size], self.book.codes[:size], self.book.meta)
 

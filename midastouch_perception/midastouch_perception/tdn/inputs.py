@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
-_REFERENCE = 100.0  # grey levels of the background that a relative difference is expressed for
+RELATIVE_LEVEL = 100.0  # grey levels of the background that a relative difference is expressed for
 _DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
 _EVERY = 4  # px; as many tell the gain
 _LEAST_GAIN = 0.1
@@ -46,7 +46,7 @@ class ContactLight:
     def __init__(self, background: np.ndarray, light: str):
         self._background = background
         self._sparse = 1 / np.maximum(background[::_EVERY, ::_EVERY], 1)
-        self._unit = _REFERENCE / np.maximum(background, _DARKEST) if light == "relative" else None
+        self._unit = RELATIVE_LEVEL / np.maximum(background, _DARKEST) if light == "relative" else None
 
     def difference(self, image: np.ndarray) -> np.ndarray:
         """Change (H, W, 3) float32 by contact, of an image (H, W, 3) float32 grey levels.

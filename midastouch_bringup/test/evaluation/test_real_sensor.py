@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from midastouch_bringup.evaluation.real_sensor import RealSensorStock
+from midastouch_bringup.evaluation.stock import Stock
+from midastouch_filter.touch import reduced_penetration
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+SETTINGS = {"sensor": "digit_real", "length": 0.03}
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return ObjectMesh.load(bundled_objects()["ball"])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("stock")
+
+
+def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(ball, folder):
+    error = {}
+    for calibrated in (False, True):
+        stock = RealSensorStock(folder, **SETTINGS, calibrated=calibrated)
+        sequence, touches = stock.touches(ball, 0)
+        assert touches.made_from["calibrated"] == str(calibrated)
+        maps = PenetrationRenderer(ball, stock.networks.sensor.for_maps).render(sequence.poses_true)
+        felt = [touch.penetration if touch.in_contact else np.zeros((80, 60), np.float32) for touch in touches.felt]
+        off = np.stack(felt) - np.stack([reduced_penetration(each) for each in maps])
+        error[calibrated] = float(np.sqrt(np.mean(off**2)))
+    assert error[True] < 0.85 * error[False]
+    assert error[True] < 1e-4
+
+
+def test_the_path_is_the_plain_slides(ball, folder):
+    plain, real = Stock(folder, **SETTINGS), RealSensorStock(folder, **SETTINGS)
+    assert plain.networks.tdn.network_id != real.networks.tdn.network_id
+    np.testing.assert_array_equal(plain.slide(ball, 0).poses_measured, real.slide(ball, 0).poses_measured)
+    assert plain.describe() != real.describe()

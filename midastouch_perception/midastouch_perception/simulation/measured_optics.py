@@ -1,0 +1,206 @@
+"""Optics measured on one real sensor: how its images answer to the shape of its gel, fitted to presses of a ball.
+
+Relative light, as in `gel_light.py`, but nothing of it is imagined: each colour's ratio to the no-contact image is a
+polynomial in the gel's normal, with factors quadratic in the position, plus what relief on six sides takes or adds
+(shadow lobes). Beyond the steepest slope of the presses, and beyond where they were, colours stay as they are there.
+Judges; nothing is trained with it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..ball_calibration.response import height_slopes, place_terms
+from ..errors import InputError
+from ..files import atomic_path, require_file
+from ..sensor_model import SensorModel
+from .gel_surface import sunk_in
+
+_FOLDER = Path(__file__).parents[1] / "measured_sensors"
+_NORMAL_TERMS = 7
+_DIRECTIONS = np.arange(6) * np.pi / 3
+_STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m to where relief may stand
+SIDE_TERMS = len(_DIRECTIONS) * len(_STEPS)
+_KEEPS = 0.95  # of exposure and drift, from a frame to the next
+_FORMAT = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class GelShape:
+    """How the gel takes the shape of what is pressed in: reach [m] and share as for `sunk_in`, blur [m]."""
+
+    reach: float
+    share: float
+    blur: float
+
+    def height(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
+        """Height (H, W) float32 m of the gel over its rest, for a penetration map (H, W) m, m per pixel."""
+        return cv2.GaussianBlur(sunk_in(penetration, pixel, self.reach, self.share), (0, 0), self.blur / pixel)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class MeasuredOptics:
+    """One measured sensor.
+
+    Attributes: name; source, the command that made it; shape of the gel; steepest, sine of the largest slope seen;
+    region (4,), left, right, top and bottom of the presses, as shares of the image; normal (7, 6, 3), factors of the
+    terms of normal and position in each colour; sides (18, 3), those of relief beside; background (16, 12, 3) grey
+    levels; exposure (3,), standard deviation of each colour's log-brightness between frames; drift (6,), that of a
+    frame's light over the position; noise, of a pixel of the map's resolution, grey levels; explained, share (0 ... 1)
+    of the change in presses left out of the fit.
+    """
+
+    name: str
+    source: str
+    shape: GelShape
+    steepest: float
+    region: np.ndarray
+    normal: np.ndarray
+    sides: np.ndarray
+    background: np.ndarray
+    exposure: np.ndarray
+    drift: np.ndarray
+    noise: float
+    explained: float
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> MeasuredOptics:
+        """A shipped one by name (`measured_sensors`), or a file that `save` wrote. Raises InputError for others."""
+        path = _FOLDER / f"{name_or_path}.json"
+        path = path if path.is_file() else require_file(name_or_path, "measured sensor")
+        try:
+            data = json.loads(path.read_text())
+            if data.pop("format") != _FORMAT:
+                raise ValueError("another format")
+            arrays = {
+                name: _finite(data.pop(name), shape)
+                for name, shape in (
+                    ("region", (4,)),
+                    ("normal", (_NORMAL_TERMS, 6, 3)),
+                    ("sides", (SIDE_TERMS, 3)),
+                    ("background", (16, 12, 3)),
+                    ("exposure", (3,)),
+                    ("drift", (6,)),
+                )
+            }
+            numbers = {name: float(_finite(data.pop(name), ())) for name in ("steepest", "noise", "explained")}
+            shape = {name: float(_finite(value, ())) for name, value in data.pop("shape").items()}
+            return cls(shape=GelShape(**shape), **numbers, **arrays, **data)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                f"{path}: not a measured sensor ({error}); make one with midastouch calibrate DIR --optics FILE"
+            ) from error
+
+    def save(self, path: str | Path) -> None:
+        """Write the sensor as JSON."""
+        with atomic_path(path) as temporary:
+            temporary.write_text(self._text() + "\n")
+
+    @cached_property
+    def content_id(self) -> str:
+        """Short hash of all that was measured."""
+        return hashlib.sha256(self._text().encode()).hexdigest()[:12]
+
+    def _text(self) -> str:
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)} | {
+            "shape": dataclasses.asdict(self.shape)
+        }
+        return json.dumps({"format": _FORMAT} | values, default=lambda a: np.round(np.asarray(a, float), 4).tolist())
+
+    def ratio(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
+        """Image over no-contact image (H, W, 3) float32 for a penetration map (H, W) m, m per pixel."""
+        height = self.shape.height(penetration, pixel)
+        out = side_terms(height, pixel, self.steepest) @ self.sides.astype(np.float32) + 1
+        out += (normal_terms(height, pixel, self.steepest)[..., None, :] @ _factors(self, *height.shape))[..., 0, :]
+        return np.maximum(out, 0)
+
+
+@lru_cache(maxsize=4)
+def _factors(optics: MeasuredOptics, height: int, width: int) -> np.ndarray:
+    """Of the normal's terms (H, W, 7, 3) float32 in each colour, at every pixel."""
+    return np.tensordot(places_within(optics.region, height, width), optics.normal.astype(np.float32), (2, 1))
+
+
+def measured_sensors() -> list[str]:
+    """Names of the shipped ones."""
+    return sorted(path.stem for path in _FOLDER.glob("*.json"))
+
+
+def places_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Terms (H, W, 6) float32 of each pixel's nearest position in a region (`MeasuredOptics.region`)."""
+    left, right, top, bottom = region * np.array([width, width, height, height])
+    rows = np.clip(np.arange(height), top, bottom).astype(int).clip(0, height - 1)
+    columns = np.clip(np.arange(width), left, right).astype(int).clip(0, width - 1)
+    return place_terms(height, width)[rows][:, columns]
+
+
+def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
+    """Terms (H, W, 7) float32 of the gel's normal: height (H, W) m, m per pixel, largest sine of a slope."""
+    slopes = height_slopes(height, pixel)
+    tangent = np.hypot(slopes[..., 0], slopes[..., 1])
+    sine = np.minimum(tangent / np.sqrt(1 + tangent**2), np.float32(steepest))
+    x, y = np.moveaxis(slopes * (sine / np.maximum(tangent, np.float32(1e-6)))[..., None], -1, 0)
+    square = x * x + y * y
+    return np.stack([x, y, x * x - y * y, 2 * x * y, square, square * x, square * y], axis=-1)
+
+
+def side_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
+    """Terms (H, W, 18) float32: how steeply relief rises above a pixel, in six directions and three distances."""
+    terms, limit = [], np.float32(steepest / np.sqrt(1 - steepest**2))
+    for step in _STEPS:
+        for angle in _DIRECTIONS:
+            shift = np.float32([[1, 0, np.cos(angle) * step / pixel], [0, 1, np.sin(angle) * step / pixel]])
+            there = cv2.warpAffine(height, shift, height.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
+            terms.append(np.clip((there - height) / np.float32(step), 0, limit))
+    return np.stack(terms, axis=-1)
+
+
+class MeasuredSensor:
+    """Images that a measured sensor takes, one after the other: light and exposure go on from frame to frame.
+
+    Args: optics; sensor, geometry at full size; rng. Attributes: background (H, W, 3) uint8.
+    """
+
+    def __init__(self, optics: MeasuredOptics, sensor: SensorModel, rng: np.random.Generator):
+        self._optics, self._small, self._rng = optics, sensor.for_maps, rng
+        size = self._small.width, self._small.height
+        self._rest = cv2.resize(optics.background.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
+        self._places = place_terms(*size[::-1])
+        self._light = self._draw()
+        self.background = self._exposed(self._rest)
+
+    def images(self, penetrations: np.ndarray) -> Iterator[np.ndarray]:
+        """Images (H, W, 3) uint8 RGB of penetration maps (N, H / 2, W / 2) m, each map a frame."""
+        for penetration in penetrations:
+            fresh = zip(self._light, self._draw(), strict=True)
+            self._light = [_KEEPS * old + np.sqrt(1 - _KEEPS**2) * new for old, new in fresh]
+            yield self._exposed(self._rest * self._today() * self._optics.ratio(penetration, self._small.pixel_size))
+
+    def _draw(self) -> list[np.ndarray]:
+        rng, optics = self._rng, self._optics
+        return [rng.standard_normal(3) * optics.exposure, rng.standard_normal(6) * optics.drift]
+
+    def _today(self) -> np.ndarray:
+        """Factor (H, W, 3) of a frame's light."""
+        exposure, drift = self._light
+        return ((1 + self._places @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
+
+    def _exposed(self, light: np.ndarray) -> np.ndarray:
+        noisy = light + self._optics.noise * self._rng.standard_normal(light.shape, np.float32)
+        # the mean of four pixels is what networks see
+        return np.clip(np.rint(noisy), 0, 255).astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)
+
+
+def _finite(values: object, shape: tuple[int, ...]) -> np.ndarray:
+    array = np.asarray(values, float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"shape {array.shape}, need finite {shape}")
+    return array
