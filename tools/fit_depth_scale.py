@@ -3,8 +3,8 @@
 .venv/bin/python tools/fit_depth_scale.py ../shared/meshes/ycb ../shared/data/digit_backgrounds
 
 Touches of training objects through random sensors (`RandomSensor`), without and with a calibration. Of each touch the
-factor that fits best; printed is the standard deviation of its logarithm, over all touches, between sensors, and between
-touches of one sensor (1.48 times the median deviation), and the RMSE in contact before and after the factor.
+factor that fits best. Printed: the standard deviation of its logarithm (1.48 times the median deviation) over all
+touches, between sensors, and between touches of one; the RMSE in contact before and after the factor.
 """
 
 from __future__ import annotations
