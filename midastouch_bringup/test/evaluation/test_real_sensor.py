@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.real_sensor import RealSensorStock
-from midastouch_bringup.evaluation.stock import Stock
+from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_filter.touch import reduced_penetration
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
-SETTINGS = {"sensor": "digit_real", "length": 0.03}
+SETTINGS = {"sensor": "digit_real", "slides": SlideKind(0.03)}
 
 
 @pytest.fixture(scope="module")
