@@ -6,8 +6,9 @@ midastouch run localization object:=handle_tool
 python examples/simulated_finger.py
 """
 
-import sys
 import time
+from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import rclpy
@@ -20,81 +21,103 @@ from midastouch_msgs.msg import FilterStatus
 from midastouch_perception import ObjectMesh, SensorModel, bundled_objects, se3
 from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_perception.simulation.slide import simulate_slide
 
-RATE, SPEED, STEP = 100, 0.03, 1.5e-3  # Hz; m/s; m between two poses of the path
-LIFTED = 5e-3  # m
-PATIENCE = 200_000_000  # ns
-BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.4, 0.0, 0.1]))
+BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.5, 0.0, 0.2]))
+SECOND = 1_000_000_000  # ns
+TICK, PATIENCE = SECOND // 100, SECOND // 5
+SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; m above its start
 
 
-class Finger(Node):
-    """Hovers until the filter sees it do so, then slides along `path`, poses T_obj_gel (N, 4, 4), and is `done`.
+class Engine(Node):
+    """Says on TF where gel and object are, and prints how well the filter knows it.
 
-    An engine's time is its own: this one waits for the filter, however slow the computer is.
+    motion: the gel's pose T_obj_gel (4, 4) so many seconds after the start, asked in order of time; it lasts `seconds`.
+    It starts once the filter sees that nothing touches; `told`: and the filter is told then where about. An engine's
+    time is its own: this one waits for the filter, however slow the computer is.
     """
 
-    def __init__(self, path: np.ndarray):
-        super().__init__("simulated_finger")
-        self.path, self.began, self.done, self.state = path, None, False, "no filter_status yet"
+    def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, told: bool):
+        super().__init__("engine")
+        self.motion, self.seconds, self.told = motion, seconds, told
         self.now = self.answered = time.time_ns()
+        self.began, self.done, self.state, self.error = None, False, "no filter_status yet", np.nan
+        self.past = deque(maxlen=1000)  # time [ns] and pose
         self.tf = self.create_publisher(TFMessage, "/tf", qos.TF)
+        self.start = self.create_publisher(PoseWithCovarianceStamped, "initialpose", qos.COMMAND)
         self.create_subscription(FilterStatus, "filter_status", self.on_status, qos.latched())
         self.create_subscription(PoseWithCovarianceStamped, "pose", self.on_pose, qos.latched())
-        self.create_timer(1 / RATE, self.move)
-        self.error = np.nan
-
-    def place(self, stamp: int) -> np.ndarray:
-        """Where the gel is on the object at a time [ns]."""
-        along = 0.0 if self.began is None else 1e-9 * (stamp - self.began) * SPEED / STEP
-        i = int(np.clip(along, 0, len(self.path) - 2))
-        rest = np.clip(along - i, 0, 1)
-        pose = self.path[i] @ se3.exp(rest * se3.log(se3.inverse(self.path[i]) @ self.path[i + 1]))
-        pose[:3, 3] += LIFTED * max(0.0, 1 - along * STEP / LIFTED) * pose[:3, 2]  # it comes down in the first 5 mm
-        self.done = along > len(self.path)
-        return pose
+        self.create_timer(1e-9 * TICK, self.move)
+        self.create_timer(1.0, self.tell)
 
     def move(self) -> None:
-        """Say on TF where object and gel are."""
+        """Go on by one tick, unless the filter is behind."""
         if self.began is None or self.now - self.answered < PATIENCE:
-            self.now += 1_000_000_000 // RATE
+            self.now += TICK
+            elapsed = 0.0 if self.began is None else (self.now - self.began) / SECOND
+            self.past.append((self.now, self.motion(elapsed)))
+            self.done = elapsed > self.seconds
         header = Header(stamp=stamp_from_ns(self.now), frame_id="base_link")
-        frames = {"object_ground_truth": BASE_FROM_OBJECT, "digit_gel_frame": BASE_FROM_OBJECT @ self.place(self.now)}
-        self.tf.publish(
-            TFMessage(
-                transforms=[
-                    TransformStamped(header=header, child_frame_id=name, transform=transform_to_msg(pose))
-                    for name, pose in frames.items()
-                ]
-            )
-        )
+        frames = {"object_ground_truth": BASE_FROM_OBJECT, "digit_gel_frame": BASE_FROM_OBJECT @ self.past[-1][1]}
+        transforms = [
+            TransformStamped(header=header, child_frame_id=name, transform=transform_to_msg(pose))
+            for name, pose in frames.items()
+        ]
+        self.tf.publish(TFMessage(transforms=transforms))
 
     def on_status(self, status: FilterStatus) -> None:
         """Begin once the filter works."""
         if status.state == FilterStatus.STATE_NO_CONTACT and self.began is None:
             self.began = self.now
+            if self.told:
+                self.start.publish(start_at(self.past[-1][1]))
         if status.state != FilterStatus.STATE_WAITING:
             self.state, self.answered = status.state, stamp_ns(status.header.stamp)
 
     def on_pose(self, pose: PoseWithCovarianceStamped) -> None:
         """Compare with the truth, which an engine knows."""
-        truth = self.place(stamp_ns(pose.header.stamp))
+        stamp = stamp_ns(pose.header.stamp)
+        _, truth = min(self.past, key=lambda entry: abs(entry[0] - stamp))
         self.error = np.linalg.norm(pose_from_msg(pose.pose.pose)[:3, 3] - truth[:3, 3])
 
+    def tell(self) -> None:
+        """Print the state and the error of the published pose."""
+        print(f"{self.state:20s} {1e3 * self.error:6.1f} mm", flush=True)
 
-def main(length: float, name: str) -> None:
-    """Print the state and the error of the published pose every second."""
-    mesh = ObjectMesh.load(bundled_objects()[name])
-    path = simulate_slide(mesh, SensorModel.load("digit_tacto"), length, np.random.default_rng(3), STEP)
+
+def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
+    """A start for the filter, known to 10 mm and 10 deg."""
+    message = PoseWithCovarianceStamped(header=Header(frame_id="object"))
+    message.pose.pose = pose_to_msg(T_obj_gel)
+    message.pose.covariance = np.diag(np.repeat([0.01, np.radians(10)], 3) ** 2).ravel()
+    return message
+
+
+def run(motion: Callable[[float], np.ndarray], seconds: float, told: bool = False) -> None:
+    """Move the finger until the motion is over."""
     rclpy.init()
-    finger = Finger(path)
-    finger.create_timer(1.0, lambda: print(f"{finger.state:20s} {1e3 * finger.error:6.1f} mm", flush=True))
-    while not finger.done:
-        rclpy.spin_once(finger)
+    engine = Engine(motion, seconds, told)
+    while not engine.done:
+        rclpy.spin_once(engine)
+    engine.tell()
+
+
+def along(path: np.ndarray, lifted: float = LIFTED) -> Callable[[float], np.ndarray]:
+    """Motion along poses T_obj_gel (N, 4, 4), onto the first from `lifted` m above."""
+
+    def motion(seconds: float) -> np.ndarray:
+        gone = seconds * SPEED
+        i = int(np.clip(gone / STEP, 0, len(path) - 2))
+        rest = np.clip(gone / STEP - i, 0, 1)
+        pose = path[i] @ se3.exp(rest * se3.log(se3.inverse(path[i]) @ path[i + 1]))
+        pose[:3, 3] += max(0.0, lifted - gone) * pose[:3, 2]
+        return pose
+
+    return motion
 
 
 if __name__ == "__main__":
-    defaults = ["0.3", "handle_tool"]
-    arguments = [*sys.argv[1:], *defaults[len(sys.argv) - 1 :]]
-    main(float(arguments[0]), arguments[1])
+    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
+    slide = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.3, np.random.default_rng(3), STEP)
+    run(along(slide), len(slide) * STEP / SPEED)

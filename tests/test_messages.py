@@ -10,7 +10,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 from tf2_msgs.msg import TFMessage
 
-from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes, TactileCode, TactileContact
+from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes, TactileCode, TactileContact
 from midastouch_msgs.srv import SetObject
 
 FIELDS = {
@@ -24,6 +24,14 @@ FIELDS = {
     TactileContact: {"header": "std_msgs/Header", "in_contact": "boolean", "area": "float"},
     PoseMode: {"weight": "double", "pose": "geometry_msgs/PoseWithCovariance"},
     PoseModes: {"header": "std_msgs/Header", "modes": "sequence<midastouch_msgs/PoseMode>"},
+    ArmCalibration: {
+        "header": "std_msgs/Header",
+        "mount": "geometry_msgs/PoseWithCovariance",
+        "clock_offset": "double",
+        "clock_offset_sigma": "double",
+        "known": "boolean[7]",
+        "touches": "uint32",
+    },
     FilterStatus: {
         "header": "std_msgs/Header",
         "state": "string",

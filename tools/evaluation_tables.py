@@ -181,7 +181,13 @@ def localisation() -> Table:
         cells = [f"too few ({one['trials']})"] * 7 if one["trials"] < ENOUGH else _localisation(one)
         rows.append([what, *cells, f"[{name}]"])
     rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "2.8 mm, 2.0 deg", *["-"] * 6])
-    header = ["conditions", "particles, mean", "closest mode, median", "right", "right 30 frames after the event"]
+    header = [
+        "conditions",
+        "particles, mean",
+        "closest mode, median",
+        "right",
+        "found 30 frames after the event, of those right before",
+    ]
     header += ["frames until right again, median", "frames converged wrong", "truth in the 95 % region, converged"]
     return [*header, "report"], rows
 
@@ -200,12 +206,13 @@ def _localisation(one: dict) -> list[str]:
         )
     ]
     until, after = trust["frames_until_right"]["median"], "-"
-    if event and until["value"] is not None:
-        after = f"{until['value']:.0f} ({_between(until['interval'], '{:.0f}')})"
+    if event:
+        value = "never" if until["value"] is None else f"{until['value']:.0f}"
+        after = f"{value} ({_between(until['interval'], '{:.0f}')})"
     return [
         *errors,
         _share(trust["right_at_end"]),
-        _share(trust["right_after_event"]) if event else "-",
+        f"{_share(trust['found_again'])} of {_percent(trust['right_before_event']['share'])}" if event else "-",
         after,
         _share(trust["converged_wrong"], 1),
         _share(trust["region_95"]),
@@ -219,7 +226,7 @@ def _share(one: dict, digits: int = 0) -> str:
 
 
 def _between(interval: list[float] | None, form: str) -> str:
-    return "-" if interval is None else "...".join(map(form.format, interval))
+    return "-" if interval is None else "...".join("never" if one is None else form.format(one) for one in interval)
 
 
 def peers() -> Table:

@@ -120,6 +120,7 @@ def make_trial():
             "frames_converged_right": 6,
             "right_from_frame": 3,
             "event_at": None,
+            "right_before_event": None,
             "right_after_event": None,
             "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
             "final": {"state": "converged", "n_particles": 500} | final,

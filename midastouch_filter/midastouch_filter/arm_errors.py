@@ -29,7 +29,6 @@ _POSE, _MOUNT, _CLOCK = slice(0, 6), slice(6, 12), 12
 _AROUND = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
 _RECENT = 4  # frames that the present velocity is the mean of
 _DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
-_FRESH = 0.2  # share of an alignment that is news: the next frame sees nearly the same patch
 _FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
 _WINDOW = 10  # frames within which a jump must become certain
 _DECISIVE = 14.0  # log-odds, nats, from which it is
@@ -88,8 +87,11 @@ class _Frame:
 
 @dataclass
 class _Hypotheses:
-    """One row each, the first without a jump: mean (K, 13) and covariance (K, 13, 13) of the errors; before (K, 13), the
-    mean as the frames before the jump had it; log_odds (K,) against the first; age (K,), frames since the jump."""
+    """One row each, the first without a jump.
+
+    mean (K, 13) and covariance (K, 13, 13) of the errors; before (K, 13), the mean as the frames before the jump had
+    it; log_odds (K,) against the first; age (K,), frames since the jump.
+    """
 
     mean: np.ndarray
     before: np.ndarray
@@ -109,13 +111,13 @@ class ArmErrors:
     """Estimates mount and clock, takes their errors out of the arm's motion, and notices when the object jumps.
 
     Args: mount (6, 6), covariance of the mount's error before anything is felt, m^2, rad^2; clock [s], standard
-    deviation of the clock's; jitter (6, 6), covariance of one measured sensor pose; jump (6, 6), of the jumps of the
-    object that are looked for; spread (6, 6), of the first pose that is observed.
+    deviation of the clock's; zeros where they are believed. jitter (6, 6), covariance of one measured sensor pose; jump
+    (6, 6), of the jumps of the object that are looked for, None for none; spread (6, 6), of the first pose observed.
     Attribute: jump of the object that became certain in this frame, else None.
     """
 
     def __init__(
-        self, mount: np.ndarray, clock: float, jitter: np.ndarray, jump: np.ndarray, spread: np.ndarray
+        self, mount: np.ndarray, clock: float, jitter: np.ndarray, jump: np.ndarray | None, spread: np.ndarray
     ):
         self._jitter, self._jump, self._spread = jitter, jump, spread
         covariance = np.zeros((13, 13))
@@ -147,13 +149,27 @@ class ArmErrors:
         covariance = self._rows.covariance[0][6:, 6:].copy()
         return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
 
-    def corrected(self, motion: np.ndarray, elapsed: float | None) -> np.ndarray:
-        """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock."""
+    @property
+    def is_late(self) -> bool:
+        """Whether it is known that the arm's poses are of another time than the images."""
+        return bool(self.calibration.known[6]) and abs(self._clock) > 3 * self.calibration.sigma[6]
+
+    def expected(self, elapsed: float) -> np.ndarray:
+        """Motion (4, 4) of the gel in `elapsed` seconds if it goes on as the arm said last."""
+        return self._mount @ se3.exp(elapsed * self._present) @ se3.inverse(self._mount)
+
+    def corrected(self, motion: np.ndarray, elapsed: float | None, felt: np.ndarray | None = None) -> np.ndarray:
+        """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock.
+
+        felt (6,): velocity of the gel over the object at present, if it is known better than from the arm: m/s, rad/s.
+        """
         self.jump = None
         self._frames.append(_Frame(motion, elapsed or 0.0))
         if len(self._frames) == self._frames.maxlen:
             self._take(self._frames[_AROUND], _mean_velocity(list(self._frames)[1:]))
         before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT:])
+        if felt is not None:
+            self._present = adjoint(self._mount) @ felt
         return self._true(motion, before, self._present)
 
     def observe(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
@@ -177,9 +193,10 @@ class ArmErrors:
         if self._pose is None:
             self._anchor(frame.seen[0])
             return
-        self._suppose_a_jump()
+        if self._jump is not None:
+            self._suppose_a_jump()
         self._weigh(*frame.seen)
-        best = 1 + int(np.argmax(self._rows.log_odds[1:]))
+        best = int(np.argmax(self._rows.log_odds))
         if self._rows.log_odds[best] > _DECISIVE:
             since, covariance = self._since(), self._rows.covariance[best][_POSE, _POSE]
             means = self._rows.before[best], self._rows.mean[best]
@@ -218,7 +235,7 @@ class ArmErrors:
 
     def _weigh(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
         """Kalman update of all hypotheses, by a t distribution (its weights are those of a robust estimator)."""
-        rows, information = self._rows, _FRESH * information
+        rows = self._rows
         innovation = se3.log(se3.inverse(self._pose) @ pose) + offset - rows.mean[:, _POSE]
         noise = rows.covariance[:, _POSE, _POSE] + self._jitter
         # inv(inv(information) + noise), where the information may be singular

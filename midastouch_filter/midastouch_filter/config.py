@@ -84,8 +84,8 @@ class FilterConfig:
 
     # --- fixed-lag re-evaluation: other places that explain the last touches as well
     hindsight: bool = _switch(True, "re-evaluate the last touches at rival places; needs refinement")
-    hindsight_touches: int = _number(20, 6, 200, "", "touches that are kept")
-    hindsight_spacing: float = _number(0.02, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
+    hindsight_touches: int = _number(16, 2, 200, "", "touches that are kept")
+    hindsight_spacing: float = _number(0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
 
     # --- the object may move: contact odometry against the arm's
     object_motion: bool = _switch(True, "follow the object when it slips or is pushed; needs refinement")
@@ -121,6 +121,9 @@ class FilterConfig:
     mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
     min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
     converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
+    converged_probability: float = _number(
+        0.95, 0.5, 1.0, "", "... and its place is this probable, by the last touches, among all that explain them"
+    )
     converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")

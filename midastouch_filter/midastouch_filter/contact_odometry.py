@@ -1,7 +1,7 @@
 """Contact odometry: how the gel moved over the object, from one penetration map to the next, without knowing where.
 
 Where the surface that is felt has shape, two maps in a row say how the gel moved over it; where it has none (along a
-plane, about the centre of a ball) the arm fills in.
+plane, about the centre of a ball) a guess fills in, such as the arm's motion.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from midastouch_perception.sensor_model import SensorModel
 
 from .noise_model import NoiseModel
 
-_EXPLAINED = 0.95  # fit from which the start from the arm's motion is good enough
+_EXPLAINED = 0.95  # fit from which the start from the guess is good enough
 
 
 class ContactOdometry:
-    """Keeps the last map and registers the next one to it.
+    """Keeps a map and registers the next one to it.
 
     Args: sensor, at the resolution of the maps; noise; reach (6, 6), covariance of how far contact and arm may
     disagree.
@@ -35,28 +35,25 @@ class ContactOdometry:
         self._map: np.ndarray | None = None
         self._last: np.ndarray | None = None
 
-    def __call__(self, penetration: np.ndarray, arm: np.ndarray) -> np.ndarray | None:
-        """Motion (4, 4) of the gel over the object since the last map, None for the first one.
-
-        penetration (H, W) float32 m; arm (4, 4), how the arm says that the gel moved since the last map.
-        """
-        earlier, self._map = self._map, penetration
-        if earlier is not None:
-            self._last = self._register(earlier, penetration, arm)
-        return self._last
+    def keep(self, penetration: np.ndarray, motion: np.ndarray | None) -> None:
+        """The next map is registered to this one, (H, W) float32 m; motion (4, 4) that led to it, None if unknown."""
+        self._map, self._last = penetration, motion
 
     def is_last(self, penetration: np.ndarray) -> bool:
         """Whether this is the very same image again, and no new touch."""
         return self._map is not None and np.array_equal(self._map, penetration)
 
-    def _register(self, earlier: np.ndarray, later: np.ndarray, arm: np.ndarray) -> np.ndarray:
-        """From the arm's motion or, if that explains the maps badly, from the last one.
+    def register(self, penetration: np.ndarray, guess: np.ndarray) -> np.ndarray | None:
+        """Motion (4, 4) of the gel over the object from the map that is kept to this one; None if none is kept.
 
-        When the object slips, the gel's motion over it is nearer to the last one than to the arm's.
+        guess (4, 4): the motion where the maps say nothing. It is looked for from there or, if that explains the maps
+        badly, from the last one: when the object slips, that is nearer to the truth than what the arm says.
         """
-        motion, _, fit = self._kernel.align(earlier, later, arm, self._reach, arm)
+        if self._map is None:
+            return None
+        motion, _, fit = self._kernel.align(self._map, penetration, guess, self._reach, guess)
         if fit < _EXPLAINED and self._last is not None:
-            other, _, other_fit = self._kernel.align(earlier, later, arm, self._reach, self._last)
+            other, _, other_fit = self._kernel.align(self._map, penetration, guess, self._reach, self._last)
             if 1 - other_fit < 0.5 * (1 - fit):
                 return other
         return motion

@@ -12,26 +12,29 @@ class Effort:
     """Alignment of modes. one_optimum (m, rad): a mode that spreads no wider is aligned from its mean alone; starts:
     particles that a wider one is aligned from besides.
 
-    Re-evaluation. fewest: touches that it needs to say anything; anew, rarely: further touches after which it is worth
-    another one, and after several that all found no rival. shortlist: best entries of each touch, of all fingers, that
-    become candidates; these are scored on sieve touches first, and the best kept of them on all. With several fingers,
-    the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook entries are some 20
-    deg apart, which moves a further finger by centimetres. lookups_per_step of candidates and alignments_per_step bound
-    what one step takes. most_rivals are replayed; settled: touches after which a place's rotation is known well enough
-    to say where further fingers are.
+    Re-evaluation. fewest: touches that it needs to say anything; anew: further touches after which it is
+    worth another one; the next ones wait twice as long each, up to `seldom` while places compete, `rarely` once they do
+    not. shortlist: best entries of each touch, of all fingers, that
+    become candidates. These come from `sieve` touches, the newest and ever sparser ones before it, and are scored on
+    them first, and the best kept of them on all. With several fingers, the best `turned` candidates are turned by the
+    angles `turns` [rad] to where all fit: codebook entries are some 20 deg apart, which moves a further finger by
+    centimetres. lookups_per_step of candidates and alignments_per_step bound what one step takes. Rivals are replayed
+    as long as `alignments` are not used up; settled: touches after which a place's rotation is known well enough to say
+    where further fingers are.
     """
 
     one_optimum: tuple[float, float] = (4e-3, np.radians(12.0))
     starts: int = 4
-    fewest: int = 6
-    anew: int = 3
+    fewest: int = 2
+    anew: int = 1
+    seldom: int = 4
     rarely: int = 12
-    shortlist: int = 150
-    sieve: int = 4
-    kept: int = 400
+    shortlist: int = 80
+    sieve: int = 5
+    kept: int = 60
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
-    lookups_per_step: int = 500
-    most_rivals: int = 5
-    alignments_per_step: int = 2
+    lookups_per_step: int = 1500
+    alignments: int = 80
+    alignments_per_step: int = 8
     settled: int = 3

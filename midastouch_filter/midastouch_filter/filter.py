@@ -29,7 +29,7 @@ from .places import Prior
 from .policies import Policies, default_policies
 from .propagation import OdometryJump
 from .reporting import Reporter
-from .state import CONVERGED, Status
+from .state import Status
 from .stopwatch import Stopwatch
 from .touch import Measurement
 from .workers import Workers
@@ -127,7 +127,7 @@ class ParticleFilter:
             return self._reporter.nothing()
         do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
         self._gates.skips("no_contact", not in_contact)
-        motion = self._propagate(self._correct(odometry, elapsed), in_contact)
+        motion = self._propagate(self._correct(odometry, measurement, elapsed), in_contact)
         felt = do.fingers.feel(touches, motion)
         do.refine.moved(motion, do.fingers.path, in_contact)
         touched = any(finger.touch.in_contact for finger in felt)
@@ -138,13 +138,12 @@ class ParticleFilter:
         estimate = self._reporter.estimate(
             self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
         )
-        with self._watch.stage("arm errors"):
-            do.correct.observe(self._belief, measurement, estimate.status.state == CONVERGED)
+        do.correct.observe(self._belief, measurement)
         return estimate
 
-    def _correct(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+    def _correct(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
         """The odometry without what is known to be wrong with it; says so when the object moved."""
-        better, jump = self._do.correct(odometry, elapsed), self._do.correct.jump
+        better, jump = self._do.correct(odometry, touch, elapsed), self._do.correct.jump
         if jump is not None:
             distance, angle = np.linalg.norm(jump.moved[:3, 3]), se3.rotation_angle(jump.moved[:3, :3])
             said = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"

@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+
+from midastouch_perception import se3
 
 from .belief import Belief
 from .config import FilterConfig
 from .fingers import Finger
 from .gates import Gates
 from .initialisation import ParticleSource
-from .mode_masses import impose_log_odds, pool_marginal_likelihoods
+from .mode_masses import impose_shares, pool_marginal_likelihoods
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .particles import Particles
 from .places import Prior, pose_distance
 from .reevaluation import Comparison, Reevaluation
 from .refinement import Refinement
+from .resampler import Resampler
 from .stopwatch import Stopwatch
+
+_NEGLIGIBLE = 0.02  # change of a place's share of the belief
 
 
 class CoarseOnly:
@@ -35,9 +38,6 @@ class CoarseOnly:
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         """The first finger moved, None at rest; `path` [m] of the others."""
 
-    def contradicted(self) -> None:
-        """The last touches fit the belief badly."""
-
     def pool(self, belief: Belief, name: str, log_ratio: np.ndarray) -> None:
         """Change a finger's log-likelihood ratios (N,) before they are used."""
 
@@ -53,7 +53,8 @@ class CoarseOnly:
 class FineStage(CoarseOnly):
     """Aligns narrow modes to the felt maps, and compares them with other places.
 
-    Args: refinement; reevaluation, None for none; config; noise; source of particles for new modes; gates; watch.
+    Args: refinement; reevaluation, None for none; config; noise; source of particles for new modes; resample; gates;
+    watch.
     """
 
     def __init__(
@@ -63,15 +64,19 @@ class FineStage(CoarseOnly):
         config: FilterConfig,
         noise: NoiseModel,
         source: ParticleSource,
+        resample: Resampler,
         gates: Gates,
         watch: Stopwatch,
     ):
-        self._refinement, self._reevaluation, self._source = refinement, reevaluation, source
+        self._refinement, self._reevaluation = refinement, reevaluation
+        self._source, self._resample = source, resample
         self._config, self._noise, self._gates, self._watch = config, noise, gates, watch
 
     def restart(self, prior: Prior | None) -> None:
         self.checked = self._reevaluation is None
+        self._known: Comparison | None = None
         if self._reevaluation:
+            self._known_at = np.eye(4)
             self._reevaluation.restart(prior)
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
@@ -79,10 +84,7 @@ class FineStage(CoarseOnly):
             self._reevaluation.moved(motion.transform, motion.path, in_contact)
         elif self._reevaluation:
             self._reevaluation.moved(np.eye(4), path, in_contact)
-
-    def contradicted(self) -> None:
-        if self._reevaluation:
-            self._reevaluation.contradicted()
+        self.checked = self.checked and not (self._reevaluation and self._reevaluation.lifted)
 
     def pool(self, belief: Belief, name: str, log_ratio: np.ndarray) -> None:
         """Let a code speak for all modes that the last maps of the finger fitted as for one.
@@ -128,38 +130,57 @@ class FineStage(CoarseOnly):
                 [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
             )
         narrow = [mode for mode in belief.modes if self._refinement.is_narrow(mode)]
-        if not narrow or narrow[0] is not belief.modes[0]:
-            return
-        if self._gates.skips("unrivalled", len(narrow) == 1 and reevaluation.rests):
-            return
-        comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
-        if comparison is not None:
-            self._believe(belief, comparison)
+        fits = 0 in belief.aligned
+        contradicted = bool(narrow) and narrow[0] is belief.modes[0] and not fits
+        if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
+            comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
+            if comparison is not None:
+                self._believe(belief, comparison)
+                self._known, self._known_at = comparison, reevaluation.motion
+        self.checked = fits and self._is_trusted(belief, reevaluation)
+
+    def _is_trusted(self, belief: Belief, reevaluation: Reevaluation) -> bool:
+        """Whether the last comparison found the dominant mode probable enough, and left no place out."""
+        if self._known is None or not self._known.exhaustive or reevaluation.lifted:
+            return False
+        place = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
+        return self._known.probability_at(place) >= self._config.converged_probability
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
-        """Give the modes the odds of their places, and rivals that have no particles some of their own."""
-        places = comparison.places
-        self.checked = True
+        """Give the modes the probability of their places, and rivals that have no particles some of their own."""
         owners: list[int | None] = []
-        for place in places:
+        for place in comparison.places:
             k = self._mode_at(belief, place.pose)
             owners.append(None if k in owners else k)
-        particles, new = impose_log_odds(
+        shares = np.array([place.probability for place in comparison.places])
+        held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
+        if np.abs(held - shares).max() < _NEGLIGIBLE:
+            return
+        particles, new = impose_shares(
             belief.particles,
             belief.members,
             owners,
-            np.array([place.log_odds for place in places]),
-            lambda place, count: self._source.at(places[place], count),
-            rest=math.exp(-self._noise.code_margin) if comparison.exhaustive else 1.0,
+            shares,
+            comparison.elsewhere,
+            lambda place, count: self._born(comparison, place, count),
+            exact=comparison.exhaustive,
         )
         self._gates.count("rivals", new)
         belief.hold(particles)
+        self._resample(belief, needed=True)
         belief.cluster()
 
+    def _born(self, comparison: Comparison, place: int | None, count: int) -> Particles:
+        """Particles at one of the places, or (None) wherever codes put them."""
+        if place is None:
+            return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
+        return self._source.at(comparison.places[place], count)
+
     def _mode_at(self, belief: Belief, pose: np.ndarray) -> int | None:
-        """The mode nearest to a pose (4, 4), None if it is another place."""
+        """The narrow mode nearest to a pose (4, 4), None if it is another place."""
         distance = [pose_distance(mode.pose, pose) for mode in belief.modes]
-        return int(np.argmin(distance)) if min(distance) < self._config.mode_radius else None
+        k = int(np.argmin(distance))
+        return k if distance[k] < self._config.mode_radius and self._refinement.is_narrow(belief.modes[k]) else None
 
     def sharpened(self, belief: Belief) -> Particles:
         if not belief.aligned:

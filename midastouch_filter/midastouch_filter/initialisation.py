@@ -107,6 +107,13 @@ class ParticleSource:
         poses = place.pose @ se3.exp(noise)
         return Particles.from_poses(poses, self._lookup.exact(poses))
 
+    def among(self, poses: np.ndarray, scores: np.ndarray, covariance: np.ndarray, n: int) -> Particles:
+        """n particles around poses (C, 4, 4), drawn by their log-likelihoods (C,), with covariance (6, 6) each."""
+        share = np.cumsum(np.exp(scores - scores.max()))
+        index = np.searchsorted(share, self._rng.random(n) * share[-1], side="right").clip(max=len(poses) - 1)
+        drawn = poses[index] @ se3.exp(self._rng.multivariate_normal(np.zeros(6), covariance, n))
+        return Particles.from_poses(drawn, self._lookup.exact(drawn))
+
     def _around(self, entries: np.ndarray) -> Particles:
         """At codebook entries (n,), spread over the gaps between them."""
         particles = Particles.from_poses(self._poses[entries], entries)

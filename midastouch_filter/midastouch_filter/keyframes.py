@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .places import pose_distance
 from .touch import Measurement
 
 _LIFTED = 0.01  # m of path without contact; less is a gap in a slide
-_ENDLESS = 10**9  # touches since the last lift, while there was none
 
 
 @dataclass(frozen=True)
@@ -19,13 +19,21 @@ class Keyframe:
     """What fingers felt in one frame.
 
     motion (4, 4): of the first gel, from the start to this frame; touches of those in contact; log_ratios, for each
-    (M,) of every codebook entry as that finger's pose; shortlists, for each (S,) the entries with the best of them.
+    (M,) of every codebook entry as that finger's pose; shortlists, for each (S,) the entries with the best of them;
+    stretch: number of times the sensor was lifted before.
     """
 
     motion: np.ndarray
     touches: list[Measurement]
     log_ratios: list[np.ndarray]
     shortlists: list[np.ndarray]
+    stretch: int
+
+    @property
+    def gels(self) -> list[np.ndarray]:
+        """Poses (4, 4) of the gels that touch, in the frame where the first one started."""
+        moved = (touch.T_gel_finger for touch in self.touches)
+        return [self.motion if finger is None else self.motion @ finger for finger in moved]
 
     def maps(self, settled: bool) -> list[Measurement]:
         """Touches to align to: as long as the place is not settled, the first one's only."""
@@ -36,6 +44,7 @@ class Keyframe:
 class KeyframeWindow:
     """Keeps the newest `length` keyframes, `spacing` [m] of path apart, each with a shortlist of so many entries.
 
+    Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift.
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
     """
 
@@ -47,19 +56,25 @@ class KeyframeWindow:
         """Forget all."""
         self.motion = np.eye(4)
         self.keyframes: deque[Keyframe] = deque(maxlen=self._length)
-        self._path = np.inf
-        self._in_the_air, self._since_lift = 0.0, _ENDLESS
+        self._path, self._in_the_air, self._stretch = np.inf, 0.0, 0
 
     def __len__(self) -> int:
         return len(self.keyframes)
 
-    def moved(self, transform: np.ndarray, path: float, in_contact: bool) -> None:
-        """The first gel moved by `transform` (4, 4), which counts as `path` [m]."""
+    @property
+    def lifted(self) -> bool:
+        """Whether the sensor was lifted between the last two keyframes."""
+        return len(self) > 1 and self.keyframes[-1].stretch > self.keyframes[-2].stretch
+
+    def moved(self, transform: np.ndarray, path: float, in_contact: bool) -> bool:
+        """The first gel moved by `transform` (4, 4), which counts as `path` [m]; whether that was a lift."""
         self.motion = self.motion @ transform
         self._path += path
-        self._in_the_air = 0.0 if in_contact else self._in_the_air + path
-        if self._in_the_air > _LIFTED:
-            self._since_lift = 0
+        before = self._in_the_air
+        self._in_the_air = 0.0 if in_contact else before + path
+        lifted = before <= _LIFTED < self._in_the_air
+        self._stretch += lifted
+        return lifted
 
     @property
     def due(self) -> bool:
@@ -70,16 +85,29 @@ class KeyframeWindow:
         """Keep what fingers feel at present, the first one first."""
         rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(touches)
         best = [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
-        self.keyframes.append(Keyframe(self.motion, touches, rounded, best))
+        newest = Keyframe(self.motion, touches, rounded, best, self._stretch)
+        apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
+        self.keyframes = deque([*apart, newest], self._length)
         self._path = 0.0
-        self._since_lift += 1
 
-    def forget_before_lift(self) -> bool:
-        """Forget the keyframes from before the sensor was lifted; whether it was lifted since the oldest."""
-        if self._since_lift >= len(self.keyframes):
-            return False
-        kept, motion = list(self.keyframes)[len(self.keyframes) - self._since_lift :], self.motion
-        self.restart()
-        self.motion = motion
-        self.keyframes.extend(kept)
-        return True
+
+def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:
+    """How much of an independent touch each of K keyframes, oldest first, is (K,), in [0, 1].
+
+    The share of the correlation length [m] that it lies away from the nearest older one.
+    """
+    out = np.ones(len(keyframes))
+    for k, keyframe in enumerate(keyframes):
+        nearest = min((_distance(older, keyframe) for older in list(keyframes)[:k]), default=np.inf)
+        out[k] = min(1.0, nearest / correlation)
+    return out
+
+
+def _distance(older: Keyframe, newer: Keyframe) -> float:
+    """m from the gel of the newer one that is farthest from all of the older one's; endless across a lift.
+
+    The object may have been moved then.
+    """
+    if older.stretch != newer.stretch:
+        return np.inf
+    return max(min(pose_distance(there, here) for there in older.gels) for here in newer.gels)

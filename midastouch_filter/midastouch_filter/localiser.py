@@ -87,6 +87,7 @@ class Localiser:
         self._start, self._wait = first_start, wait
         self._object: LoadedObject | None = None
         self._T_base_gel: np.ndarray | None = None
+        self._stamp: int | None = None
         self._prior: ObjectPrior | None = None  # goes over `_start`
         self._pending_prior: ObjectPrior | None = None  # the same, until a frame says where the sensor is
         self._started = False
@@ -158,10 +159,15 @@ class Localiser:
         return self._T_base_gel @ se3.inverse(self.estimate.pose)
 
     def process(
-        self, T_base_gel: np.ndarray, measurement: Measurement, others: Mapping[str, Measurement] | None = None
+        self,
+        T_base_gel: np.ndarray,
+        measurement: Measurement,
+        others: Mapping[str, Measurement] | None = None,
+        stamp: int | None = None,
     ) -> Estimate | None:
-        """One frame: the sensor's pose (4, 4), what it felt, and what further fingers did. None while no filter runs.
+        """One frame: the sensor's pose (4, 4), what it felt, and what further fingers did; stamp [ns], None if unknown.
 
+        None while no filter runs.
         Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
         """
         if self._pending_prior is not None and self._object is not None:
@@ -172,6 +178,8 @@ class Localiser:
         if self.filter is None:
             return None
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
-        self.estimate = self.filter.step(moved, measurement, others or {})
-        self._T_base_gel = T_base_gel
+        told = moved is not None and stamp is not None and self._stamp is not None
+        elapsed = 1e-9 * (stamp - self._stamp) if told else None
+        self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
+        self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate

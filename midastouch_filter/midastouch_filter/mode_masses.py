@@ -11,6 +11,7 @@ from .particles import Particles
 
 _FEWEST = 100  # particles of a new mode
 _WORTH_PARTICLES = 0.005  # share of the belief below which a place gets none
+_MOST_BORN = 0.5  # of the number of particles, at one place
 _LEAST = 1e-9  # share that a refuted mode keeps, so that its weight stays finite
 
 
@@ -31,37 +32,44 @@ def pool_marginal_likelihoods(log_weights: np.ndarray, log_ratio: np.ndarray, pa
         log_ratio[part] += together - gain
 
 
-def impose_log_odds(
+def impose_shares(
     particles: Particles,
     members: np.ndarray,
     owners: Sequence[int | None],
-    log_odds: np.ndarray,
-    draw: Callable[[int, int], Particles],
-    rest: float = 1.0,
+    shares: np.ndarray,
+    elsewhere: float,
+    draw: Callable[[int | None, int], Particles],
+    exact: bool = True,
 ) -> tuple[Particles, int]:
-    """Particles whose modes hold the belief in the ratio of `log_odds` (P,) of P places, and how many of them are new.
+    """Particles that hold the shares (P,) of the belief at P places and the rest, `elsewhere`, outside of them.
 
     members (N,): mode of each particle, -1 for none; owners: for each place the mode that lies there, None if none
-    does: then `draw(place, count)` makes its particles. Particles outside all owners keep their weights, but `rest` of
-    the belief at most.
+    does: then `draw(place, count)` makes its particles, and `draw(None, count)` what is missing outside. Unless
+    `exact`, particles outside hold what they do, if it is more than `elsewhere`. Returns the number of new groups too.
     """
     weights = particles.weights
-    asked = np.isin(members, [k for k in owners if k is not None])
-    odds = np.exp(log_odds - np.max(log_odds))
+    outside = ~np.isin(members, [k for k in owners if k is not None])
+    now = float(weights[outside].sum())
+    rest = elsewhere if exact else max(elsewhere, now)
     log_weights = particles.log_weights.copy()
-    outside = float(weights[~asked].sum())
-    if outside > rest:
-        log_weights[~asked] += np.log(rest / outside)
-    share = (1.0 - min(outside, rest)) * odds / odds.sum()
     new: list[Particles] = []
-    for place, (k, wanted) in enumerate(zip(owners, share, strict=True)):
-        if k is not None:
+
+    def born(place: int | None, share: float) -> None:
+        if share > _WORTH_PARTICLES:
+            drawn = draw(place, max(_FEWEST, round(min(share, _MOST_BORN) * len(particles))))
+            drawn.log_weights += np.log(share)
+            new.append(drawn)
+
+    if now > rest:
+        log_weights[outside] += np.log(max(rest, _LEAST) / now)
+    else:
+        born(None, rest - now)
+    for place, (k, wanted) in enumerate(zip(owners, shares * (1.0 - rest) / max(shares.sum(), _LEAST), strict=True)):
+        if k is None:
+            born(place, wanted)
+        else:
             mine = members == k
             log_weights[mine] += np.log(max(wanted, _LEAST)) - resampling.log_sum_exp(particles.log_weights[mine])
-        elif wanted > _WORTH_PARTICLES:
-            drawn = draw(place, max(_FEWEST, round(wanted * len(particles))))
-            drawn.log_weights += np.log(wanted)
-            new.append(drawn)
     kept = Particles(particles.positions, particles.quaternions, log_weights, particles.entries)
     joined = Particles.joined([kept, *new])
     joined.log_weights -= resampling.log_sum_exp(joined.log_weights)

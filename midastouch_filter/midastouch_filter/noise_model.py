@@ -32,7 +32,11 @@ class NoiseModel:
     between_places: exponent of the marginal likelihood of a map when places are compared: what a map mistakes looks
     like another place, as if its error were half as large again.
     largest_evidence: that one map may speak for one place and against another. A map may be wrong altogether.
-    prior_floor: a prior may be wrong altogether; refuted: log-odds of a place that need not be looked at any longer.
+    map_patches: half the number of independent parts of a map; misfit_floor: share of a map that is never explained;
+    see `misfit_evidence`.
+    change, change_lifted: probability that the object was moved between two keyframes, and while the sensor was lifted.
+    prior_floor: a prior may be wrong altogether; refuted: log-odds of a place that need not be looked at any longer;
+    settled: probability of one that need not be compared often.
     code_margin: by which a place may fall behind the best in its codes, and be right.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     decisive: evidence by which one of two optima is the better one.
@@ -48,11 +52,24 @@ class NoiseModel:
     mode_floor: np.ndarray
     between_places: float = 1 / 1.5**2
     largest_evidence: float = 5.0
+    map_patches: float = 4.0
+    misfit_floor: float = 0.01
+    change: float = 1e-3
+    change_lifted: float = 0.2
     prior_floor: float = -12.0
     refuted: float = -12.0
+    settled: float = 0.995
     code_margin: float = 4.0
     elsewhere: float = 22.5
     decisive: float = 3.0
+
+    def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
+        """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.
+
+        The error of a map is normal, of a scale that differs from touch to touch and is not known: marginalised, the
+        likelihood is a power of the residual (Student).
+        """
+        return -self.map_patches * np.log(np.asarray(misfit) + self.misfit_floor)
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:

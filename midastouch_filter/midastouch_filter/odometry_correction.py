@@ -19,8 +19,10 @@ from .contact_odometry import ContactOdometry
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .places import pose_distance
+from .stopwatch import Stopwatch
 from .touch import Measurement
 
+_CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
 _SAID = 0.1  # share of the prior's information below which a map says nothing
 
 
@@ -37,40 +39,45 @@ class AsMeasured:
     def restart(self) -> None:
         """The particles were drawn anew."""
 
-    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
-        """The better odometry (4, 4); `elapsed` [s] since the last frame."""
+    def __call__(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
+        """The better odometry (4, 4); touch of the first finger, `elapsed` [s] since the last frame."""
         return odometry
 
-    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
-        """Learn from what the step made of the first finger's touch; trusted: whether its answer is relied on."""
+    def observe(self, belief: Belief, touch: Measurement) -> None:
+        """Learn from what the step made of the first finger's touch."""
 
 
 class OdometryCorrection(AsMeasured):
     """Takes errors out of the odometry.
 
-    Args: alignment; config; noise.
+    Args: alignment; config; noise; watch.
     """
 
-    def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel):
-        self._alignment, self._config = alignment, config
+    def __init__(self, alignment: PenetrationAlignment, config: FilterConfig, noise: NoiseModel, watch: Stopwatch):
+        self._alignment, self._config, self._watch = alignment, config, watch
         self._reach, self._near = config.object_jump + 2 * noise.jitter, noise.jitter + noise.mode_floor
         self._decisive = noise.decisive
         self._contact = ContactOdometry(alignment.sensor, noise, self._reach)
+        unknown = float(config.calibration)
         self._errors = ArmErrors(
-            config.mount_error, config.clock_offset, noise.jitter, config.object_jump, noise.between_entries
+            unknown * config.mount_error,
+            unknown * config.clock_offset,
+            noise.jitter,
+            config.object_jump if config.object_motion else None,
+            noise.between_entries,
         )
         self.restart()
 
     def restart(self) -> None:
         self._errors.restart()
         self._lose()
-        self._arm = np.eye(4)
+        self._arm, self._seconds = np.eye(4), 0.0
 
     @property
-    def calibration(self) -> Calibration:
-        return self._errors.calibration
+    def calibration(self) -> Calibration | None:
+        return self._errors.calibration if self._config.calibration else None
 
-    def __call__(self, odometry: np.ndarray | None, elapsed: float | None) -> np.ndarray | None:
+    def __call__(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
         self.jump = None
         try:
             motion = Odometry.from_matrix(np.eye(4) if odometry is None else odometry)
@@ -78,7 +85,12 @@ class OdometryCorrection(AsMeasured):
             return odometry
         if motion.distance > self._config.max_odometry_jump:
             return odometry
-        better = self._errors.corrected(motion.transform, elapsed)
+        with self._watch.stage("odometry"):
+            return self._better(motion, touch, elapsed)
+
+    def _better(self, motion: Odometry, touch: Measurement, elapsed: float | None) -> np.ndarray:
+        self._seconds += elapsed or 0.0
+        better = self._errors.corrected(motion.transform, elapsed, self._felt_velocity(touch))
         self._arm = self._arm @ better
         jump = self._errors.jump
         if jump is None or self._track is None:
@@ -96,31 +108,51 @@ class OdometryCorrection(AsMeasured):
         self._track = self._mode
         return better
 
+    def _felt_velocity(self, touch: Measurement) -> np.ndarray | None:
+        """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""
+        if not (self._seconds and self._errors.is_late and self._usable(touch)):
+            return None
+        if self._contact.is_last(touch.penetration):
+            return None
+        motion = self._contact.register(touch.penetration, self._errors.expected(self._seconds))
+        return None if motion is None else se3.log(motion) / self._seconds
+
+    def _usable(self, touch: Measurement) -> bool:
+        penetration = touch.penetration
+        return touch.in_contact and penetration is not None and penetration.shape == self._alignment.map_shape
+
     def _evidence(self, pose: np.ndarray) -> float:
         """How well the last map fits the neighbourhood of a pose (4, 4)."""
         return self._alignment.align(pose, self._near, self._penetration).log_evidence
 
-    def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
-        penetration = touch.penetration
-        if not touch.in_contact or penetration is None or penetration.shape != self._alignment.map_shape:
+    def observe(self, belief: Belief, touch: Measurement) -> None:
+        if not self._usable(touch):
             self._lose()
             return
         self._mode = belief.modes[0].pose
-        if self._contact.is_last(penetration):
-            return
-        arm, self._arm, self._penetration = self._arm, np.eye(4), penetration
-        moved = self._contact(penetration, arm)
-        if self._track is None:
-            self._track = belief.answers[0].pose if trusted and 0 in belief.aligned else None
+        if not self._contact.is_last(touch.penetration):
+            with self._watch.stage("track"):
+                self._follow(belief, touch.penetration)
+
+    def _follow(self, belief: Belief, penetration: np.ndarray) -> None:
+        """Go on with the track to this map, or begin one where the belief is sure."""
+        moved = self._contact.register(penetration, self._arm)
+        self._contact.keep(penetration, moved)
+        self._arm, self._seconds, self._penetration = np.eye(4), 0.0, penetration
+        if self._track is None or moved is None:
+            trusted = 0 in belief.aligned and belief.dominant_mass >= self._config.converged_mass
+            self._track = belief.answers[0].pose if trusted else None
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
+        path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose
         lost = found.fit < self._config.relief_fit
         if lost or pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius:
             self._lose()
             return
-        self._errors.observe(start, *without_prior(start, self._reach, found))
+        offset, information = without_prior(start, self._reach, found)
+        self._errors.observe(start, offset, min(1.0, path / _CORRELATION) * information)
 
     def _lose(self) -> None:
         """The track ends: nothing is felt, or it left the place."""

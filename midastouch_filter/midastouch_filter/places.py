@@ -17,11 +17,11 @@ APART = 0.015
 @dataclass(frozen=True)
 class Place:
     """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
-    log_odds [nats] against the best of all explanations (0 for that one)."""
+    probability."""
 
     pose: np.ndarray
     covariance: np.ndarray
-    log_odds: float
+    probability: float
 
 
 @dataclass(frozen=True)

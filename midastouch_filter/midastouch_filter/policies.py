@@ -54,22 +54,25 @@ def default_policies(
     """The policies that the configuration asks for, without a memory."""
     motion_model = MotionModel(config, rng, workers)
     source = ParticleSource(model.lookup, model.poses, motion_model, noise.jitter, rng, workers)
+    resample = Resampler(model.regions, config, rng, gates)
     map_shape, refine, correct = None, CoarseOnly(), AsMeasured()
     if model.alignment is not None:
         map_shape, effort = model.alignment.map_shape, Effort()
         refinement = Refinement(model.alignment, config, noise, effort, workers)
         reevaluation = None
         if config.hindsight:
-            reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, config, noise, effort)
-        refine = FineStage(refinement, reevaluation, config, noise, source, gates, watch)
-        correct = OdometryCorrection(model.alignment, config, noise)
+            places = len(model.regions)
+            reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, places, config, noise, effort)
+        refine = FineStage(refinement, reevaluation, config, noise, source, resample, gates, watch)
+        if config.calibration or config.object_motion:
+            correct = OdometryCorrection(model.alignment, config, noise, watch)
     return Policies(
         correct=correct,
         propagate=Propagation(motion_model, config, gates),
         fingers=Fingers(model.finger_maker(gates), map_shape, gates),
         reweigh=Reweighting(config, model.measurement.outlier, refine.pool),
-        resample=Resampler(model.regions, config, rng, gates),
-        recover=Recovery(source, refine.contradicted, gates),
+        resample=resample,
+        recover=Recovery(source, gates),
         refine=refine,
         source=source,
     )

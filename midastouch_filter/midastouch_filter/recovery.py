@@ -7,7 +7,6 @@ log-likelihood ratios, which have an absolute zero (chance) and an absolute wors
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 from .belief import Belief
 from .config import FilterConfig
@@ -60,14 +59,13 @@ class LikelihoodTrend:
 class Recovery:
     """Puts matches of the present touch in the place of some particles, once the likelihood has collapsed.
 
-    Args: source of the matches; contradicted: to be called when that happens; gates, which counts what is injected.
+    Args: source of the matches; gates, which counts what is injected.
     """
 
-    def __init__(self, source: ParticleSource, contradicted: Callable[[], None], gates: Gates):
-        self._source, self._contradicted, self._gates = source, contradicted, gates
+    def __init__(self, source: ParticleSource, gates: Gates):
+        self._source, self._gates = source, gates
 
     def __call__(self, belief: Belief, finger: Finger, share: float) -> None:
         """Replace so many of equally weighted particles, by what matches the finger's touch; 0: none."""
         if share > 0:
-            self._contradicted()
             self._gates.count("injected", self._source.inject(belief.particles, finger, share))

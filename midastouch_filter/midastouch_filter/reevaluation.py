@@ -1,49 +1,72 @@
 """Fixed-lag re-evaluation: would another place on the object explain the last touches just as well?
 
 A particle filter forgets: a place that lost its particles to a few noisy touches is never asked again, and one narrow
-mode is left that looks certain. So a window of keyframes is kept. Every now and then the places that explain them best
-by their codes are looked for over the whole codebook, and each of these rivals as well as the filter's own modes is
-aligned to the kept penetration maps, one after the other along the path. The marginal likelihoods, and the start's
-prior as long as the start lies in reach, give the odds between them.
+mode is left that looks certain. So a window of keyframes is kept. At each new one the places that explain them best by
+their codes are looked for over the whole codebook, and each of these rivals as well as the filter's own modes is
+aligned to the kept penetration maps, one after the other along the path. How well they fit, and the start's prior, give
+the probability of each place; that the object was moved meanwhile, untold, is one of the explanations.
 
-That takes a hundred alignments, so it is done in slices, a few in every step of the filter.
+That takes dozens of alignments, so it is done in slices, a few in every step of the filter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from midastouch_perception import se3
 
 from .alignment import PenetrationAlignment
+from .change_points import place_posterior
 from .config import FilterConfig
 from .effort import Effort
-from .keyframes import KeyframeWindow
+from .joint_alignment import transform_covariance
+from .keyframes import KeyframeWindow, independence
 from .lookup import PoseLookup
 from .noise_model import NoiseModel
-from .places import Place, Prior
+from .places import Place, Prior, is_apart
 from .replay import Replay
-from .rival_search import RivalSearch
+from .rival_search import Rivals, RivalSearch, Scored
 from .touch import Measurement
+
+_SAMPLE = 2048  # entries that the mean density of a prior is taken over
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """places, best first; exhaustive: no further place was within reach of the best by its codes; unrivalled: all
-    places but the best are refuted."""
+    """places, most probable first; elsewhere: probability that it is none of them; exhaustive: no further place was
+    within reach of the best by its codes; cloud (C, 4, 4), cloud_scores (C,): as `Rivals`, at present."""
 
     places: list[Place]
+    elsewhere: float
     exhaustive: bool
-    unrivalled: bool
+    cloud: np.ndarray
+    cloud_scores: np.ndarray
+
+    def settled(self, certain: float) -> bool:
+        """Whether one place is as probable as that, and none was left out."""
+        return self.exhaustive and self.places[0].probability > certain
+
+    def probability_at(self, pose: np.ndarray) -> float:
+        """Of the place that a pose (4, 4) belongs to."""
+        return max((place.probability for place in self.places if not is_apart(place.pose, [pose])), default=0.0)
+
+    def moved(self, transform: np.ndarray) -> Comparison:
+        """After the gel moved by `transform` (4, 4)."""
+        places = [
+            Place(place.pose @ transform, transform_covariance(place.covariance, transform), place.probability)
+            for place in self.places
+        ]
+        return replace(self, places=places, cloud=self.cloud @ transform)
 
 
 class Reevaluation:
     """Keeps the last touches and compares the best places by them.
 
-    Args: lookup; poses (M, 4, 4) of its entries; alignment; config; noise; effort.
+    Args: lookup; poses (M, 4, 4) of its entries; alignment; places: how many the object has; config; noise; effort.
+    Attributes: lifted, whether the sensor was lifted since what the last comparison knew.
     """
 
     def __init__(
@@ -51,37 +74,37 @@ class Reevaluation:
         lookup: PoseLookup,
         poses: np.ndarray,
         alignment: PenetrationAlignment,
+        places: int,
         config: FilterConfig,
         noise: NoiseModel,
         effort: Effort,
     ):
-        self._alignment, self._noise, self._effort = alignment, noise, effort
-        self._tempering = min(1.0, config.hindsight_spacing / noise.touch_correlation)
-        self._search = RivalSearch(lookup, poses, self._tempering, noise, effort)
+        self._poses, self._alignment, self._noise, self._effort = poses, alignment, noise, effort
+        self._count, self._explains = places, config.relief_fit
+        self._search = RivalSearch(lookup, poses, noise, effort)
         self._window = KeyframeWindow(config.hindsight_touches, config.hindsight_spacing, effort.shortlist)
         self.restart(None)
 
     def restart(self, prior: Prior | None) -> None:
         """Forget all touches; `prior` is what is known of the present pose, if anything."""
         self._window.restart()
-        self._begin(prior)
-
-    def _begin(self, prior: Prior | None) -> None:
         self._prior = prior
-        self._since, self._patience = self._effort.fewest, self._effort.anew
+        self._typical = 0.0  # log of the prior's mean density over all places
+        if prior is not None:
+            some = self._poses[:: max(len(self._poses) // _SAMPLE, 1)]
+            density = prior.log_density(some, self._noise.prior_floor)
+            self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
+        self._since, self._patience, self.lifted = 0, self._effort.anew, False
         self._running: Iterator[Comparison | None] | None = None
 
     def moved(self, transform: np.ndarray, path: float, in_contact: bool = True) -> None:
         """The first gel moved by `transform` (4, 4), which counts as `path` [m]."""
-        self._window.moved(transform, path, in_contact)
+        self.lifted |= self._window.moved(transform, path, in_contact)
 
-    def contradicted(self) -> None:
-        """The last touches fit the belief badly: forget those from before the sensor was lifted, if it was.
-
-        The object may have been moved meanwhile, and touches that no one place explains would hide the new one.
-        """
-        if self._window.forget_before_lift():
-            self._begin(None)
+    @property
+    def motion(self) -> np.ndarray:
+        """(4, 4) of the first gel since the restart."""
+        return self._window.motion
 
     @property
     def due(self) -> bool:
@@ -95,39 +118,75 @@ class Reevaluation:
         """
         self._window.keep(touches, log_ratios)
         self._since += 1
+        if self._window.lifted:  # what is under way was asked before, of an object that may have been moved
+            self._running, self._patience = None, self._effort.anew
 
-    @property
-    def rests(self) -> bool:
-        """Whether none is under way, and another one is not worth it yet because the last ones found no rival."""
-        return self._running is None and self._effort.anew <= self._since < self._patience
+    def rests(self, contradicted: bool) -> bool:
+        """Whether none is under way, and another one is not worth it yet: the last ones said the same.
+
+        contradicted: the present touch does not fit the belief.
+        """
+        if contradicted:
+            self._patience = self._effort.anew
+        return self._running is None and (self._since < self._patience or len(self._window) < self._effort.fewest)
 
     def compare(self, modes: list[np.ndarray]) -> Comparison | None:
         """Do a slice; what was found once it is complete, else None.
 
-        modes: poses (4, 4) of the filter's own modes at present. All of them are among the places, the refuted ones
-        with the odds of `NoiseModel.refuted` or less; the others are their rivals.
+        modes: poses (4, 4) of the filter's own modes at present. All of them are among the places; the others are their
+        rivals.
         """
-        if len(modes) > 1:
-            self._patience = self._effort.anew
         if self._running is None:
-            if len(self._window) < self._effort.fewest or self._since < self._effort.anew:
-                return None
             self._since = 0
             self._running = self._run(modes)
         found = next(self._running)
         if found is not None:
-            self._running = None
-            self._patience = min(2 * self._patience, self._effort.rarely) if found.unrivalled else self._effort.anew
+            self._running, self.lifted = None, False
+            most = self._effort.rarely if found.settled(self._noise.settled) else self._effort.seldom
+            self._patience = min(2 * self._patience, most)
         return found
 
     def _run(self, modes: list[np.ndarray]) -> Iterator[Comparison | None]:
-        keyframes = list(self._window.keyframes)
-        to_newest = se3.inverse(self._window.motion) @ keyframes[-1].motion
+        window = self._scored()
+        newest = window.keyframes[-1].motion
+        to_newest = se3.inverse(self._window.motion) @ newest
         starts = [mode @ to_newest for mode in modes]
-        rivals, exhaustive = yield from self._search.find(keyframes, starts)
-        replay = Replay(keyframes, self._alignment, self._tempering, self._noise, self._effort)
-        for start in starts + rivals:
+        rivals = yield from self._search.find(window, starts)
+        replay = Replay(window, self._search.along, self._alignment, self._noise, self._effort, self._explains)
+        exhaustive = True
+        for i, start in enumerate(starts + rivals.poses):
+            exhaustive = i < len(starts) or replay.alignments < self._effort.alignments
+            if not exhaustive:
+                break
             yield from replay.follow(start)
-        places = replay.places(self._window.motion, self._prior)
-        refuted = all(place.log_odds <= self._noise.refuted for place in places[1:])
-        yield Comparison(places, exhaustive, exhaustive and refuted)
+        yield self._compared(window, replay, rivals, exhaustive)
+
+    def _scored(self) -> Scored:
+        keyframes = list(self._window.keyframes)
+        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
+        change = np.where(lifted, self._noise.change_lifted, self._noise.change)
+        return Scored(keyframes, independence(keyframes, self._noise.touch_correlation), change)
+
+    def _compared(self, window: Scored, replay: Replay, rivals: Rivals, exhaustive: bool) -> Comparison:
+        """Probabilities of all places that were followed, at present."""
+        now, followed, every = self._window.motion, replay.followed, replay.evidence()
+        onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
+        poses = [each.pose @ on for each, on in zip(followed, onward, strict=True)]
+        order = np.argsort(-every.sum(axis=1), kind="stable")
+        distinct: list[int] = []
+        for i in order:
+            if is_apart(poses[i], [poses[j] for j in distinct]):
+                distinct.append(i)
+        log_prior = np.full(len(distinct), -np.log(self._count))
+        if self._prior is not None:
+            starts = np.stack([poses[i] for i in distinct]) @ se3.inverse(now)
+            log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
+            log_prior = np.minimum(log_prior, -np.log(2 * len(distinct)))
+        share, elsewhere = place_posterior(every[distinct], log_prior, window.change, self._count)
+        places = [
+            Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
+            for i, p in zip(distinct, share, strict=True)
+        ]
+        places.sort(key=lambda place: -place.probability)
+        on = se3.inverse(window.keyframes[-1].motion) @ now
+        return Comparison(places, elsewhere, exhaustive, rivals.cloud @ on, rivals.cloud_scores)

@@ -1,8 +1,9 @@
-"""How well a place explains the penetration maps of a window of keyframes: its marginal likelihood, map by map."""
+"""How well a place explains the penetration maps of a window of keyframes, map by map."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,73 +14,95 @@ from .effort import Effort
 from .joint_alignment import align_in_turn, transform_covariance
 from .keyframes import Keyframe
 from .noise_model import NoiseModel
-from .places import Place, Prior, is_apart
+from .places import pose_distance
+from .rival_search import Scored
+
+_SAME = 4e-3  # m, pose distance
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A place: pose (4, 4) and covariance (6, 6), own frame, at keyframe number `at`, by all maps from there on.
+
+    misfit (K,): share of each map that it leaves unexplained, 1 before that; poses (K, 4, 4) before each map was used.
+    """
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    at: int
+    misfit: np.ndarray
+    poses: np.ndarray
 
 
 class Replay:
-    """Aligns places to all keyframes, from the newest back along the path, and compares their marginal likelihoods.
+    """Aligns places to all keyframes, from the newest back along the path.
 
-    Args: keyframes, oldest first; alignment; tempering exponent of a keyframe; noise; effort.
+    Args: window; code_ratios(poses, keyframes): log-likelihood ratios (K,) of the codes of each at a pose (K, 4, 4);
+    alignment; noise; effort; explains: fit from which a map may correct a pose.
+    Attributes: followed, so far; alignments, number of them.
     """
 
     def __init__(
         self,
-        keyframes: list[Keyframe],
+        window: Scored,
+        code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray],
         alignment: PenetrationAlignment,
-        tempering: float,
         noise: NoiseModel,
         effort: Effort,
+        explains: float,
     ):
-        self._keyframes, self._alignment, self._tempering = keyframes, alignment, tempering
-        self._noise, self._effort = noise, effort
-        self._held: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []  # pose, covariance at the oldest; evidence
-        self._refuted: list[np.ndarray] = []  # poses at the newest
-        self._best = np.full(len(keyframes), -np.inf)  # evidence of the best place so far
+        self._window, self._code_ratios, self._alignment = window, code_ratios, alignment
+        self._noise, self._effort, self._explains = noise, effort, explains
+        self.followed: list[Followed] = []
+        self.alignments = 0
+        self._best = np.full(len(window.keyframes), -np.inf)  # highest sum of the evidence from each keyframe on
 
     def follow(self, start: np.ndarray) -> Iterator[None]:
-        """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope."""
-        keyframes, jitter = self._keyframes, self._noise.jitter
-        pose, covariance = start, self._noise.between_entries
-        evidence = np.full(len(keyframes), -np.inf)
-        for k in range(len(keyframes) - 1, -1, -1):
+        """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope.
+
+        First to the newest few, and then once more from there: a codebook's entry would else fall behind a settled mode
+        by how far from the optimum it starts. Who has come to where another place is by then, is that place.
+        """
+        newest = len(self._window.keyframes) - 1
+        few = max(newest - self._effort.settled, 0)
+        found = yield from self._back_to(few, start)
+        if any(each.at <= few and pose_distance(each.poses[few], found.poses[few]) < _SAME for each in self.followed):
+            return
+        if few and found.at == few:
+            onward = se3.inverse(self._window.keyframes[few].motion) @ self._window.keyframes[newest].motion
+            found = yield from self._back_to(0, found.pose @ onward)
+        self.followed.append(found)
+
+    def _back_to(self, oldest: int, pose: np.ndarray) -> Generator[None, None, Followed]:
+        """Align a pose (4, 4) at the newest keyframe to those from number `oldest` on, as long as there is hope."""
+        keyframes, weights, jitter = self._window.keyframes, self._window.weights, self._noise.jitter
+        covariance = self._noise.between_entries
+        misfit, poses, total = np.ones(len(keyframes)), np.tile(pose, (len(keyframes), 1, 1)), 0.0
+        for k in range(len(keyframes) - 1, oldest - 1, -1):
             maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled)
             aligned = align_in_turn(self._alignment, pose, covariance + jitter, maps, self._noise.finger_error)
-            evidence[k] = aligned.log_evidence
-            pose, covariance = without_jitter(pose, covariance, jitter, aligned)
-            if k:
-                back = se3.inverse(keyframes[k].motion) @ keyframes[k - 1].motion
-                pose, covariance = pose @ back, transform_covariance(covariance, back)
-            if k % self._effort.alignments_per_step == 0:
+            misfit[k], poses[k] = 1.0 - aligned.fit, pose
+            total += weights[k] * float(self._noise.misfit_evidence(misfit[k]))
+            if aligned.fit > self._explains:
+                pose, covariance = without_jitter(pose, covariance, jitter, aligned)
+            self.alignments += 1
+            if self.alignments % self._effort.alignments_per_step == 0:
                 yield None
-            if self._held and self._log_odds(evidence[k:], self._best[k:]) < self._noise.refuted:
-                self._refuted.append(start)
-                return
-        if not self._held or self._log_odds(evidence, self._best) > 0:
-            self._best = evidence
-        self._held.append((pose, covariance, evidence))
+            hopeless = total - self._best[k] < self._noise.refuted
+            self._best[k] = max(self._best[k], total)
+            if hopeless or k == oldest:
+                break
+            back = se3.inverse(keyframes[k].motion) @ keyframes[k - 1].motion
+            pose, covariance = pose @ back, transform_covariance(covariance, back)
+        return Followed(pose, covariance, k, misfit, poses)
 
-    def places(self, motion: np.ndarray, prior: Prior | None) -> list[Place]:
-        """All places that were followed, best first; `motion` (4, 4) of the first gel from the start to now."""
-        from_oldest = se3.inverse(self._keyframes[0].motion)
-        log_odds = np.array([self._log_odds(evidence, self._best) for *_, evidence in self._held])
-        if prior is not None:
-            starts = np.stack([pose for pose, *_ in self._held]) @ from_oldest
-            log_odds += prior.log_density(starts, self._noise.prior_floor)
-        log_odds -= log_odds.max()
-        on = from_oldest @ motion
-        found = [
-            Place(pose @ on, transform_covariance(covariance, on), float(value))
-            for (pose, covariance, _), value in zip(self._held, log_odds, strict=True)
-        ]
-        on = se3.inverse(self._keyframes[-1].motion) @ motion
-        found += [Place(pose @ on, self._noise.between_entries, self._noise.refuted) for pose in self._refuted]
-        places: list[Place] = []
-        for place in sorted(found, key=lambda each: -each.log_odds):
-            if is_apart(place.pose, [other.pose for other in places]):
-                places.append(place)
-        return places
+    def evidence(self) -> np.ndarray:
+        """(P, K) nats of each keyframe for each place that was followed, against one that nobody named.
 
-    def _log_odds(self, evidence: np.ndarray, other: np.ndarray) -> float:
-        """Of a place with this evidence of each keyframe against another place."""
-        most = self._noise.largest_evidence
-        return self._tempering * float(np.clip(evidence - other, -most, most).sum())
+        Codes say how likely it is that one of these places is right at all; maps decide between them.
+        """
+        misfit = np.stack([each.misfit for each in self.followed])
+        best, touches = misfit.argmin(axis=0), np.arange(misfit.shape[1])
+        poses = np.stack([self.followed[i].poses[k] for k, i in enumerate(best)])
+        against_best = self._noise.misfit_evidence(misfit) - self._noise.misfit_evidence(misfit[best, touches])
+        return self._window.weights * (self._code_ratios(poses, self._window.keyframes) + against_best)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,30 +19,62 @@ from .touch import Measurement
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
-Rivals = tuple[list[np.ndarray], bool]
+@dataclass(frozen=True)
+class Rivals:
+    """poses: of places that are worth a look, (4, 4) at the newest keyframe, best first; cloud (C, 4, 4): of everything
+    that may explain the touches, there too, and cloud_scores (C,) nats."""
+
+    poses: list[np.ndarray]
+    cloud: np.ndarray
+    cloud_scores: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scored:
+    """keyframes, oldest first; weights (K,): how much of an independent touch each is; change (K,): probability that
+    the motion was broken before each."""
+
+    keyframes: list[Keyframe]
+    weights: np.ndarray
+    change: np.ndarray
+
+    def sparser(self, count: int) -> Scored:
+        """The newest one and, ever farther apart, so many in all."""
+        last = len(self.keyframes) - 1
+        chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
+        change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
+        return Scored([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
+
+    def best_suffix(self, scores: np.ndarray) -> np.ndarray:
+        """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
+
+        scores (C, K): of each touch.
+        """
+        price = np.append(0.0, np.log(self.change[1:]))
+        return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
 
 
 class RivalSearch:
     """Looks for the places that explain keyframes best, in slices: each generator yields None between two of them.
 
-    Args: lookup; poses (M, 4, 4) of its entries; tempering exponent of a keyframe; noise; effort.
+    Args: lookup; poses (M, 4, 4) of its entries; noise; effort.
     """
 
-    def __init__(self, lookup: PoseLookup, poses: np.ndarray, tempering: float, noise: NoiseModel, effort: Effort):
-        self._lookup, self._poses, self._tempering = lookup, poses, tempering
+    def __init__(self, lookup: PoseLookup, poses: np.ndarray, noise: NoiseModel, effort: Effort):
+        self._lookup, self._poses = lookup, poses
         self._margin, self._effort = noise.code_margin, effort
+        self._looked_up = 0  # in this step
 
-    def find(self, keyframes: list[Keyframe], taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
-        """Poses (4, 4) at the newest keyframe, apart from `taken` and each other, best first; whether these are all."""
-        effort, newest = self._effort, keyframes[-1]
-        candidates = yield from self._candidates(keyframes)
-        some = keyframes[:: -max(len(keyframes) // effort.sieve, 1)]
-        candidates, _ = self._best(candidates, (yield from self._summed(candidates, newest, some)))
-        if any(len(keyframe.touches) > 1 for keyframe in keyframes):
+    def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
+        """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
+        effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
+        candidates = yield from self._candidates(some.keyframes)
+        candidates, _ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))
+        if any(len(keyframe.touches) > 1 for keyframe in window.keyframes):
             for angle in effort.turns:
                 yield None
                 candidates = self._turned(candidates[: effort.turned], angle, newest, some)
-        candidates, score = self._best(candidates, (yield from self._summed(candidates, newest, keyframes)))
+        candidates, score = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
         return self._worth_replaying(candidates, score, taken)
 
     def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
@@ -57,44 +90,69 @@ class RivalSearch:
         poses = np.concatenate(out)
         entries = np.empty(len(poses), int)
         for part in self._slices(len(poses)):
-            yield None
+            yield from self._pause(part)
             entries[part] = self._lookup.exact(poses[part])
         return poses[np.unique(entries, return_index=True)[1]]
 
     def _slices(self, count: int) -> list[slice]:
-        """What is looked up in one step each."""
+        """What is looked up at once: no more than in one step."""
         size = self._effort.lookups_per_step
-        return [slice(low, low + size) for low in range(0, count, size)]
+        return [slice(low, min(low + size, count)) for low in range(0, count, size)]
 
-    def _best(self, candidates: np.ndarray, score: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The best candidates and their scores, best first."""
-        best = np.argsort(-score, kind="stable")[: self._effort.kept]
+    def _pause(self, part: slice) -> Iterator[None]:
+        """Leave what is to be looked up to the next step, if this one has done enough."""
+        self._looked_up += part.stop - part.start
+        if self._looked_up > self._effort.lookups_per_step:
+            self._looked_up = part.stop - part.start
+            yield None
+
+    def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The best candidates and their scores; by turns the next best of all touches and of those since the last lift.
+
+        The object may have been moved then, and what explained many touches before may explain none any more.
+        """
+        turns = np.stack([np.argsort(-each, kind="stable") for each in (score, recent)], axis=1).ravel()
+        best = turns[np.sort(np.unique(turns, return_index=True)[1])][: self._effort.kept]
         return candidates[best], score[best]
 
-    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, keyframes: list[Keyframe]) -> np.ndarray:
+    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: Scored) -> np.ndarray:
         """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains the keyframes."""
         turned = candidates[:, None] @ se3.exp(angle * _AXES)
         every = turned.reshape(-1, 4, 4)
-        score = sum(self._scores(every @ (se3.inverse(newest.motion) @ each.motion), each) for each in keyframes)
+        scores = [self._of(every, newest, window, k) for k in range(len(window.weights))]
+        score = window.best_suffix(np.stack(scores, axis=1))
         return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
 
-    def _summed(
-        self, candidates: np.ndarray, newest: Keyframe, keyframes: list[Keyframe]
-    ) -> Generator[None, None, np.ndarray]:
-        """Scores (C,) of candidates (C, 4, 4) at the newest keyframe, over these keyframes."""
-        score = np.zeros(len(candidates))
-        for keyframe in keyframes:
-            motion = se3.inverse(newest.motion) @ keyframe.motion
+    def _scored(
+        self, candidates: np.ndarray, newest: Keyframe, window: Scored
+    ) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
+        """Scores (C,) of candidates (C, 4, 4) at the newest keyframe: over the window, and since the last lift."""
+        scores = np.zeros((len(candidates), len(window.weights)))
+        for k in range(len(window.weights)):
             for part in self._slices(len(candidates)):
-                yield None
-                score[part] += self._scores(candidates[part] @ motion, keyframe)
-        return score
+                yield from self._pause(part)
+                scores[part, k] = self._of(candidates[part], newest, window, k)
+        recent = [keyframe.stretch == newest.stretch for keyframe in window.keyframes]
+        best = window.best_suffix(scores)
+        return best, best if all(recent) else scores[:, recent].sum(axis=1)
 
-    def _scores(self, poses: np.ndarray, keyframe: Keyframe) -> np.ndarray:
-        """Tempered log-likelihood ratios (C,) of poses (C, 4, 4) at a keyframe, of all its fingers."""
-        out = np.zeros(len(poses))
-        for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
-            out += self._tempering * self._log_ratio(poses, touch, log_ratio)
+    def _of(self, candidates: np.ndarray, newest: Keyframe, window: Scored, k: int) -> np.ndarray:
+        """Tempered log-likelihood ratios (C,) of candidates (C, 4, 4) at the newest keyframe, by keyframe k."""
+        keyframe = window.keyframes[k]
+        poses = candidates @ (se3.inverse(newest.motion) @ keyframe.motion)
+        pairs = zip(keyframe.touches, keyframe.log_ratios, strict=True)
+        return window.weights[k] * np.sum([self._log_ratio(poses, *pair) for pair in pairs], axis=0)
+
+    def along(self, poses: np.ndarray, keyframes: Sequence[Keyframe]) -> np.ndarray:
+        """Log-likelihood ratios (K,) of poses (K, 4, 4) of the first gel, each at its keyframe, of all fingers' codes.
+
+        The first finger's all at once: a look-up of one pose takes as long as one of a hundred.
+        """
+        out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
+        for k, keyframe in enumerate(keyframes):
+            for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
+                first = touch.T_gel_finger is None
+                out[k] += log_ratio[entries[k]] if first else self._log_ratio(poses[k : k + 1], touch, log_ratio)[0]
         return out
 
     def _log_ratio(self, poses: np.ndarray, touch: Measurement, log_ratio: np.ndarray) -> np.ndarray:
@@ -106,11 +164,7 @@ class RivalSearch:
 
     def _worth_replaying(self, candidates: np.ndarray, score: np.ndarray, taken: Sequence[np.ndarray]) -> Rivals:
         chosen: list[np.ndarray] = []
-        for i in np.argsort(-score, kind="stable"):
-            if score[i] < score.max() - self._margin:
-                break
-            if is_apart(candidates[i], [*taken, *chosen]):
-                if len(chosen) == self._effort.most_rivals:
-                    return chosen, False
-                chosen.append(candidates[i])
-        return chosen, True
+        for pose in candidates[score > score.max() - self._margin]:
+            if is_apart(pose, [*taken, *chosen]):
+                chosen.append(pose)
+        return Rivals(chosen, candidates, score)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from midastouch_filter.keyframes import KeyframeWindow
+from midastouch_filter.keyframes import KeyframeWindow, independence
 from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 
@@ -32,17 +32,44 @@ def test_the_oldest_keyframe_goes_and_motion_is_from_the_start():
     np.testing.assert_allclose(window.motion, np.linalg.matrix_power(STEP, 6), atol=1e-12)
 
 
-def test_only_keyframes_from_before_a_lift_are_forgotten():
+def test_a_touch_takes_the_place_of_one_nearby():
     window = KeyframeWindow(8, 0.02, shortlist=3)
     keep(window, 3)
-    assert not window.forget_before_lift()
-    window.moved(STEP, 0.02, in_contact=False)
+    there, back = window.motion, np.linalg.inv(STEP)
+    for step in (back, STEP):
+        window.moved(step, 0.02, in_contact=True)
+        window.keep([Measurement(True)], SILENT)
+    assert len(window) == 3
+    np.testing.assert_allclose(window.keyframes[-1].motion, there, atol=1e-12)
+
+
+def test_after_a_lift_nothing_is_nearby():
+    window = KeyframeWindow(8, 0.02, shortlist=3)
+    keep(window, 3)
+    window.moved(STEP, 0.006, in_contact=False)
+    window.moved(np.linalg.inv(STEP), 0.006, in_contact=False)
+    window.moved(np.eye(4), 0.0, in_contact=True)
+    window.keep([Measurement(True)], SILENT)
+    assert len(window) == 4
+    assert window.lifted
+    assert independence(window.keyframes, 0.5)[-1] == 1
+
+
+def test_a_short_gap_is_no_lift():
+    window = KeyframeWindow(8, 0.02, shortlist=3)
     keep(window, 2)
-    motion = window.motion
-    assert window.forget_before_lift()
-    assert len(window) == 2
-    np.testing.assert_array_equal(window.motion, motion)
-    assert not window.forget_before_lift()
+    window.moved(STEP, 0.008, in_contact=False)
+    keep(window, 1)
+    assert not window.lifted
+
+
+def test_touches_count_by_their_distance_to_all_earlier_ones():
+    window = KeyframeWindow(8, 0.01, shortlist=3)
+    for x in (0.0, 0.01, 0.03, 0.02):
+        window.motion = se3.make(np.eye(3), np.array([x, 0, 0]))
+        window.keep([Measurement(True)], SILENT)
+    np.testing.assert_allclose(independence(window.keyframes, 0.04), [1, 0.25, 0.5, 0.25])
+    np.testing.assert_allclose(independence(window.keyframes, 0.005), 1)
 
 
 def test_further_fingers_are_aligned_to_once_the_place_is_settled():

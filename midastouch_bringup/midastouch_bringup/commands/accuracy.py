@@ -33,7 +33,7 @@ def add_parser(subparsers) -> None:
         "--variant takes names and sets:\n"
         "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
         "(each mechanism and gate off), gates, counts (fewer particles), codebooks (fewer poses, shorter codes),\n"
-        "front (what error is set against run time for), all.\n"
+        "front (what error is set against run time for), scale (100 to a million particles and poses), all.\n"
         "--protocol takes one of:\n"
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
         "  tool_bias    tool 2 mm, 2 deg off                late         poses 50 ms late\n"

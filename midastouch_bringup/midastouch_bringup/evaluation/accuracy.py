@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.stats import chi2
 
@@ -53,8 +55,9 @@ def trust(trials: list[dict]) -> dict:
     """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
 
     converged_wrong, of all frames; right_at_end; right_modulo_symmetry_at_end; region_95, share of converged frames
-    whose 95 % region holds the truth; right_after_event, of trials, so many frames later; frames_until_right; final
-    errors of particles, closest mode and published pose, mean and median; ms of a frame, of which filter_cpu_ms.
+    whose 95 % region holds the truth; right_before_event, right_after_event, of trials, the latter so many frames
+    later; found_again, of those that were right before; frames_until_right, infinite where it never is again; final
+    errors of particles, closest mode and published pose; ms of a frame, of which filter_cpu_ms.
     enough: whether there are trials enough to claim anything.
     """
     groups = [(t["object"], t["slide"]) for t in trials]
@@ -68,19 +71,21 @@ def trust(trials: list[dict]) -> dict:
 
     def values(some: list[float]) -> dict:
         some = np.array(some, float)
-        known = some[np.isfinite(some)]
+        return {name: value(some, statistic) for name, statistic in (("mean", np.mean), ("median", np.median))}
+
+    def value(some: np.ndarray, statistic: Callable) -> dict:
+        known = some[~np.isnan(some)]
         return {
-            name: {
-                "value": float(statistic(known)) if len(known) else None,
-                "interval": bootstrap_interval(some, groups, statistic),
-            }
-            for name, statistic in (("mean", np.mean), ("median", np.median))
+            "value": float(statistic(known)) if len(known) else None,
+            "interval": bootstrap_interval(some, groups, statistic),
         }
 
     ones = [1] * len(trials)
     converged = [t["coverage"]["converged"] for t in trials]
     within = int(np.searchsorted(LEVELS, _REGION - 1e-9)) + 1
     asked = [t["right_after_event"] is not None for t in trials]
+    before = [bool(t["right_before_event"]) for t in trials]
+    after = [bool(t["right_after_event"]) for t in trials]
     out = {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
@@ -90,8 +95,10 @@ def trust(trials: list[dict]) -> dict:
         "right_at_end": shares([is_right(t) for t in trials], ones),
         "right_modulo_symmetry_at_end": shares([is_right(t, "symmetric_estimate_trans_mm") for t in trials], ones),
         "region_95": shares([sum(one[:within]) for one in converged], [sum(one) for one in converged]),
-        "right_after_event": shares([bool(t["right_after_event"]) for t in trials], asked) | {"frames": AFTER_EVENT},
-        "frames_until_right": values([_frames_until_right(t) for t in trials]),
+        "right_before_event": shares(before, [t["right_before_event"] is not None for t in trials]),
+        "right_after_event": shares(after, asked) | {"frames": AFTER_EVENT},
+        "found_again": shares(np.logical_and(before, after), np.logical_and(before, asked)),
+        "frames_until_right": {"median": value(np.array([_frames_until_right(t) for t in trials], float), np.median)},
         "ms": values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
         "filter_cpu_ms": values([t["filter_cpu_ms"] for t in trials]),
     }
@@ -102,9 +109,9 @@ def trust(trials: list[dict]) -> dict:
 
 
 def _frames_until_right(trial: dict) -> float:
-    """From the event to where it is right until the end; without an event from the start; nan if never."""
+    """From the event to where it is right until the end; without an event from the start."""
     if trial["right_from_frame"] is None:
-        return np.nan
+        return np.inf
     return max(trial["right_from_frame"] - (trial["event_at"] or 0), 0)
 
 
@@ -199,7 +206,9 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
         "converged_wrong": "frames converged wrong",
         "right_at_end": "right at the end",
         "right_modulo_symmetry_at_end": "right at the end, modulo symmetry",
+        "right_before_event": "right before the event",
         "right_after_event": f"right {after} frames after the event",
+        "found_again": "the same, of those right before",
         "region_95": "converged frames whose 95 % region holds the truth",
     }
     plain = {
@@ -224,8 +233,12 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
 
 
 def _figure(value: float | None, interval: list[float] | None, form: str) -> tuple[str, str]:
-    shown = "-" if interval is None else " ... ".join(map(form.format, interval))
-    return "-" if value is None else form.format(value), shown
+    def one(value: float | None) -> str:
+        return "never" if value is None or np.isinf(value) else form.format(value)
+
+    if value is None and interval is None:
+        return "-", "-"
+    return one(value), "-" if interval is None else " ... ".join(map(one, interval))
 
 
 def peers_of(summary: dict[str, dict], init: str) -> dict[str, dict]:

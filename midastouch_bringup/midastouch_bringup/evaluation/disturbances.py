@@ -18,10 +18,7 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 
-from .trial import TrialFrame
-
-FRAME_TIME = 0.05
-"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+from .trial import FRAME_TIME, Event, TrialFrame
 
 _BIAS_T, _BIAS_R = 2e-3, np.radians(2.0)
 _DELAY = 0.05  # s
@@ -55,11 +52,10 @@ class Scene:
 
 @dataclass(frozen=True)
 class Disturbed:
-    """frames as the trial has them; event, position of the first ordinary frame after what happened, None if nothing
-    happened at a certain frame."""
+    """frames as the trial has them; event, None if nothing happened at a certain frame."""
 
     frames: list[TrialFrame]
-    event: int | None = None
+    event: Event | None = None
 
 
 Disturbance = Callable[[Scene], Disturbed]
@@ -90,7 +86,8 @@ def late(scene: Scene) -> Disturbed:
 
 def jump(scene: Scene) -> Disturbed:
     """The slide leaps, and the odometry says so."""
-    return Disturbed(scene.frames, _leap(scene))
+    k = _leap(scene)
+    return Disturbed(scene.frames, Event(k, k))
 
 
 def lift(scene: Scene) -> Disturbed:
@@ -116,7 +113,7 @@ def push(scene: Scene) -> Disturbed:
         for k in range(len(frames))
     ]
     moved = [dataclasses.replace(f, measured=d @ f.measured) for f, d in zip(frames, pushed, strict=True)]
-    return Disturbed(moved, min(start + _PUSHED, len(frames) - 1))
+    return Disturbed(moved, Event(start, min(start + _PUSHED, len(frames) - 1)))
 
 
 def unexplained(scene: Scene) -> Disturbed:
@@ -125,7 +122,7 @@ def unexplained(scene: Scene) -> Disturbed:
     felt = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
     strange = [dataclasses.replace(f, felt=touch) for f, touch in zip(frames[start:], felt, strict=False)]
     end = start + len(strange)
-    return Disturbed([*frames[:start], *strange, *frames[end:]], end)
+    return Disturbed([*frames[:start], *strange, *frames[end:]], Event(start, end))
 
 
 def wrong_mesh(scene: Scene) -> Disturbed:
@@ -138,7 +135,7 @@ def rest(scene: Scene) -> Disturbed:
     """The arm stops in contact for 20 s: poses and codes then differ by the noise of joints and camera only."""
     frames, k = scene.frames, scene.middle
     still = [_at_rest(frames[k], scene.rng) for _ in range(_RESTING)]
-    return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], k + 1 + _RESTING)
+    return Disturbed([*frames[: k + 1], *still, *frames[k + 1 :]], Event(k + 1, k + 1 + _RESTING))
 
 
 def slow_camera(scene: Scene) -> Disturbed:
@@ -149,7 +146,11 @@ def slow_camera(scene: Scene) -> Disturbed:
             name: getattr(frame, name) @ se3.exp(0.5 * se3.log(se3.inverse(getattr(frame, name)) @ pose))
             for name, pose in (("measured", following.measured), ("truth", following.truth))
         }
-        out += [dataclasses.replace(frame, ms={}, **half), following]
+        seconds = 0.5 * following.seconds if following.seconds else None
+        out += [
+            dataclasses.replace(frame, ms={}, seconds=seconds, **half),
+            dataclasses.replace(following, seconds=seconds),
+        ]
     return Disturbed(out)
 
 
@@ -188,7 +189,7 @@ def _moved_away(scene: Scene, told: bool) -> Disturbed:
         for up in (se3.make(np.eye(3), np.array([0.0, 0.0, height])) for height in heights)
     ]
     moved = [dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after]
-    return Disturbed([*before, *lifted, *moved], k + _LIFTED)
+    return Disturbed([*before, *lifted, *moved], Event(k, k + _LIFTED))
 
 
 def _least_explained(foreign: list[TrialFrame], codebook: Codebook, n: int) -> list[Measurement]:

@@ -43,17 +43,17 @@ def bootstrap_interval(
 ) -> list[float] | None:
     """[low, high] of a mean (`np.mean`) or median (`np.median`) of values (N,), nan left out; groups as above.
 
-    None with fewer than two groups.
+    Medians may be of values that are infinite. None with fewer than two groups.
     """
     values = np.asarray(values, float)
-    known = np.isfinite(values)
+    known = ~np.isnan(values)
     index, n_groups = _numbered([group for group, ok in zip(groups, known, strict=True) if ok])
     if n_groups < 2:
         return None
     rng = np.random.default_rng(0)
     times_drawn = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=_RESAMPLES)
     drawn = _STATISTICS[statistic](values[known], times_drawn[:, index])
-    return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]).tolist()
+    return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], method="nearest").tolist()
 
 
 def _means(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -112,10 +112,10 @@ class PaperFilter:
         self._particles = Particles.from_poses(drawn, np.zeros(len(drawn)))
         self._to_codebook()
 
-    def step(self, odometry: np.ndarray | None, measurement: Measurement) -> Estimate:
+    def step(self, odometry: np.ndarray | None, measurement: Measurement, elapsed: float | None = None) -> Estimate:
         """Motion, measurement update, pruning, clustering, annealing, resampling: one step of section 4.3.
 
-        odometry: `inv(p_prev) p_now` (4, 4), None on the first frame.
+        odometry: `inv(p_prev) p_now` (4, 4), None on the first frame; elapsed is of no use to it.
         """
         watch = Stopwatch(self._clock)
         if self._particles is None:

@@ -16,7 +16,7 @@ from midastouch_perception.files import atomic_path
 
 from ..datasets import Sequence
 from .setup import Networks, sequence_background
-from .trial import TrialFrame
+from .trial import FRAME_TIME, TrialFrame
 
 _WARM_UP_FRAMES = 3
 _STAGES = ("tdn", "tcn")
@@ -94,6 +94,7 @@ class Touches:
                 dict(zip(_STAGES, self.ms[i].tolist(), strict=True)),
                 sequence.poses_measured[i],
                 sequence.poses_true[i],
+                FRAME_TIME * stride,
             )
             for i in range(0, sequence.n_frames, stride)
         ]

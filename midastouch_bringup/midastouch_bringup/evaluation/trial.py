@@ -21,7 +21,7 @@ from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 3
+RECORD = 4
 """Version of what `run_trial` returns: kept trials of another one are run again."""
 
 RIGHT = 0.01
@@ -36,7 +36,8 @@ AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
     """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
-    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object.
+    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
+    before, None where nobody knows.
 
     Only differences of the measured pose reach the filter.
     """
@@ -46,6 +47,7 @@ class TrialFrame:
     ms: dict[str, float]
     measured: np.ndarray
     truth: np.ndarray
+    seconds: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,6 +64,19 @@ class Yardstick:
         return self.symmetry.nearest(poses, truth) if self.twins and len(poses) else poses
 
 
+FRAME_TIME = 0.05
+"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Event:
+    """Positions of frames: start, the first that something happens to; end, the first ordinary one after it."""
+
+    start: int
+    end: int
+
+
+
 Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
 
@@ -71,7 +86,7 @@ def run_trial(
     observe: Observer | None = None,
     yardstick: Yardstick | None = None,
     series: bool = True,
-    event: int | None = None,
+    event: Event | None = None,
 ) -> dict:
     """Run an initialised filter over the frames; the `trials` entry of the `evaluate` JSON without its
     labels.
@@ -79,9 +94,10 @@ def run_trial(
     Time counts from the image to the estimate (networks and filter); reading files and computing errors do not. The
     filter's CPU time, of all its threads, is what holds on a busy machine.
     Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
-    Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take
-    longer than the filter. The final errors are given modulo the yardstick's symmetry too. `observe` sees every frame
-    with its estimate and the filter, outside the timing. `event`: position of the first frame after a disturbance.
+    Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take longer
+    than the filter. The final errors are given modulo the yardstick's symmetry too. `observe` sees every frame with its
+    estimate and the filter, outside the timing. `event`: what happens on the way, after which it is asked again whether
+    the pose is right.
     """
     record = _Record(yardstick or Yardstick(), series, event)
     previous = None
@@ -91,7 +107,7 @@ def run_trial(
         odometry = None if previous is None else se3.inverse(previous) @ frame.measured
         previous = frame.measured
         start, cpu_start = time.perf_counter(), time.process_time()
-        estimate = particle_filter.step(odometry, frame.felt)
+        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds)
         ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
         record.add(frame, estimate, particle_filter, ms, cpu_ms)
         if observe is not None:
@@ -100,7 +116,7 @@ def run_trial(
 
 
 class _Record:
-    def __init__(self, yardstick: Yardstick, series: bool, event: int | None) -> None:
+    def __init__(self, yardstick: Yardstick, series: bool, event: Event | None) -> None:
         self._yardstick, self._series, self._event = yardstick, series, event
         self._rows: list[dict] = []
         self._ms: dict[str, list[float]] = {stage: [] for stage in STAGES}
@@ -109,6 +125,7 @@ class _Record:
         self._filter_cpu_ms: list[float] = []
         self._states: list[tuple[int, str]] = []
         self._in_contact: list[bool] = []
+        self._areas: list[float] = []
         self._right: list[bool] = []
         self._coverage = Coverage()
 
@@ -126,6 +143,8 @@ class _Record:
         self._filter_cpu_ms.append(filter_cpu_ms)
         self._states.append((frame.index, estimate.status.state))
         self._in_contact.append(frame.felt.in_contact)
+        if frame.felt.in_contact:
+            self._areas.append(frame.felt.contact_area)
         self._right.append(False)
         if estimate.pose is not None and np.isfinite(frame.truth).all():
             # the twin of the truth, not of the estimate: the covariance belongs to the pose as published
@@ -180,9 +199,11 @@ class _Record:
             "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
             "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
             "right_from_frame": _from_then_on((converged & right) | ~in_contact),
-            "event_at": self._event,
+            "event_at": self._event.end if self._event else None,
+            "right_before_event": bool((converged & right)[self._event.start - 1]) if self._event else None,
             "right_after_event": self._right_after_event(converged & right),
             "frames_in_contact": int(in_contact.sum()),
+            "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
             "coverage": self._coverage.counts(),
@@ -193,9 +214,9 @@ class _Record:
 
     def _right_after_event(self, right: np.ndarray) -> bool | None:
         """Whether it is right (N,) some frames after the event; None without one, or if the slide ends before."""
-        if self._event is None or self._event + AFTER_EVENT >= len(right):
+        if self._event is None or self._event.end + AFTER_EVENT >= len(right):
             return None
-        return bool(right[self._event + AFTER_EVENT])
+        return bool(right[self._event.end + AFTER_EVENT])
 
     def _modulo_symmetry(self, particle_filter: AnyFilter) -> dict[str, float]:
         frame, estimate = self._last

@@ -18,7 +18,8 @@ from .registration import Registration, RegistrationConfig
 from .trial import AnyFilter
 
 DEFAULT = "default"
-PAPER, PEER, MECHANISM, GATE, COUNT, INPUT = "paper", "peer", "mechanism", "gate", "particles", "codebook"
+PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
+COUNT, INPUT, BUDGET, SCALE = "particles", "codebook", "alignment", "scale"
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
@@ -125,6 +126,15 @@ VARIANTS = {
     "5k": Variant("at most 5,000 particles", COUNT, {"max_particles": 5_000}),
     "10k": Variant("at most 10,000 particles", COUNT, {"max_particles": 10_000}),
     "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
+    "align_1": Variant("one mode is aligned to the felt map", BUDGET, {"refined_modes": 1}),
+    "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
+    "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
+    "100": Variant("at most 100 particles", SCALE, {"max_particles": 100, "min_particles": 100}),
+    "200k": Variant("at most 200,000 particles", SCALE, {"max_particles": 200_000}),
+    "1m": Variant("at most 1,000,000 particles", SCALE, {"max_particles": 1_000_000}),
+    "book_1k": Variant("codebook of 1,000 poses", SCALE, codebook_size=1_000),
+    "book_200k": Variant("codebook of 200,000 poses", SCALE, codebook_size=200_000),
+    "book_1m": Variant("codebook of 1,000,000 poses", SCALE, codebook_size=1_000_000),
     "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
     "book_10k": Variant("codebook of 10,000 poses", INPUT, codebook_size=10_000),
     "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
@@ -145,7 +155,8 @@ SETS = {
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT)),
+    "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT, BUDGET)),
+    "scale": ("1k", "10k", "book_10k", *_group(SCALE)),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""
 

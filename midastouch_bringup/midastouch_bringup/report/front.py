@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..evaluation.comparison import pareto_front, rows_by_init
-from ..evaluation.variants import COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER
+from ..evaluation.variants import BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER, SCALE
 from .figures import style_error_axes
 from .point_labels import label_points
 
@@ -18,6 +18,8 @@ _GROUPS = {
     PEER: ("another method", "#555555", "P"),
     COUNT: ("fewer particles", "#1f77b4", "o"),
     INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
+    BUDGET: ("fewer or more modes aligned", "#17a2b8", "X"),
+    SCALE: ("scaled far up or down", "#8c564b", "p"),
     MECHANISM: ("a mechanism off", "#e08214", "v"),
     GATE: ("a gate off", "#7a4fb5", "^"),
 }

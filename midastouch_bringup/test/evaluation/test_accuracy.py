@@ -74,10 +74,12 @@ def test_recovery_counts_frames_from_the_event(trials):
 
 
 def test_trust_has_an_interval_for_every_figure(trials):
-    many = [trials[k % 2] | {"slide": k, "event_at": 2, "right_after_event": k % 4 > 0} for k in range(120)]
+    many = [trials[k % 2] | {"slide": k, "event_at": 2, "right_before_event": k % 4 < 3, "right_after_event": k % 4 > 0}
+            for k in range(120)]  # fmt: skip
     one = trust(many)
     assert (one["converged_wrong"]["share"], one["right_at_end"]["share"]) == (pytest.approx(0.2), 1)
     assert one["right_after_event"]["share"] == 0.75
+    assert (one["right_before_event"]["share"], one["found_again"]["share"]) == (0.75, pytest.approx(2 / 3))
     low, high = one["right_after_event"]["interval"]
     assert 0.66 < low < 0.75 < high < 0.83
     assert one["right_at_end"]["interval"] == [pytest.approx(0.97, abs=0.005), 1]
@@ -86,6 +88,18 @@ def test_trust_has_an_interval_for_every_figure(trials):
     assert one["e_trans_mm"]["mean"]["interval"] == [pytest.approx(2.8, abs=0.1), pytest.approx(3.2, abs=0.1)]
     _, rows = trust_table(one)
     assert ["right 30 frames after the event", "75.0%", "66.5% ... 81.9%"] in rows
+
+
+def test_who_is_never_right_again_counts_in_the_median(trials):
+    def until_right(never: int) -> dict:
+        many = [trials[0] | {"slide": k, "event_at": 2} for k in range(120)]
+        lost = [t | {"right_from_frame": None} for t in many[:never]]
+        return trust([*lost, *many[never:]])
+
+    assert until_right(never=20)["frames_until_right"]["median"]["value"] == 1
+    lost = until_right(never=100)
+    assert lost["frames_until_right"]["median"]["value"] == np.inf
+    assert ["frames until right, median", "never", "never ... never"] in trust_table(lost)[1]
 
 
 def test_too_few_trials_claim_nothing(trials):

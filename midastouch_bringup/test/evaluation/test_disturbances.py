@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_bringup.evaluation import disturbances
 from midastouch_bringup.evaluation.disturbances import Scene
-from midastouch_bringup.evaluation.trial import TrialFrame
+from midastouch_bringup.evaluation.trial import Event, TrialFrame
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
@@ -67,8 +67,8 @@ def test_late_poses_are_those_of_50_ms_before(frames):
 def test_a_rest_repeats_a_frame_for_20_s_but_for_noise(frames):
     disturbed = disturb("rest", frames)
     assert [frame.index for frame in disturbed.frames] == [*range(33), *[33] * 401, *range(34, 99)]
-    assert disturbed.frames[disturbed.event].index == 34
-    still, at_rest = frames[33], disturbed.frames[34 : disturbed.event]
+    assert disturbed.frames[disturbed.event.end].index == 34
+    still, at_rest = frames[33], disturbed.frames[disturbed.event.start : disturbed.event.end]
     moved = [se3.log(se3.inverse(still.measured) @ frame.measured) for frame in at_rest]
     assert 0 < np.abs(np.array(moved)[:, :3]).max() < 2e-4
     changed = [np.linalg.norm(frame.felt.code - still.felt.code) for frame in at_rest]
@@ -92,13 +92,14 @@ def test_a_slow_camera_shows_every_image_twice_on_the_same_path(frames):
 def test_a_jump_is_told(leaping):
     disturbed = disturb("jump", leaping)
     assert disturbed.frames == leaping
-    assert disturbed.event == 33
+    assert disturbed.event == Event(33, 33)
 
 
 @pytest.mark.parametrize(("name", "told"), [("lift", True), ("kidnap", False)])
 def test_a_lift_is_told_and_a_kidnapping_is_not(leaping, name, told):
     disturbed = disturb(name, leaping)
-    frames, down = disturbed.frames, disturbed.event
+    frames, down = disturbed.frames, disturbed.event.end
+    assert disturbed.event.start == down - 10 == 33
     assert [k for k, frame in enumerate(frames) if not frame.felt.in_contact] == list(range(down - 10, down))
     away = frames[down].truth[:3, 3] - frames[down - 11].truth[:3, 3]
     assert np.linalg.norm(away) > 0.04
@@ -113,7 +114,7 @@ def test_a_lift_is_told_and_a_kidnapping_is_not(leaping, name, told):
 
 def test_a_pushed_object_moves_by_5_mm_and_5_deg_without_the_odometrys_knowing(frames):
     disturbed = disturb("push", frames)
-    assert disturbed.event == 38
+    assert disturbed.event == Event(33, 38)
     assert all((a.truth == b.truth).all() for a, b in zip(disturbed.frames, frames, strict=True))
     assert odometry(disturbed.frames)[:32] == pytest.approx(odometry(frames)[:32], abs=1e-12)
     assert odometry(disturbed.frames)[38:] == pytest.approx(odometry(frames)[38:], abs=1e-12)
@@ -132,7 +133,7 @@ def test_the_least_explained_touches_of_another_object_replace_twelve(frames):
     disturbed = disturb("unexplained", frames, foreign=foreign, codebook=book)
     felt = [frame.felt is strange for frame in disturbed.frames]
     assert [k for k, other in enumerate(felt) if other] == list(range(33, 45))
-    assert disturbed.event == 45
+    assert disturbed.event == Event(33, 45)
     assert all((a.measured == b.measured).all() for a, b in zip(disturbed.frames, frames, strict=True))
     with pytest.raises(InputError, match="no 12 touches in a row"):
         disturb("unexplained", frames, foreign=foreign[:7], codebook=book)

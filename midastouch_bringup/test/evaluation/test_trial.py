@@ -7,7 +7,7 @@ from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.evaluation.sequence_trials import TrialPlan, run_sequence
 from midastouch_bringup.evaluation.summary import summarise_trials, summary_table
 from midastouch_bringup.evaluation.symmetry import Symmetry
-from midastouch_bringup.evaluation.trial import AFTER_EVENT, TrialFrame, Yardstick, run_trial
+from midastouch_bringup.evaluation.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.filter import Measurement
@@ -36,6 +36,7 @@ def test_trials_have_the_keys_of_the_file_format(evaluated):
         assert set(trial["final"]) >= FINAL_KEYS
         assert set(trial["ms"]) == {"tdn", "tcn", "filter"}
         assert trial["filter_cpu_ms"] > 0
+        assert trial["contact_area_mm2"] == pytest.approx(100)
         # stages lie within a step; on a busy machine much may lie between them
         assert 0 < sum(trial["filter_stages_ms"].values()) <= 1.001 * trial["ms"]["filter"]
         assert all(len(column) == trial["frames"] == 30 for column in trial["per_frame"].values())
@@ -116,7 +117,7 @@ class KnowsThePoses:
         self._left = list(poses)
         self.poses = poses[:1]
 
-    def step(self, odometry, measurement) -> Estimate:
+    def step(self, odometry, measurement, elapsed=None) -> Estimate:
         pose = self._left.pop(0)
         self.poses = pose[None]
         status = Status(CONVERGED, "sure", n_particles=1, n_modes=1, mode_mass=1.0)
@@ -150,10 +151,14 @@ def test_a_twin_of_the_truth_is_as_good_where_the_yardstick_says_so(poses):
 def test_it_is_asked_again_some_frames_after_the_event(poses):
     known = poses.copy()
     known[40:, 2, 3] += 0.012  # m
-    right = [run_knowing(known, poses, event=event)["right_after_event"] for event in (None, 0, 9, 10, 29, 30)]
+    events = [Event(start, end) for start, end in ((1, 1), (3, 9), (3, 10), (20, 29), (41, 41))]
+    asked = [run_knowing(known, poses, event=event) for event in (None, *events)]
     assert AFTER_EVENT == 30
-    assert right == [None, True, True, False, False, None]
-    assert run_knowing(known, poses, event=10, yardstick=Yardstick(right=0.015))["right_after_event"] is True
+    assert [trial["event_at"] for trial in asked] == [None, 1, 9, 10, 29, 41]
+    assert [trial["right_after_event"] for trial in asked] == [None, True, True, False, False, None]
+    assert [trial["right_before_event"] for trial in asked] == [None, True, True, True, True, False]
+    lenient = Yardstick(right=0.015)
+    assert run_knowing(known, poses, event=Event(3, 10), yardstick=lenient)["right_after_event"] is True
 
 
 def test_without_a_truth_nothing_is_right_and_nothing_covered(poses):

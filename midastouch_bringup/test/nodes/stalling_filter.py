@@ -21,10 +21,10 @@ STALL_S, BUSY_STEPS = 2.5, (1, 6)
 class StallingFilter(FakeFilter):
     """Takes the codes of any network; some of its steps take long."""
 
-    def step(self, odometry, measurement, others=None):
+    def step(self, odometry, measurement, others=None, elapsed=None):
         if len(self.measurements) in BUSY_STEPS:
             time.sleep(STALL_S)
-        return super().step(odometry, dataclasses.replace(measurement, network_id="fake"), others)
+        return super().step(odometry, dataclasses.replace(measurement, network_id="fake"), others, elapsed)
 
 
 def load(mesh_path, codebook_path, config, seed) -> LoadedObject:

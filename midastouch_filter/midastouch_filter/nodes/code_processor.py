@@ -152,7 +152,7 @@ class CodeProcessor:
             self.report.counts["no_relief"] += measurement.penetration is None
         try:
             others = self._fingers.take(stamp, T_base_gel, self._localiser.object)
-            estimate = self._localiser.process(T_base_gel, measurement, others)
+            estimate = self._localiser.process(T_base_gel, measurement, others, stamp)
         except InputError as error:
             self._problem("bad_codes", f"tactile/code: {error}")
             self.report.say(stamp, STALE, f"code refused: {error}")

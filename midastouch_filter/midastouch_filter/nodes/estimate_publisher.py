@@ -19,11 +19,13 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
-from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
+from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
+from midastouch_perception import se3
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_perception.ros.parameters import Parameters
 
+from ..arm_errors import Calibration
 from ..estimate import Estimate
 from ..filter import ParticleFilter
 from ..state import LOST, Status
@@ -45,6 +47,8 @@ class EstimatePublisher:
         latched, stream = qos.latched(depth), qos.stream_publisher(depth)
         self._status = node.create_publisher(FilterStatus, "filter_status", latched)
         self._pose = node.create_publisher(PoseWithCovarianceStamped, "pose", latched)
+        self._calibration = node.create_publisher(ArmCalibration, "calibration", qos.latched())
+        self._touches = 0
         self._modes = node.create_publisher(PoseModes, "pose_modes", stream)
         self._particles = node.create_publisher(PoseArray, "particles", stream)
         self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
@@ -78,12 +82,22 @@ class EstimatePublisher:
         self._modes.publish(PoseModes(header=header, modes=modes))
         if T_base_obj is not None and self._parameters["tf_broadcast"]:
             self._broadcast(stamp, T_base_obj)
+        self._tell_calibration(stamp, estimate.calibration)
         self._view(header, estimate, running)
         # Last, so that everything else of this frame is out when a listener sees its status.
         self.status(stamp, estimate.status)
 
     def _header(self, stamp: int) -> Header:
         return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
+
+    def _tell_calibration(self, stamp: int, calibration: Calibration | None) -> None:
+        """Publish what is known of mount and clock, when a touch has taught something."""
+        if calibration is None or calibration.touches == self._touches:
+            return
+        self._touches = calibration.touches
+        if np.isfinite(calibration.covariance).all() and np.isfinite(calibration.mount).all():
+            header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["sensor_frame_id"])
+            self._calibration.publish(_calibration_to_msg(calibration, header))
 
     def _broadcast(self, stamp: int, T_base_obj: np.ndarray) -> None:
         ahead = stamp + round(1e9 * self._parameters["transform_tolerance"])
@@ -117,6 +131,19 @@ class EstimatePublisher:
                 self._particles.publish(markers.particle_poses(poses, weights, header))
             if self._cloud in viewed:
                 self._cloud.publish(markers.particle_cloud(poses, weights, header))
+
+
+def _calibration_to_msg(calibration: Calibration, header: Header) -> ArmCalibration:
+    # the errors are small: those of the inverse transform have the same covariance
+    mount = _pose_to_msg(se3.inverse(calibration.mount), calibration.covariance[:6, :6])
+    return ArmCalibration(
+        header=header,
+        mount=mount,
+        clock_offset=calibration.clock,
+        clock_offset_sigma=float(calibration.sigma[6]),
+        known=calibration.known.tolist(),
+        touches=calibration.touches,
+    )
 
 
 def _finite(estimate: Estimate) -> bool:

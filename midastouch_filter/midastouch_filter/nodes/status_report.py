@@ -6,13 +6,25 @@ import dataclasses
 
 import numpy as np
 
+from midastouch_perception import se3
 from midastouch_perception.ros import diagnostics
 
+from ..arm_errors import Calibration
 from ..estimate import Estimate
 from ..filter import ParticleFilter
 from ..state import LOST, STALE, UNINITIALISED, WAITING, Status
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics
+
+_AXES = (
+    ("mount_x", "mm"),
+    ("mount_y", "mm"),
+    ("mount_z", "mm"),
+    ("mount_rotation_x", "deg"),
+    ("mount_rotation_y", "deg"),
+    ("mount_rotation_z", "deg"),
+    ("clock_offset", "ms"),
+)
 
 
 class StatusReport:
@@ -31,7 +43,7 @@ class StatusReport:
 
     def forget(self) -> None:
         """Drop the numbers of the last step: the object was changed."""
-        self._last = Status(UNINITIALISED, "")
+        self._last, self._calibration = Status(UNINITIALISED, ""), None
 
     def say(self, stamp: int, state: str, reason: str) -> None:
         """Publish a state that no step of the filter made; its other numbers are those of the last step."""
@@ -48,7 +60,7 @@ class StatusReport:
 
     def estimate(self, stamp: int, estimate: Estimate, running: ParticleFilter, T_base_obj: np.ndarray | None) -> None:
         """Publish the answer of a step; arguments as `EstimatePublisher.estimate`."""
-        self._last = estimate.status
+        self._last, self._calibration = estimate.status, estimate.calibration
         complete = dataclasses.replace(estimate, status=self._complete(estimate.status))
         self._out.estimate(stamp, complete, running, T_base_obj)
 
@@ -59,8 +71,21 @@ class StatusReport:
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
         values["transform_source"] = self._transform_source
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
+        if self._calibration is not None:
+            values |= _in_words(self._calibration)
         return level, f"{s.state}: {s.reason}", values
 
     def _complete(self, status: Status) -> Status:
         skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
         return dataclasses.replace(status, skipped=skipped, reason=self._fingers.qualify(status.reason))
+
+
+def _in_words(calibration: Calibration) -> dict[str, str]:
+    """Mount and clock, axis by axis; what is not known better than before anything was felt is said to be unknown."""
+    offset, turn = np.split(se3.log(se3.inverse(calibration.mount)), 2)
+    values = [*1e3 * offset, *np.degrees(turn), 1e3 * calibration.clock]
+    sigmas = [*1e3 * calibration.sigma[:3], *np.degrees(calibration.sigma[3:6]), 1e3 * calibration.sigma[6]]
+    return {
+        name: f"{value:.2f} +- {sigma:.2f} {unit}" if known else "unknown"
+        for (name, unit), value, sigma, known in zip(_AXES, values, sigmas, calibration.known, strict=True)
+    }

@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_filter.arm_errors import Calibration
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.state import AMBIGUOUS, Status
@@ -37,7 +38,8 @@ def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
-    Attributes: starts, odometry, measurements and others are what it was asked; state is what it answers.
+    Attributes: starts, odometry, measurements, others and elapsed are what it was asked; state and calibration are what
+    it answers.
     """
 
     def __init__(self):
@@ -45,6 +47,8 @@ class FakeFilter:
         self.odometry: list = []
         self.measurements: list = []
         self.others: list = []
+        self.elapsed: list = []
+        self.calibration: Calibration | None = None
         self.forced = 0
         self.state = AMBIGUOUS
         self.spoil = False
@@ -61,19 +65,20 @@ class FakeFilter:
     def force_update(self) -> None:
         self.forced += 1
 
-    def step(self, odometry, measurement, others=None) -> Estimate:
+    def step(self, odometry, measurement, others=None, elapsed=None) -> Estimate:
         if measurement.network_id not in ("", "fake"):
             raise InputError("tactile code: from network other, but the codebook was built with fake")
         self.odometry.append(odometry)
         self.measurements.append(measurement)
         self.others.append(others)
+        self.elapsed.append(elapsed)
         if odometry is not None:
             self._pose = self._pose @ odometry
         covariance = np.diag([1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
         pose = np.full((4, 4), np.nan) if self.spoil else self._pose
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
-        return Estimate(modes, status, covariance)
+        return Estimate(modes, status, covariance, self.calibration)
 
     @property
     def poses(self) -> np.ndarray:

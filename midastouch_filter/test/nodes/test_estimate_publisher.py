@@ -11,8 +11,9 @@ from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_filter.arm_errors import Calibration
 from midastouch_filter.state import CONVERGED
-from midastouch_msgs.msg import FilterStatus, PoseModes
+from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes
 from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
@@ -30,6 +31,30 @@ def test_nothing_that_is_not_finite_is_published(graph):
     bench.frame(2 * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: poses and modes)
     assert [stamp_ns(m.header.stamp) for m in poses + modes] == [2 * SECOND] * 2
+
+
+def test_mount_and_clock_are_published_when_a_touch_has_told_of_them(graph):
+    bench = Bench(graph, **OBJECT)
+    sent = graph.listen(ArmCalibration, "calibration", latched=True)
+    covariance = np.diag([0.25e-3, 0.3e-3, 2e-3, 0.01, 0.01, 0.01, 0.004]) ** 2
+    prior = np.array([2e-3, 2e-3, 2e-3, 0.035, 0.035, 0.035, 0.05])
+    bench.filter.calibration = Calibration(translation(0.002), 0.05, covariance, prior, touches=0)
+    bench.frame(SECOND, T_BASE_OBJ)
+    bench.filter.calibration = Calibration(translation(0.002), 0.05, covariance, prior, touches=7)
+    bench.frame(2 * SECOND, T_BASE_OBJ)
+    bench.frame(3 * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: sent)
+    (message,) = sent
+    assert (stamp_ns(message.header.stamp), message.header.frame_id) == (2 * SECOND, "digit_gel_frame")
+    # the true gel, in the one that the mount tells
+    assert message.mount.pose.position.x == pytest.approx(-0.002)
+    assert message.mount.covariance[0] == pytest.approx(covariance[0, 0])
+    assert (message.clock_offset, message.clock_offset_sigma) == pytest.approx((0.05, 0.004))
+    assert (list(message.known), message.touches) == ([True, True, False, True, True, True, True], 7)
+    assert bench.filter.elapsed[1:] == [1.0, 1.0]
+    values = bench.node.describe()[2]
+    assert (values["mount_x"], values["mount_z"]) == ("-2.00 +- 0.25 mm", "unknown")
+    assert values["clock_offset"] == "50.00 +- 4.00 ms"
 
 
 def test_object_frame_is_broadcast_only_while_converged(graph):

@@ -1,0 +1,46 @@
+"""`midastouch store-mount` beside a filter that has learnt something."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
+
+from midastouch_bringup import cli
+from midastouch_bringup.arm.mount_frames import read_mount
+from midastouch_bringup.ros.latched_message import latched_message
+from midastouch_msgs.msg import ArmCalibration
+from midastouch_perception.errors import InputError
+
+pytestmark = pytest.mark.dds
+
+SHIPPED = Path(__file__).parents[2] / "config" / "frames.yaml"
+
+
+def publish(graph, known: list[bool]) -> None:
+    pose = Pose(position=Point(x=0.002), orientation=Quaternion(w=1.0))
+    message = ArmCalibration(mount=PoseWithCovariance(pose=pose), clock_offset=0.05, known=known, touches=60)
+    graph.publisher(ArmCalibration, "calibration", latched=True).publish(message)
+
+
+def test_the_mount_is_stored_and_what_is_unknown_named(graph, tmp_path, capsys):
+    publish(graph, [True, True, False, True, True, True, True])
+    assert cli.main(["store-mount", "--out", str(tmp_path / "frames.yaml")]) == 0
+    told = capsys.readouterr().out
+    assert "2.0 mm, 0.0 deg off" in told
+    assert "not known yet, of the gel frame: z\n" in told
+    assert "50 ms late; add 50000000 to the parameter timestamp_offset" in told
+    stored, shipped = (read_mount(path)[0][2] for path in (tmp_path / "frames.yaml", SHIPPED))
+    np.testing.assert_allclose(stored[:3, 3] - shipped[:3, 3], [0.002, 0, 0], atol=1e-6)
+
+
+def test_nothing_is_stored_before_something_is_known(graph, tmp_path, capsys):
+    publish(graph, [False] * 7)
+    assert cli.main(["store-mount", "--out", str(tmp_path / "frames.yaml")]) == 2
+    assert "slide over edges" in capsys.readouterr().err
+    assert not (tmp_path / "frames.yaml").exists()
+
+
+def test_a_topic_that_nobody_publishes_is_named(graph):
+    with pytest.raises(InputError, match=r"/left/calibration.*--namespace"):
+        latched_message(ArmCalibration, "calibration", "left", patience=0.2)
