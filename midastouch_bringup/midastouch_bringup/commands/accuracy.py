@@ -41,8 +41,9 @@ def add_parser(subparsers) -> None:
         "  lift         lifted, put down 50 mm away         kidnap       the same, untold\n"
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
-        "  small_parts  parts smaller than the gel          real_sensor  seen by real sensors that were measured\n"
-        "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
+        "  small_parts  parts smaller than the gel\n"
+        "  real_sensor, real_sensor_calibrated: seen by sensors measured on real gel, without and with a calibration\n"
+        "  from ten presses of a ball; with --sensor digit_real",
     )
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
@@ -103,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     protocol = chosen_protocol(args.protocol)
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     size = args.codebook_size or protocol.codebook_size
-    stock = protocol.stock(folder, args.tdn, args.tcn, args.sensor, slides, size)
+    stock = protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size)
     chosen = chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = Plan(

@@ -159,7 +159,7 @@ def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
 
     optics = fit_optics(Path(args.optics).stem, args.command_line, images, result)
     optics.save(args.optics)
-    print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in presses that it has not seen")
+    print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")
 
 
 def _read(folder: Path):

@@ -11,7 +11,7 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_perception.ball_calibration.fit import calibrate, penetration_of
+from midastouch_perception.ball_calibration.fit import calibrate
 from midastouch_perception.ball_calibration.presses import Press
 from midastouch_perception.sensor_model import SensorModel
 
@@ -27,19 +27,20 @@ class FittedBall:
 
     def __init__(self, presses: BallPresses, ball_diameter: float, sensor: SensorModel):
         result = calibrate(presses.images, presses.background, ball_diameter, sensor)
-        self._radius, self.sensor = ball_diameter / 2, result.sensor
-        fitted = {press.name: press for press in result.presses if not press.problem}
-        self._presses = {presses.images[name].tobytes(): press for name, press in fitted.items()}
-        circles = {name: _circle(press, sensor) for name, press in fitted.items()}
+        self.sensor = result.sensor
+        pairs = zip(result.presses, result.penetrations, strict=True)
+        fitted = {press.name: (press, penetration) for press, penetration in pairs if penetration is not None}
+        self._fitted = {presses.images[name].tobytes(): each for name, each in fitted.items()}
+        circles = {name: _circle(press, sensor) for name, (press, _) in fitted.items()}
         self.presses = dataclasses.replace(presses.only(list(fitted)), circles=circles)
 
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """The press's change (H, W, 3) grey levels."""
-        return self._presses[image.tobytes()].change
+        return self._fitted[image.tobytes()][0].change
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray) -> np.ndarray:
         """Penetration (H, W) m of the ball."""
-        return np.maximum(penetration_of(self._presses[image.tobytes()], self._radius, self.sensor), 0)
+        return np.maximum(self._fitted[image.tobytes()][1], 0)
 
 
 def _circle(press: Press, sensor: SensorModel) -> tuple[float, float, float]:

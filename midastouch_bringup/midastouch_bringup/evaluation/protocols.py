@@ -34,8 +34,8 @@ _NARROW = 0.2  # of the paper's start
 class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
-    touched in place of the campaign's objects; codebook_size, poses; right [m], how near a pose must be to the truth;
-    twins, as of `Yardstick`; stock, made as `Stock`, of what is seen on the slides."""
+    touched in place of the campaign's objects; make_stock, of slides as its sensors see them; codebook_size, poses;
+    right [m], how near a pose must be to the truth; twins, as of `Yardstick`."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -44,6 +44,7 @@ class Protocol:
     beta: float = 1.0
     foreign: str | None = None
     small_parts: bool = False
+    make_stock: Callable[..., Stock] = Stock
     codebook_size: int = 50_000
     right: float = RIGHT
     twins: bool = False
@@ -72,10 +73,8 @@ PROTOCOLS = {
     "unexplained": _event("12 touches that nothing explains", disturbances.unexplained, foreign="eyebolt"),
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
     "wrong_mesh": Protocol("another object is touched", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT),
-    "real_sensor": Protocol("seen by measured real sensors", stock=partial(RealSensorStock, calibrated=False)),
-    "real_sensor_calibrated": Protocol(
-        "the same, calibrated with ten presses of a ball", stock=partial(RealSensorStock, calibrated=True)
-    ),
+    "real_sensor": Protocol("seen by real sensors", make_stock=RealSensorStock),
+    "real_sensor_calibrated": Protocol("... each calibrated", make_stock=partial(RealSensorStock, calibrated=True)),
     "small_parts": Protocol(
         "parts smaller than the gel",
         slides=SlideKind(0.075),

@@ -1,4 +1,4 @@
-"""Fits `MeasuredOptics` to presses of a ball on a real sensor: where the ball is, `midastouch calibrate` has found."""
+"""Fits `MeasuredOptics` to touches of a known object on a real sensor, which `midastouch calibrate` has found."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..ball_calibration.fit import Result, penetration_of
+from ..ball_calibration.fit import Result
 from ..ball_calibration.response import place_terms
 from ..sensor_calibration import background_colours
 from ..tdn.inputs import RELATIVE_LEVEL, ContactLight, reduce_image
@@ -26,13 +26,12 @@ def fit_optics(name: str, source: str, images: dict[str, np.ndarray], result: Re
 
     The gel's shape is the one of a few whose light predicts presses best that it was not fitted to.
     """
-    sensor, radius = result.sensor, 0.5 * result.calibration.ball_diameter
-    used = [press for press in result.presses if not press.problem]
-    maps = [np.maximum(penetration_of(press, radius, sensor), 0) for press in used]
-    seen = [press.change / np.float32(RELATIVE_LEVEL) for press in used]
-    centres = np.array([[press.contact.u / sensor.width, press.contact.v / sensor.height] for press in used])
+    used = [(p, np.maximum(m, 0)) for p, m in zip(result.presses, result.penetrations, strict=True) if m is not None]
+    seen = [press.change / np.float32(RELATIVE_LEVEL) for press, _ in used]
+    maps = [penetration for _, penetration in used]
+    centres = np.array([np.argwhere(each > 0).mean(axis=0)[::-1] / each.shape[::-1] for each in maps])
     region = np.round(np.stack([centres.min(axis=0), centres.max(axis=0)], axis=1).ravel().clip(0, 1), 3)
-    fits = [_LightFit(shape, maps, seen, region, sensor.pixel_size) for shape in _SHAPES]
+    fits = [_LightFit(shape, maps, seen, region, result.sensor.pixel_size) for shape in _SHAPES]
     explained, ridge, best = max(
         ((fit.explained(ridge), ridge, fit) for fit in fits for ridge in _RIDGES), key=lambda each: each[0]
     )
