@@ -17,6 +17,7 @@ from .places import is_apart
 from .touch import Measurement
 
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_AROUND = 8  # entries beside the nearest one
 _SAMPLE = 2048  # entries that stand for the codebook
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
@@ -158,13 +159,17 @@ class RivalSearch:
     def along(self, poses: np.ndarray, keyframes: Sequence[Keyframe]) -> np.ndarray:
         """Log-likelihood ratios (K,) of poses (K, 4, 4) of the first gel, each at its keyframe, of all fingers' codes.
 
-        The first finger's all at once: a look-up of one pose takes as long as one of a hundred.
+        The first finger's all at once: a look-up of one pose takes as long as one of a hundred. Of the entries around
+        a pose the best counts: it lies between them.
         """
         out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
+        around = np.column_stack([entries, self._lookup.neighbours[entries, :_AROUND]])
         for k, keyframe in enumerate(keyframes):
             for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
-                first = touch.T_gel_finger is None
-                out[k] += log_ratio[entries[k]] if first else self._log_ratio(poses[k : k + 1], touch, log_ratio)[0]
+                if touch.T_gel_finger is None:
+                    out[k] += log_ratio[around[k]].max()
+                else:
+                    out[k] += self._log_ratio(poses[k : k + 1], touch, log_ratio)[0]
         return out
 
     def _log_ratio(self, poses: np.ndarray, touch: Measurement, log_ratio: np.ndarray) -> np.ndarray:
