@@ -42,8 +42,8 @@ def add_parser(subparsers) -> None:
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
         "  small_parts  parts smaller than the gel\n"
-        "  real_sensor, real_sensor_calibrated: seen by sensors measured on real gel, without and with a calibration\n"
-        "  from ten presses of a ball; with --sensor digit_real",
+        "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
+        "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
