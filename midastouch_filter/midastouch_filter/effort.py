@@ -35,6 +35,6 @@ class Effort:
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     lookups_per_step: int = 2500
-    alignments: int = 100
+    alignments: int = 200
     alignments_per_step: int = 12
     settled: int = 3
