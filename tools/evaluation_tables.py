@@ -460,6 +460,10 @@ def speed() -> Table:
             f"{_percent(one['lookup_exact_share']['spread'], 1)}; {_percent(one['lookup_exact_share']['converged'])}",
         ],
         ["renders of 240 x 320", f"{one['renders_per_s']:.0f} a second"],
+        [
+            "simulated images of `digit_sim` on one core: additive; relative light",
+            "; ".join(f"{1e3 / one['sim_image_ms'][light]['cpu']:.0f}" for light in _LIGHTS) + " a second",
+        ],
         ["codebook poses", f"{one['codebook_poses_per_s']:.0f} a second"],
         ["the paper's networks, FCRN; MinkLoc3D", f"{one['fcrn_ms']['p50']:.0f}; {one['minkloc3d_ms']['p50']:.0f} ms"],
         [
@@ -475,6 +479,7 @@ def speed() -> Table:
     return ["what", "[bench]"], rows
 
 
+_LIGHTS = ("additive", "relative")
 _SIZES = ("50000", "10000", "1000")
 
 
