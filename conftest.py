@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import signal
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,6 +53,16 @@ def _claim_domain() -> tuple[int, socket.socket]:
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 _domain, _claim = _claim_domain()
 os.environ["ROS_DOMAIN_ID"] = str(_domain)
+
+
+@pytest.fixture(autouse=True)
+def _heeding_signals() -> Iterator[None]:
+    """Puts the handlers of signals back: an executable's `main`, called in this process, leaves them ignored, and the
+    processes that later tests start would inherit that."""
+    former = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for number, handler in former.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture

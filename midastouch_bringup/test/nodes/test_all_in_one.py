@@ -191,7 +191,6 @@ def test_help_names_the_driver(capsys):
     assert "--driver" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("heeding_signals")
 def test_a_driver_that_gives_up_ends_the_process(monkeypatch):
     monkeypatch.setattr(all_in_one, "make_nodes", list)
     settings = {"serial": "no-such-serial", "wait_for_device_timeout": "0.1", "reconnect_timeout": "0.1"}

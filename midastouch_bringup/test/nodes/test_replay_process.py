@@ -47,7 +47,6 @@ def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, sim
     assert err.strip().endswith("1.jpg: not a readable image; get the file again")
 
 
-@pytest.mark.usefixtures("heeding_signals")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
 def test_an_error_nobody_expected_is_no_good_end(monkeypatch, capsys, simulated_sequence):
     def surprise(*_):
