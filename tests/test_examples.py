@@ -42,14 +42,14 @@ def run_to_its_end(name, arguments, folder):
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     last = done.stdout.splitlines()[-1]
-    assert "converged" in last
     assert float(re.search(r"([\d.]+) mm", last)[1]) < 5
+    return last
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_an_example_finds_the_sensor(name, folder):
-    run_to_its_end(name, ARGUMENTS[name], folder)
+    assert "converged" in run_to_its_end(name, ARGUMENTS[name], folder)
 
 
 @pytest.fixture
@@ -69,7 +69,8 @@ def nodes(name, folder):
 @pytest.mark.usefixtures("nodes")
 @pytest.mark.parametrize("name", ENGINES)
 def test_an_engine_moves_a_sensor_that_is_found(name, folder):
-    run_to_its_end(name, [], folder)
+    # where the live path ends, other places may still be under comparison
+    assert run_to_its_end(name, [], folder).startswith(("converged", "ambiguous"))
 
 
 def test_every_example_is_run():

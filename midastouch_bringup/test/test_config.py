@@ -31,7 +31,7 @@ def test_types_are_those_declared(name):
 
 def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
-    assert set(nodes) == set(TABLES) - {"replay", "recorder", "view", "mount_tf", "detection_prior"}
+    assert set(nodes) == set(TABLES) - {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior"}
     for node, values in nodes.items():
         for parameter, value in values.items():
             assert value == declared(node)[parameter], f"{node}: {parameter}"

@@ -44,6 +44,7 @@ class Slide:
     """
 
     others: tuple | list = ()  # what a second finger feels, touch by touch
+    effort = Effort()
 
     def __init__(self, world, twofold: bool, steps: int = 14):
         mesh = world.bumpy_mesh(twofold)
@@ -57,7 +58,7 @@ class Slide:
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
         self.reevaluation = reevaluation = Reevaluation(
-            self.lookup, self.book, self.alignment, PLACES, CONFIG, NOISE, Effort()
+            self.lookup, self.book, self.alignment, PLACES, CONFIG, NOISE, self.effort
         )
         reevaluation.restart(prior)
         self.answered = 0
@@ -142,7 +143,8 @@ def test_a_replay_is_done_in_slices_and_not_at_once_again(symmetric):
     assert symmetric.answered > 2
 
 
-def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven):
+def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven, monkeypatch):
+    monkeypatch.setattr(uneven, "effort", Effort(alignments=100))
     everywhere = [se3.make(np.eye(3), np.array([0.0, 0.0, 0.0]))] + [
         se3.exp(np.array([0, 0, 0, *axis])) for axis in np.random.default_rng(0).standard_normal((40, 3)) * 2
     ]
