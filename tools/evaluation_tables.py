@@ -36,7 +36,7 @@ PROTOCOLS = {
 }
 _MANY = "--slides 10 --seeds 2"
 COMMANDS = {
-    "accuracy": f"{_BENCHMARK} --init paper --jobs 2",
+    "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
     **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in PROTOCOLS},
     **{
@@ -48,10 +48,12 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --slides 1 --seeds 1 --init paper --variant paper ablation --jobs 2",
+    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant paper ablation",
     "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
     "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap --slides 10 --seeds 1 --variant no_recovery",
+    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias --slides 10 --seeds 1 --variant no_arm_errors",
+    "ablation_push": f"{_BENCHMARK} --protocol push --slides 10 --seeds 1 --variant no_object_motion",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
@@ -279,9 +281,7 @@ def real() -> Table:
 def variants() -> Table:
     """What each part of the filter is worth, under the protocols that exercise it."""
     rows = []
-    for name in ("ablation", "ablation_rest", "ablation_slow_camera", "ablation_kidnap"):
-        if name not in reported():
-            continue
+    for name in (name for name in reported() if name.startswith("ablation")):
         content = report(name)
         compared = content["comparison"]
         if (trials := compared[0]["trials"]) < ENOUGH:

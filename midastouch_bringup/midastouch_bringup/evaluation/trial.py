@@ -76,7 +76,6 @@ class Event:
     end: int
 
 
-
 Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
 
 

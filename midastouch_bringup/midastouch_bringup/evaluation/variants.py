@@ -113,6 +113,8 @@ VARIANTS = {
     ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
+    "no_arm_errors": Variant("errors of mount and clock are not learned", MECHANISM, {"calibration": False}),
+    "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
     "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
     "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
     "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
