@@ -7,10 +7,8 @@ that name inside it, unless that is loaded already.
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +21,7 @@ import midastouch_bringup  # noqa: F401
 import midastouch_filter  # noqa: F401
 import midastouch_kernels  # noqa: F401
 import midastouch_perception  # noqa: F401
+from midastouch_bringup.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
     from midastouch_perception.ros.testing import Graph
@@ -32,27 +31,9 @@ settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
 
 
-def _claim_domain() -> tuple[int, socket.socket]:
-    """A DDS domain that no other run of tests on this machine has, and what is to be kept as long as it is ours.
-
-    Of 1 to 101, whose ports Linux keeps out of its ephemeral range.
-    """
-    for domain in itertools.chain(range(1 + os.getpid() % 101, 102), range(1, 102)):
-        claim = socket.socket(socket.AF_UNIX)
-        try:
-            # abstract, so it is free again when the process is gone, however it ends
-            claim.bind(f"\0midastouch_test_domain_{domain}")
-        except OSError:
-            claim.close()
-        else:
-            return domain, claim
-    raise RuntimeError("each of 101 DDS domains belongs to a run of tests that is under way")
-
-
 # Programs that tests start inherit both. Only this machine hears them.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-_domain, _claim = _claim_domain()
-os.environ["ROS_DOMAIN_ID"] = str(_domain)
+os.environ["ROS_DOMAIN_ID"] = str(claimed_domain())
 
 
 @pytest.fixture(autouse=True)

@@ -23,19 +23,22 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--headless", action="store_true", help="do not open the page in a browser")
     parser.add_argument("--out", default="out/demo", metavar="DIR", help="folder for the results (default out/demo)")
     parser.add_argument("--seed", type=arguments.seed, default=SEED, help=f"of the slide (default {SEED})")
-    parser.add_argument("--domain", type=int, choices=range(102), metavar="ID", help="ROS_DOMAIN_ID (default: random)")
+    parser.add_argument(
+        "--domain", type=int, choices=range(102), metavar="ID", help="ROS_DOMAIN_ID (default: a free one)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import os
-    import random
     import sys
     import webbrowser
     from pathlib import Path
 
     from midastouch_perception.errors import InputError
     from midastouch_perception.objects import bundled_objects
+
+    from ..processes.local_domain import claimed_domain
 
     objects = bundled_objects()
     if args.object not in objects:
@@ -47,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
 
     # a domain of its own: neither another demo nor a robot on the network may hear the nodes
-    domain = args.domain if args.domain is not None else random.SystemRandom().randint(20, 100)
+    domain = args.domain if args.domain is not None else claimed_domain()
     try:
         page = run_demo(Path(objects[args.object]), Path(args.out), domain, args.seed)
     except NodeFailed as error:

@@ -53,9 +53,7 @@ class Replay(PipelineNode):
         answers = FilterAnswers(self, topic, flow) if topic else None
         nodes, subscribers = self._settings["wait_for_nodes"].split(), self._settings["wait_for_subscribers"]
         self._listeners = Listeners(self, self._output, answers, nodes, subscribers)
-        self.player = Player(
-            source, self._playback, flow, answers is not None, self._output.send, self._output.tell
-        )
+        self.player = Player(source, self._playback, flow, answers is not None, self._output.send, self._output.tell)
         self.control = ReplayControl(self, self._playback, lambda: self.player.position, source.duration_s)
         Diagnostics(self, self._describe)
         self._thread = threading.Thread(target=self._play, name="replay", daemon=True)

@@ -2,13 +2,37 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import os
+import socket
 from pathlib import Path
+
+_claims: list[socket.socket] = []  # bound as long as this process lives
+
+
+@functools.cache
+def claimed_domain() -> int:
+    """A DDS domain that no other demo, measurement or run of tests on this machine has, as long as this process lives.
+
+    Of 1 to 101, whose ports Linux keeps out of its ephemeral range. Raises RuntimeError when all of them are taken.
+    """
+    for domain in itertools.chain(range(1 + os.getpid() % 101, 102), range(1, 102)):
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            # abstract, so it is free again when the process is gone, however it ends
+            claim.bind(f"\0midastouch_domain_{domain}")
+        except OSError:
+            claim.close()
+        else:
+            _claims.append(claim)
+            return domain
+    raise RuntimeError("each of 101 DDS domains belongs to a run of midastouch that is under way")
 
 
 def own_domain() -> int:
-    """The ROS_DOMAIN_ID of the environment; without one, a number that this process hardly shares."""
-    return int(os.environ.get("ROS_DOMAIN_ID", 1 + os.getpid() % 101))
+    """The ROS_DOMAIN_ID of the environment; without one, a domain that this process claims."""
+    return int(os.environ["ROS_DOMAIN_ID"]) if "ROS_DOMAIN_ID" in os.environ else claimed_domain()
 
 
 def local_environment(domain: int, **more: str) -> dict[str, str]:

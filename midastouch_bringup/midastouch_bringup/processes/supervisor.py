@@ -27,9 +27,7 @@ class Supervisor:
     respawn: makes the back-off of one program; None: without one of them the others are of no use.
     """
 
-    def __init__(
-        self, environment: Mapping[str, str], output: Output, respawn: Callable[[], BackOff] | None = None
-    ):
+    def __init__(self, environment: Mapping[str, str], output: Output, respawn: Callable[[], BackOff] | None = None):
         self._environment, self._output, self._respawn = dict(environment), output, respawn
         self._children: dict[str, _Child] = {}
 

@@ -88,9 +88,7 @@ SPOILED = {
 
 
 @pytest.mark.parametrize("reason", SPOILED)
-def test_presses_that_show_no_whole_ball_are_refused_with_the_reason_and_nothing_kept(
-    digit, tmp_path, capsys, reason
-):
+def test_presses_that_show_no_whole_ball_are_refused_with_the_reason_and_nothing_kept(digit, tmp_path, capsys, reason):
     presses = tmp_path / "presses"
     presses.mkdir()
     write(presses / "background.png", digit.background)

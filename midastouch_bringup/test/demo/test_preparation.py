@@ -1,4 +1,3 @@
-
 from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.demo import preparation
 from midastouch_perception.codebook import Codebook

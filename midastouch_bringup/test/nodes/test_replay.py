@@ -1,6 +1,5 @@
 """The replay over real DDS: every frame, in order, with its transforms; its clock, and its ends."""
 
-
 import numpy as np
 import pytest
 from filter_fakes import code_msg, loader_of

@@ -1,4 +1,7 @@
-from midastouch_bringup.processes.local_domain import local_environment, own_domain
+import subprocess
+import sys
+
+from midastouch_bringup.processes.local_domain import claimed_domain, local_environment, own_domain
 
 
 def test_nodes_of_our_own_are_heard_on_this_machine_alone(monkeypatch):
@@ -11,9 +14,23 @@ def test_nodes_of_our_own_are_heard_on_this_machine_alone(monkeypatch):
     assert environment["SOME_OTHER"] == "stays"
 
 
-def test_the_domain_is_that_of_the_environment_or_one_of_this_process(monkeypatch):
+def test_the_domain_is_that_of_the_environment_or_one_that_this_process_claims(monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "42")
     assert own_domain() == 42
     monkeypatch.delenv("ROS_DOMAIN_ID")
-    assert 1 <= own_domain() <= 101
-    assert own_domain() == own_domain()
+    assert own_domain() == claimed_domain()
+
+
+def test_no_two_processes_claim_the_same_domain():
+    claim = "from midastouch_bringup.processes.local_domain import claimed_domain; print(claimed_domain(), flush=True)"
+    others = [
+        subprocess.Popen(
+            [sys.executable, "-c", f"{claim}; input()"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    domains = [claimed_domain(), *(int(other.stdout.readline()) for other in others)]
+    for other in others:
+        other.communicate("done\n")
+    assert len(set(domains)) == 3
+    assert all(1 <= domain <= 101 for domain in domains)
