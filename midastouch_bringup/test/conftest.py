@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
-from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
+from midastouch_bringup.evaluation.calibration import KINDS, LEVELS, WEIGHTS
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 
@@ -109,6 +109,7 @@ def make_trial():
     def make(variant: str, seed: int, filter_ms: float, final: Mapping[str, float | str], **changes) -> dict:
         counts = [0] * (len(LEVELS) + 1)
         counts[9] = 10
+        weights = [0] * len(WEIGHTS) + [10]
         return {
             "object": "can",
             "slide": 0,
@@ -130,6 +131,7 @@ def make_trial():
             "filter_cpu_ms": filter_ms,
             "filter_stages_ms": {"motion": 1.0},
             "coverage": dict.fromkeys(KINDS, counts),
+            "reliability": {"frames": weights, "right": weights, "weight": [0.9 * count for count in weights]},
         } | changes
 
     return make

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.stats import chi2
 
-from .calibration import KINDS, LEVELS, observed_shares
+from .calibration import KINDS, LEVELS, WEIGHTS, observed_shares
 from .comparison import comparison_table, front_text, rows_by_init, wrong_converged
 from .intervals import ENOUGH, bootstrap_interval, share_interval
 from .summary import final_errors, is_right, summarise_trials
@@ -18,7 +18,7 @@ from .variants import DEFAULT, PAPER, PEER, VARIANTS
 _NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
 _ERRORS = ("e", "closest_mode", "estimate")
 _REGION = 0.95
-_SUMMARISED = ("coverage", "filter_stages_ms", "initial", "protocol")
+_SUMMARISED = ("coverage", "reliability", "filter_stages_ms", "initial", "protocol")
 _PAPER = {"particles": ("e", "mean", 7.4, 9.43), "closest mode": ("min_cluster", "median", 2.8, 2.03)}
 """The paper's final errors over its ten objects in simulation: metric, statistic, mm, deg."""
 
@@ -57,7 +57,8 @@ def trust(trials: list[dict]) -> dict:
     converged_wrong, of all frames; right_at_end; right_modulo_symmetry_at_end; region_95, share of converged frames
     whose 95 % region holds the truth; right_before_event, right_after_event, of trials, the latter so many frames
     later; found_again, of those that were right before; frames_until_right, infinite where it never is again; final
-    errors of particles, closest mode and published pose; ms of a frame, of which filter_cpu_ms.
+    errors of particles, closest mode and published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of
+    `WEIGHTS`: frames, mean weight of the published mode, right, share of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
     groups = [(t["object"], t["slide"]) for t in trials]
@@ -102,6 +103,12 @@ def trust(trials: list[dict]) -> dict:
         "ms": values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
         "filter_cpu_ms": values([t["filter_cpu_ms"] for t in trials]),
     }
+    out["weights"] = []
+    for k in range(len(WEIGHTS) + 1):
+        frames, right, weight = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right", "weight"))
+        count = int(np.sum(frames))
+        mean = float(np.sum(weight)) / count if count else None
+        out["weights"].append({"frames": count, "mean_weight": mean, "right": shares(right, frames)})
     for prefix in _ERRORS:
         for unit in ("trans_mm", "rot_deg"):
             out[f"{prefix}_{unit}"] = values(final_errors(trials, f"{prefix}_{unit}"))
@@ -291,6 +298,20 @@ def coverage_table(levels: dict[str, dict]) -> tuple[list[str], list[list[object
     return ["frames", "number", *regions, f"median NEES (calibrated: {chi2.median(6):.1f})"], rows
 
 
+def weight_table(trust: dict) -> tuple[list[str], list[list[object]]]:
+    """Header and rows: how often a published pose is right, by the weight of its mode."""
+    rows = [
+        [
+            f"{one['mean_weight']:.0%}",
+            one["frames"],
+            *_figure(one["right"]["share"], one["right"]["interval"], "{:.0%}"),
+        ]
+        for one in trust["weights"]
+        if one["frames"]
+    ]
+    return ["weight of the published mode", "frames", "right", "95 % interval"], rows
+
+
 def accuracy_text(result: dict) -> str:
     """Everything a terminal is shown."""
     parts = []
@@ -300,6 +321,7 @@ def accuracy_text(result: dict) -> str:
             parts.append(paper_text(summary))
         parts.append(text_table(*trust_table(summary["trust"])))
         parts.append("truth within the published Gaussian\n" + text_table(*coverage_table(summary["coverage"])))
+        parts.append(text_table(*weight_table(summary["trust"])))
         if summary["recovery"]:
             parts.append(recovery_text(summary["recovery"]))
         if len(peers := peers_of(result["summary"], init)) > 1:

@@ -1,7 +1,8 @@
-"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of its likelihood.
+"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of likelihood and weights.
 
-Both are judged by the level at which the truth is found: if a method is calibrated, the truth lies within the region
-to which it gives the share q in a share q of all cases, for every q.
+Covariances and likelihood are judged by the level at which the truth is found: if a method is calibrated, the truth
+lies within the region to which it gives the share q in a share q of all cases, for every q. A mode of weight q is right
+in a share q of all cases.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ LEVELS = np.array([*np.arange(0.05, 1.0, 0.05).round(2), 0.99, 0.999])
 """Upper ends of the bins in which levels are counted; a last bin holds what lies beyond."""
 
 _NEES = chi2.ppf(LEVELS, 6)
+WEIGHTS = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
+"""Inner limits of the bins in which weights of modes are counted."""
+
 KINDS = ("one_mode", "several_modes", "converged", "right")
 
 
@@ -58,6 +62,26 @@ class Coverage:
     def counts(self) -> dict[str, list[int]]:
         """Frames per bin of `LEVELS` and one beyond, by kind."""
         return {kind: counts.tolist() for kind, counts in self._counts.items()}
+
+
+class WeightReliability:
+    """Counts how often the published pose is right, by the weight of its mode."""
+
+    def __init__(self) -> None:
+        self._frames, self._right = (np.zeros(len(WEIGHTS) + 1, int) for _ in range(2))
+        self._weight = np.zeros(len(WEIGHTS) + 1)
+
+    def add(self, weight: float, right: bool) -> None:
+        """Count a frame whose published pose is that of a mode of this weight."""
+        bin_ = int(np.searchsorted(WEIGHTS, weight, side="right"))
+        self._frames[bin_] += 1
+        self._right[bin_] += right
+        self._weight[bin_] += weight
+
+    def counts(self) -> dict[str, list]:
+        """Frames, right ones and sum of weights, per bin of `WEIGHTS`."""
+        sums = np.round(self._weight, 3)
+        return {"frames": self._frames.tolist(), "right": self._right.tolist(), "weight": sums.tolist()}
 
 
 def observed_shares(counts: np.ndarray) -> np.ndarray:

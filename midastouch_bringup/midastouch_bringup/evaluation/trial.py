@@ -14,14 +14,14 @@ from midastouch_filter.state import CONVERGED
 from midastouch_perception import se3
 from midastouch_perception.pose_metric import pose_errors
 
-from .calibration import Coverage
+from .calibration import Coverage, WeightReliability
 from .dead_reckoning import DeadReckoning
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse
 from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 4
+RECORD = 5
 """Version of what `run_trial` returns: kept trials of another one are run again."""
 
 RIGHT = 0.01
@@ -126,7 +126,7 @@ class _Record:
         self._in_contact: list[bool] = []
         self._areas: list[float] = []
         self._right: list[bool] = []
-        self._coverage = Coverage()
+        self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
         """Errors before the first step, of the start itself."""
@@ -151,6 +151,7 @@ class _Record:
             self._right[-1] = bool(pose_errors(estimate.pose, truth)[0] <= self._yardstick.right)
             if frame.felt.in_contact:
                 self._coverage.add(estimate, truth, self._right[-1])
+                self._reliability.add(estimate.status.mode_mass, self._right[-1])
         self._last = frame, estimate
         if self._series:
             self._rows.append(self._row(frame, estimate, particle_filter))
@@ -206,6 +207,7 @@ class _Record:
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
             "coverage": self._coverage.counts(),
+            "reliability": self._reliability.counts(),
         }
         if self._series:
             out["per_frame"] = {key: [row[key] for row in self._rows] for key in last}

@@ -14,6 +14,7 @@ from midastouch_bringup.evaluation.accuracy import (
     summarise_accuracy,
     trust,
     trust_table,
+    weight_table,
 )
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS
 from midastouch_bringup.evaluation.comparison import compare_variants
@@ -88,6 +89,7 @@ def test_trust_has_an_interval_for_every_figure(trials):
     assert one["e_trans_mm"]["mean"]["interval"] == [pytest.approx(2.8, abs=0.1), pytest.approx(3.2, abs=0.1)]
     _, rows = trust_table(one)
     assert ["right 30 frames after the event", "75.0%", "66.5% ... 81.9%"] in rows
+    assert weight_table(one)[1] == [["90%", 1200, "100%", "97% ... 100%"]]
 
 
 def test_who_is_never_right_again_counts_in_the_median(trials):

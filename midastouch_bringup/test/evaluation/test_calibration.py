@@ -2,7 +2,15 @@ import numpy as np
 import pytest
 from scipy.stats import vonmises_fisher
 
-from midastouch_bringup.evaluation.calibration import LEVELS, Coverage, likelihood_counts, nees, observed_shares
+from midastouch_bringup.evaluation.calibration import (
+    LEVELS,
+    WEIGHTS,
+    Coverage,
+    WeightReliability,
+    likelihood_counts,
+    nees,
+    observed_shares,
+)
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.state import Status
@@ -53,6 +61,17 @@ def test_frames_are_counted_by_kind():
     counts = {kind: sum(values) for kind, values in coverage.counts().items()}
     assert counts == {"one_mode": 1, "several_modes": 1, "converged": 1, "right": 1}
     assert np.isnan(observed_shares(np.zeros(len(LEVELS) + 1))).all()
+
+
+def test_published_poses_are_counted_by_the_weight_of_their_mode():
+    reliability = WeightReliability()
+    for weight, right in ((0.0, False), (0.95, True), (0.96, False), (1.0, True)):
+        reliability.add(weight, right)
+    counts = reliability.counts()
+    assert len(counts["frames"]) == len(WEIGHTS) + 1
+    assert (counts["frames"][0], counts["frames"][-2:]) == (1, [2, 1])
+    assert counts["right"][-2:] == [1, 1]
+    assert counts["weight"][-2:] == pytest.approx([1.91, 1.0])
 
 
 def test_a_covariance_of_zero_is_no_crash():
