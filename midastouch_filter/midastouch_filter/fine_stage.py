@@ -122,11 +122,12 @@ class FineStage(CoarseOnly):
         aligned = {}
         if mapped:
             touches = [finger.touch for finger in mapped]
-            aligned = self._refinement.apply(belief.particles, belief.members, modes, touches, tempering)
+            aligned = self._refinement.apply(belief.particles, belief.members, modes, touches)
         if self._gates.skips("wide_modes", not aligned):
             return False
         fitting = {k: each for k, each in aligned.items() if each.fit > self._config.relief_fit}
-        belief.align(fitting, frozenset(finger.name for finger in mapped))
+        gains = self._refinement.gains(modes, aligned, tempering)
+        belief.align(fitting, gains, frozenset(finger.name for finger in mapped))
         return 0 in belief.aligned
 
     def _reevaluate(self, belief: Belief, reevaluation: Reevaluation, felt: list[Finger]) -> None:
