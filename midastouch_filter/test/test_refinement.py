@@ -108,8 +108,7 @@ def test_wide_modes_are_left_alone(refinement, touch):
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
     assert (
-        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)])
-        == {}
+        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)]) == {}
     )
     np.testing.assert_array_equal(particles.positions, before)
 
