@@ -71,11 +71,17 @@ class Belief:
         self.aligned: dict[int, Aligned] = {}
         self.aligned_to: frozenset[str] = frozenset()
 
-    def align(self, aligned: dict[int, Aligned], names: frozenset[str]) -> None:
-        """The particles were moved and weighed by what these fingers' maps say of the modes, by their number."""
+    def align(self, aligned: dict[int, Aligned], gains: np.ndarray, names: frozenset[str]) -> None:
+        """The particles were moved by what these fingers' maps say of the modes, by their number, whose masses change.
+
+        gains (m,): log-factors of the masses of all modes; no mass in all comes or goes.
+        """
         finder = self._finder
         of_peak = {finder.peaks[k]: each for k, each in aligned.items()}
-        self.weights = self.particles.weights
+        if gains.any():
+            of_member, members = np.append(gains, 0.0), self.members  # the last stands for -1: no mode
+            self.particles.log_weights += of_member[members]
+            self.weights = self.weights * np.exp(of_member)[members]
         self.modes = modes_from_moments(finder.moments(self.particles, self.weights))
         self.aligned = {k: of_peak[peak] for k, peak in enumerate(finder.peaks) if peak in of_peak}
         self.aligned_to = names

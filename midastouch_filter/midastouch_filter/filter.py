@@ -1,14 +1,15 @@
 """The particle filter over touch (paper section 4.3 and appendix C).
 
 One step: move the particles by the odometry, weigh them by the measured codes, resample if the weights have become too
-uneven, find the modes, and let what is felt in detail refine them. How each part works is said by `policies.py`.
+uneven, find the modes, and let what is felt in detail refine them. That is the answer. Once it is out, what only later
+ones need: compare places by the last touches, and learn about the arm. How each part works is said by `policies.py`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,14 @@ from .workers import Workers
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
+
+
+class _Answered(NamedTuple):
+    """What fingers felt in a step, the first one's touch, and whether the answer can be trusted."""
+
+    felt: list[Finger]
+    touch: Measurement
+    trusted: bool
 
 
 class ParticleFilter:
@@ -74,6 +83,7 @@ class ParticleFilter:
         self._reporter = Reporter(self.config, self._gates, self._watch)
         self._restarted = ""
         self._belief: Belief | None = None
+        self._answered: _Answered | None = None
 
     # ------------------------------------------------------------------ start
 
@@ -91,6 +101,7 @@ class ParticleFilter:
         self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
+        self._answered = None
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder)
         for policy in (self._do.correct, self._do.propagate, self._do.reweigh, self._do.fingers):
             policy.restart()
@@ -118,10 +129,11 @@ class ParticleFilter:
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
+        What the last step left to `reflect` is done first, if nobody has: the estimates are the same.
         """
         touches = by_name(measurement, others or {})
         self._object.require_same_network(touches.values())
-        self._watch.restart()
+        self.reflect()
         self._gates.note = self._restarted = ""
         if self._belief is None:
             return self._reporter.nothing()
@@ -138,8 +150,17 @@ class ParticleFilter:
         estimate = self._reporter.estimate(
             self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
         )
-        do.correct.observe(self._belief, measurement, estimate.status.state == CONVERGED)
+        self._watch.restart()
+        self._answered = _Answered(felt, measurement, estimate.status.state == CONVERGED)
         return estimate
+
+    def reflect(self) -> None:
+        """Do what the last step left, because only later answers need it: best between an answer and the next touch."""
+        if self._answered is None:
+            return
+        last, self._answered = self._answered, None
+        self._do.refine.reflect(self._belief, last.felt)
+        self._do.correct.observe(self._belief, last.touch, last.trusted)
 
     def _correct(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
         """The odometry without what is known to be wrong with it; says so when the object moved."""

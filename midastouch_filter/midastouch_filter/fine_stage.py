@@ -45,6 +45,9 @@ class CoarseOnly:
         """Change the belief by what was felt; whether maps explain the dominant mode."""
         return False
 
+    def reflect(self, belief: Belief, felt: list[Finger]) -> None:
+        """Change the belief by what the last touches say, these included; the answer to them is out."""
+
     def sharpened(self, belief: Belief) -> Particles:
         """The particles at this very frame, as `Belief.answers`."""
         return belief.particles
@@ -98,15 +101,19 @@ class FineStage(CoarseOnly):
             pool_marginal_likelihoods(belief.particles.log_weights, log_ratio, parts)
 
     def __call__(self, belief: Belief, felt: list[Finger], tempering: float) -> bool:
-        mapped = [finger for finger in felt if finger.touch.penetration is not None]
+        mapped = _mapped(felt)
         if not mapped:
             return False
         with self._watch.stage("refinement"):
             explained = self._refine(belief, mapped, tempering)
         if self._reevaluation:
+            self.checked = explained and self._is_trusted(belief, self._reevaluation)
+        return explained
+
+    def reflect(self, belief: Belief, felt: list[Finger]) -> None:
+        if self._reevaluation and _mapped(felt):
             with self._watch.stage("hindsight"):
                 self._reevaluate(belief, self._reevaluation, felt)
-        return explained
 
     def _refine(self, belief: Belief, mapped: list[Finger], tempering: float) -> bool:
         """Let the maps place the particles of narrow modes."""
@@ -115,11 +122,12 @@ class FineStage(CoarseOnly):
         aligned = {}
         if mapped:
             touches = [finger.touch for finger in mapped]
-            aligned = self._refinement.apply(belief.particles, belief.members, modes, touches, tempering)
+            aligned = self._refinement.apply(belief.particles, belief.members, modes, touches)
         if self._gates.skips("wide_modes", not aligned):
             return False
         fitting = {k: each for k, each in aligned.items() if each.fit > self._config.relief_fit}
-        belief.align(fitting, frozenset(finger.name for finger in mapped))
+        gains = self._refinement.gains(modes, aligned, tempering)
+        belief.align(fitting, gains, frozenset(finger.name for finger in mapped))
         return 0 in belief.aligned
 
     def _reevaluate(self, belief: Belief, reevaluation: Reevaluation, felt: list[Finger]) -> None:
@@ -130,14 +138,12 @@ class FineStage(CoarseOnly):
                 [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
             )
         narrow = [mode for mode in belief.modes if self._refinement.is_narrow(mode)]
-        fits = 0 in belief.aligned
-        contradicted = bool(narrow) and narrow[0] is belief.modes[0] and not fits
+        contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
         if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
             comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
             if comparison is not None:
                 self._believe(belief, comparison)
                 self._known, self._known_at = comparison, reevaluation.motion
-        self.checked = fits and self._is_trusted(belief, reevaluation)
 
     def _is_trusted(self, belief: Belief, reevaluation: Reevaluation) -> bool:
         """Whether the last comparison found the dominant mode probable enough, and left no place out."""
@@ -186,3 +192,8 @@ class FineStage(CoarseOnly):
         if not belief.aligned:
             return belief.particles
         return self._refinement.sharpened(belief.particles, belief.members, belief.modes, belief.aligned)
+
+
+def _mapped(felt: list[Finger]) -> list[Finger]:
+    """The fingers that felt a penetration map."""
+    return [finger for finger in felt if finger.touch.penetration is not None]

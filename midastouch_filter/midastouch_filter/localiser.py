@@ -190,3 +190,8 @@ class Localiser:
         self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
         self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate
+
+    def reflect(self) -> None:
+        """Once the answer to a frame is out: `ParticleFilter.reflect`."""
+        if self.filter is not None:
+            self.filter.reflect()

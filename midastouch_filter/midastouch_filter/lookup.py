@@ -68,7 +68,8 @@ class PoseLookup:
 
         `len(self)` for poses with none nearer than `within` [m].
         """
-        return self._cells.nearest(np.ascontiguousarray(poses, float), within)
+        parts = self._workers.split(np.ascontiguousarray(poses, float))
+        return np.concatenate(self._workers.map(lambda part: self._cells.nearest(part, within), parts))
 
     def relocate(self, particles: Particles) -> None:
         """Set `particles.entries` exactly, wherever the particles were before."""

@@ -25,7 +25,6 @@ from .estimate import Mode
 from .joint_alignment import align_in_turn, transform_covariance
 from .noise_model import NoiseModel
 from .particles import Particles
-from .resampling import log_sum_exp
 from .touch import Measurement
 from .workers import Workers
 
@@ -53,13 +52,11 @@ class Refinement:
         members: np.ndarray,
         modes: list[Mode],
         touches: Sequence[Measurement],
-        tempering: float,
     ) -> dict[int, Aligned]:
-        """Update the particles of narrow modes in place; returns what the maps say of each of them, by mode.
+        """Move the particles of narrow modes in place; returns what the maps say of each of them, by mode.
 
         members (N,): mode of each particle, -1 for none; touches: one or more of this frame, with maps, of fingers that
-        the modes reach; tempering exponent of this frame. Between several narrow modes, mass moves to those the maps
-        fit.
+        the modes reach.
         """
         priors = self._priors(modes)
         aligned = self._align(particles, members, modes, priors, touches)
@@ -73,9 +70,20 @@ class Refinement:
         }
         if maps:
             self._move(particles, members, maps, len(modes))
-        if len(aligned) > 1:
-            self._weigh(particles, members, aligned, tempering, len(modes))
         return aligned
+
+    def gains(self, modes: list[Mode], aligned: dict[int, Aligned], tempering: float) -> np.ndarray:
+        """(m,) log-factors of the modes' masses: between those that are aligned, mass moves to where the maps fit.
+
+        tempering exponent of this frame. Together they keep their mass.
+        """
+        out = np.zeros(len(modes))
+        if len(aligned) > 1:
+            chosen, misfit = list(aligned), 1.0 - np.array([each.fit for each in aligned.values()])
+            mass, evidence = np.array([modes[k].weight for k in chosen]), self._noise.misfit_evidence(misfit)
+            gain = tempering * (evidence - evidence.max())
+            out[chosen] = gain + np.log(mass.sum() / (mass * np.exp(gain)).sum())
+        return out
 
     def _align(
         self,
@@ -167,30 +175,15 @@ class Refinement:
         return {k: _in_own_frame(mode) + self._noise.mode_floor for k, mode in chosen if self.is_narrow(mode)}
 
     def _move(self, particles: Particles, members: np.ndarray, maps: dict[int, _GaussianMap], count: int) -> None:
-        map_of = np.full(count + 1, -1)  # the last stands for -1: no mode
+        map_of = np.full(count, -1, np.int32)
         map_of[list(maps)] = np.arange(len(maps))
         table = tuple(np.stack(column) for column in zip(*maps.values(), strict=True))
         self._workers.run(
             len(particles),
             lambda low, high, _: kernels.map_modes(
-                low, high, map_of[members[low:high]], *table, particles.positions, particles.quaternions
+                low, high, members, map_of, *table, particles.positions, particles.quaternions
             ),
         )
-
-    def _weigh(
-        self, particles: Particles, members: np.ndarray, aligned: dict[int, Aligned], tempering: float, count: int
-    ) -> None:
-        """Multiply the aligned modes' masses by what the maps say of them, tempered; together they keep their mass."""
-        evidence = {k: float(self._noise.misfit_evidence(1.0 - posterior.fit)) for k, posterior in aligned.items()}
-        best = max(evidence.values())
-        gain = np.full(count + 1, np.nan)
-        for k, own in evidence.items():
-            gain[k] = tempering * (own - best)
-        gain = gain[members]
-        concerned = np.flatnonzero(np.isfinite(gain))
-        before = particles.log_weights[concerned]
-        after = before + gain[concerned]
-        particles.log_weights[concerned] = after + (log_sum_exp(before) - log_sum_exp(after))
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:

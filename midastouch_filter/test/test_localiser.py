@@ -51,6 +51,16 @@ def test_further_fingers_are_handed_on():
     assert running.others == [others, {}]
 
 
+def test_only_a_running_filter_reflects():
+    subject, running = localiser(wait=True)
+    subject.reflect()
+    assert running.reflections == []
+    subject.start_at(START)
+    subject.process(np.eye(4), TOUCH)
+    subject.reflect()
+    assert running.reflections == [1]
+
+
 def test_motion_during_a_refused_measurement_is_not_lost():
     subject, running = localiser()
     subject.process(translation(0.0), TOUCH)

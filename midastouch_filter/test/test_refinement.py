@@ -71,7 +71,7 @@ def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
     aligned = refinement.apply(
-        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [Measurement(True, penetration=penetration)], 1.0
+        particles, np.zeros(400, np.int32), [mode_of(start, 400)], [Measurement(True, penetration=penetration)]
     )
     assert aligned[0].fit > 0.9
     before = np.linalg.norm(start[:3, 3] - truth[:3, 3])
@@ -108,8 +108,7 @@ def test_wide_modes_are_left_alone(refinement, touch):
     before = particles.positions.copy()
     wide = mode_of(truth, 50, sigma=10 * SIGMA)
     assert (
-        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)], 1.0)
-        == {}
+        refinement.apply(particles, np.zeros(50, np.int32), [wide], [Measurement(True, penetration=penetration)]) == {}
     )
     np.testing.assert_array_equal(particles.positions, before)
 
@@ -126,11 +125,22 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     )
     members = np.repeat(np.array([1, 0], np.int32), 200)
     modes = [mode_of(elsewhere, 200, 0.5), mode_of(truth, 200, 0.5)]
-    refinement.apply(particles, members, modes, [Measurement(True, penetration=penetration)], 0.5)
-    weights = particles.weights
-    assert weights.sum() == pytest.approx(1)
+    aligned = refinement.apply(particles, members, modes, [Measurement(True, penetration=penetration)])
+    mass = 0.5 * np.exp(refinement.gains(modes, aligned, 0.5))
+    assert mass.sum() == pytest.approx(1)
     most = np.ptp(NoiseModel.of(FilterConfig()).misfit_evidence(np.array([0.0, 1.0])))  # here of half a touch
-    assert 0.8 < weights[:200].sum() <= 1 / (1 + np.exp(-0.5 * most)) + 1e-9
+    assert 0.8 < mass[1] <= 1 / (1 + np.exp(-0.5 * most)) + 1e-9
+
+
+def test_the_mass_of_modes_that_are_not_aligned_stays(refinement, touch):
+    modes = [mode_of(touch[0], 200, weight) for weight in (0.5, 0.3, 0.2)]
+    fits = {0: 0.9, 2: 0.1}
+    aligned = {k: Aligned(touch[0], np.eye(6), 0.0, fit) for k, fit in fits.items()}
+    gains = refinement.gains(modes, aligned, 1.0)
+    assert gains[1] == 0
+    assert gains[0] > 0 > gains[2]
+    assert np.dot([0.5, 0.3, 0.2], np.exp(gains)) == pytest.approx(1)
+    assert not refinement.gains(modes, {2: aligned[2]}, 1.0).any(), "one alone keeps its mass"
 
 
 class TwoOptima:
@@ -158,7 +168,7 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(touch, nats
     particles, mode, optima = *wide_mode(touch), TwoOptima(nats)
     before = particles.positions.copy()
     aligned = make_refinement(optima).apply(
-        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])]
     )
     assert optima.starts > 2
     assert bool(aligned) == agreed
@@ -171,7 +181,7 @@ def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(touch, nats
 def test_a_narrow_mode_is_aligned_from_its_mean_alone(touch):
     particles, mode, optima = *wide_mode(touch, spread=1e-3), TwoOptima(1.0)
     assert make_refinement(optima).apply(
-        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0
+        particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])]
     )
     assert optima.starts == 1
 
@@ -181,7 +191,7 @@ def test_places_that_feel_nothing_of_it_move_nothing(touch):
     before = particles.positions.copy()
     assert (
         make_refinement(optima)
-        .apply(particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])], 1.0)[0]
+        .apply(particles, np.zeros(200, np.int32), [mode], [Measurement(True, penetration=touch[1])])[0]
         .fit
         == 0.1
     )

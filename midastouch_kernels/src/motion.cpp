@@ -62,18 +62,20 @@ void compose(std::size_t low, std::size_t high, InOut<float, -1, 3> positions, I
     }
 }
 
-void map_modes(std::size_t low, std::size_t high, In<int64_t, -1> map_of, In<double, -1, 3> position,
-               In<double, -1, 3, 3> rotation, In<double, -1, 4> turn, In<double, -1, 3> new_position,
-               In<double, -1, 3, 3> new_rotation, In<double, -1, 4> new_turn, In<double, -1, 6, 6> shrink,
-               InOut<float, -1, 3> positions, InOut<float, -1, 4> quaternions) {
-    const int64_t maps = static_cast<int64_t>(position.shape(0));
-    if (low > high || high > positions.shape(0) || high > quaternions.shape(0) || map_of.shape(0) != high - low)
+void map_modes(std::size_t low, std::size_t high, In<int32_t, -1> members, In<int32_t, -1> map_of,
+               In<double, -1, 3> position, In<double, -1, 3, 3> rotation, In<double, -1, 4> turn,
+               In<double, -1, 3> new_position, In<double, -1, 3, 3> new_rotation, In<double, -1, 4> new_turn,
+               In<double, -1, 6, 6> shrink, InOut<float, -1, 3> positions, InOut<float, -1, 4> quaternions) {
+    const int32_t maps = static_cast<int32_t>(position.shape(0)), modes = static_cast<int32_t>(map_of.shape(0));
+    if (low > high || high > positions.shape(0) || high > quaternions.shape(0) || high > members.shape(0))
         throw nb::value_error("range beyond the particles");
-    for (std::size_t i = 0; i < high - low; ++i)
-        if (map_of.data()[i] >= maps) throw nb::value_error("a map that is not there");
+    for (int32_t mode = 0; mode < modes; ++mode)
+        if (map_of.data()[mode] >= maps) throw nb::value_error("a map that is not there");
+    for (std::size_t i = low; i < high; ++i)
+        if (members.data()[i] >= modes) throw nb::value_error("a mode that is not there");
     nb::gil_scoped_release released;
     for (std::size_t i = low; i < high; ++i) {
-        const int64_t k = map_of.data()[i - low];
+        const int32_t mode = members.data()[i], k = mode < 0 ? -1 : map_of.data()[mode];
         if (k < 0) continue;
         float *t = positions.data() + 3 * i, *r = quaternions.data() + 4 * i;
         const double *t0 = position.data() + 3 * k, *r0 = rotation.data() + 9 * k, *q0 = turn.data() + 4 * k;
@@ -96,11 +98,7 @@ void map_modes(std::size_t low, std::size_t high, In<int64_t, -1> map_of, In<dou
             for (int b = 0; b < 3; ++b) moved += r1[3 * a + b] * mapped[b];
             t[a] = static_cast<float>(moved);
         }
-        const double angle = std::sqrt(mapped[3] * mapped[3] + mapped[4] * mapped[4] + mapped[5] * mapped[5]);
-        const double scale = angle > 0 ? std::sin(angle / 2) / angle : 0.5;
-        const Quaternion<double> q = multiply(
-            Quaternion<double>{q1[0], q1[1], q1[2], q1[3]},
-            Quaternion<double>{scale * mapped[3], scale * mapped[4], scale * mapped[5], std::cos(angle / 2)});
+        const Quaternion<double> q = multiply(Quaternion<double>{q1[0], q1[1], q1[2], q1[3]}, rotation_of(mapped + 3));
         r[0] = static_cast<float>(q.x), r[1] = static_cast<float>(q.y);
         r[2] = static_cast<float>(q.z), r[3] = static_cast<float>(q.w);
     }
@@ -116,8 +114,9 @@ void bind_motion(nb::module_& m) {
     m.def("compose", &compose, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
           named("step"), named("scale"), nb::arg("noise").none(),
           "Move poses [low, high) by a step (7,), then each by noise of widths `scale` (6,), unless that is None.");
-    m.def("map_modes", &map_modes, nb::arg("low"), nb::arg("high"), named("map_of"), named("position"),
-          named("rotation"), named("turn"), named("new_position"), named("new_rotation"), named("new_turn"),
+    m.def("map_modes", &map_modes, nb::arg("low"), nb::arg("high"), named("members"), named("map_of"),
+          named("position"), named("rotation"), named("turn"), named("new_position"), named("new_rotation"), named("new_turn"),
           named("shrink"), named("positions"), named("quaternions"),
-          "Apply map `map_of` (high - low,) of one Gaussian to another to each pose of a range, -1: none.");
+          "Apply map `map_of` (m,) of one Gaussian to another, that of its mode `members` (N,), to each pose of a range; "
+          "-1: none.");
 }

@@ -134,6 +134,7 @@ private:
     void prefetch(int32_t entry) const {
         __builtin_prefetch(record(entry));
         __builtin_prefetch(&link_[links_ * entry]);
+        __builtin_prefetch(&reach_[batches() * entry]);
     }
 
     int32_t checked(int32_t entry) const {

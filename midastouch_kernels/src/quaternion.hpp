@@ -28,12 +28,41 @@ inline void rotate(const Quaternion<T>& q, T x, T y, T z, T* out) {
     out[2] = z + q.w * tz + q.x * ty - q.y * tx;
 }
 
+inline constexpr double kSeries = 0.04;  // squared sine up to which a series is exact, and faster than the library
+
+// arcsin(s) / s of s * s = x <= kSeries.
+inline double arcsine_ratio(double x) {
+    constexpr double c[] = {1.0 / 6,         3.0 / 40,        5.0 / 112,         35.0 / 1152,       63.0 / 2816,
+                            231.0 / 13312, 143.0 / 10240, 6435.0 / 557056, 12155.0 / 1245184};
+    double sum = 0;
+    for (int i = 8; i >= 0; --i) sum = (sum + c[i]) * x;
+    return 1 + sum;
+}
+
 // Rotation vector, the shorter way round: angle in [0, pi].
 inline void rotation_vector(const Quaternion<double>& q, double* out) {
-    const double sine = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
-    double scale = sine > 0 ? 2 * std::atan2(sine, std::abs(q.w)) / sine : 2.0;
+    const double squared = q.x * q.x + q.y * q.y + q.z * q.z, sine = std::sqrt(squared);
+    double scale = 2 * (squared < kSeries ? arcsine_ratio(squared) : std::atan2(sine, std::abs(q.w)) / sine);
     if (q.w < 0) scale = -scale;
     out[0] = scale * q.x, out[1] = scale * q.y, out[2] = scale * q.z;
+}
+
+// The rotation by a vector.
+inline Quaternion<double> rotation_of(const double* vector) {
+    const double x = vector[0], y = vector[1], z = vector[2], squared = 0.25 * (x * x + y * y + z * z);
+    double scale, cosine;
+    if (squared < kSeries) {
+        scale = 1, cosine = 1;
+        for (int i = 5; i > 0; --i) {
+            scale = 1 - squared * scale * (0.5 / (i * (2 * i + 1)));
+            cosine = 1 - squared * cosine * (0.5 / (i * (2 * i - 1)));
+        }
+        scale *= 0.5;
+    } else {
+        const double half = std::sqrt(squared);
+        scale = 0.5 * std::sin(half) / half, cosine = std::cos(half);
+    }
+    return {scale * x, scale * y, scale * z, cosine};
 }
 
 // Rotation matrix (3, 3) with rows `stride` apart.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,18 +30,20 @@ class Stopwatch:
         """Forget the first measurements, in which things are loaded."""
         del self.wall_ms[:first], self.cpu_ms[:first]
 
+    def where(self, chosen: Sequence[bool]) -> Stopwatch:
+        """The measurements for which `chosen` says so."""
+        out = Stopwatch()
+        out.wall_ms, out.cpu_ms = (list(itertools.compress(ms, chosen)) for ms in (self.wall_ms, self.cpu_ms))
+        return out
+
     def summary(self) -> dict[str, float]:
-        """p50 and p95 of the wall time and the mean CPU time per call, in milliseconds."""
-        return summarise(self.wall_ms, self.cpu_ms)
-
-
-def summarise(wall_ms: list[float], cpu_ms: list[float]) -> dict[str, float]:
-    """{"p50", "p95", "cpu"} in milliseconds; CPU time counts every thread and survives a busy machine."""
-    return {
-        "p50": round(float(np.percentile(wall_ms, 50)), 4),
-        "p95": round(float(np.percentile(wall_ms, 95)), 4),
-        "cpu": round(float(np.mean(cpu_ms)), 4),
-    }
+        """{"p50", "p95", "cpu"} in milliseconds: wall time, and mean CPU time, which counts every thread and survives a
+        busy machine."""
+        return {
+            "p50": round(float(np.percentile(self.wall_ms, 50)), 4),
+            "p95": round(float(np.percentile(self.wall_ms, 95)), 4),
+            "cpu": round(float(np.mean(self.cpu_ms)), 4),
+        }
 
 
 def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> Stopwatch:

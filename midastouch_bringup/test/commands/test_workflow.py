@@ -103,10 +103,11 @@ def test_single_touch(run):
 @pytest.mark.slow
 def test_bench_has_the_keys_of_the_design(run):
     _, result = run("bench", "--object", "eyebolt", "--codebook-size", "300", "--frames", "10", "--json", "bench.json")
-    for key in ("tdn_ms", "tcn_ms", "end_to_end_ms"):
+    for key in ("tdn_ms", "tcn_ms", "end_to_end_ms", "frame_ms"):
         assert set(result[key]) == TIMES
     assert set(result["filter_ms"]) == set(result["fine_stage_ms"]) == {"50000", "10000", "1000"}
     assert set(result["lookup_ms"]["50000"]) == TIMES
+    assert result["frame_ms"]["p50"] > result["end_to_end_ms"]["p50"]
     assert result["filter_ms"]["50000"]["cpu"] > result["filter_ms"]["1000"]["cpu"]
     assert {light: set(times) for light, times in result["sim_image_ms"].items()} == dict.fromkeys(LIGHTS, TIMES)
     assert 0 < result["pose_age_ms"]["p50"] <= result["pose_age_ms"]["p95"]

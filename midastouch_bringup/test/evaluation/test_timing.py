@@ -1,11 +1,12 @@
 import pytest
 
-from midastouch_bringup.evaluation.timing import Stopwatch, summarise, time_calls
+from midastouch_bringup.evaluation.timing import Stopwatch, time_calls
 
 
 def test_percentiles_and_mean_cpu():
-    figures = summarise([float(i) for i in range(101)], [1.0, 3.0])
-    assert figures == {"p50": 50.0, "p95": 95.0, "cpu": 2.0}
+    stopwatch = Stopwatch()
+    stopwatch.wall_ms, stopwatch.cpu_ms = [float(i) for i in range(101)], [1.0, 3.0]
+    assert stopwatch.summary() == {"p50": 50.0, "p95": 95.0, "cpu": 2.0}
 
 
 def test_stopwatch_measures_work_in_milliseconds():
@@ -35,3 +36,11 @@ def test_first_measurements_can_be_dropped():
     stopwatch.drop(2)
     assert stopwatch.wall_ms == kept
     assert len(stopwatch.cpu_ms) == 3
+
+
+def test_some_measurements_can_be_chosen():
+    stopwatch = time_calls(lambda: None, repeats=3, warm_up=0)
+    chosen = stopwatch.where([True, False, True])
+    assert chosen.wall_ms == stopwatch.wall_ms[::2]
+    assert chosen.cpu_ms == stopwatch.cpu_ms[::2]
+    assert len(stopwatch.wall_ms) == 3

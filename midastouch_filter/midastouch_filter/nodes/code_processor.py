@@ -161,6 +161,7 @@ class CodeProcessor:
             self.report.say(stamp, UNINITIALISED, self._localiser.waiting_for)
             return
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
+        self._localiser.reflect()
 
     def _on_transforms_jump(self, stamp: int) -> None:
         # heard of later than it happened: codes from after the jump may be here already

@@ -39,7 +39,7 @@ class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
     Attributes: starts, odometry, measurements, others and elapsed are what it was asked; state and calibration are what
-    it answers.
+    it answers; reflections, how many measurements had come each time it was asked to reflect on them.
     """
 
     def __init__(self):
@@ -48,6 +48,7 @@ class FakeFilter:
         self.measurements: list = []
         self.others: list = []
         self.elapsed: list = []
+        self.reflections: list[int] = []
         self.calibration: Calibration | None = None
         self.forced = 0
         self.state = AMBIGUOUS
@@ -79,6 +80,9 @@ class FakeFilter:
         modes = [Mode(0.75, pose, covariance, 600), Mode(0.25, translation(0.05), covariance, 200)]
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
         return Estimate(modes, status, covariance, self.calibration)
+
+    def reflect(self) -> None:
+        self.reflections.append(len(self.measurements))
 
     @property
     def poses(self) -> np.ndarray:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, REPLAY, T_BASE_OBJ, Bench, is_answer, skipped
-from filter_fakes import SECOND, loader_of, tf_msg, translation
+from filter_fakes import SECOND, FakeFilter, loader_of, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 
 from midastouch_filter.filter import Measurement
 from midastouch_filter.nodes import tf2_buffer
+from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.errors import InputError
@@ -46,6 +47,22 @@ def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
     assert [m.weight for m in modes[1].modes] == [0.75, 0.25]
     covariance = np.array(poses[1].pose.covariance).reshape(6, 6)
     np.testing.assert_allclose(np.diagonal(covariance), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
+
+
+def test_the_filter_reflects_once_its_answer_is_out(graph, monkeypatch):
+    happened = []
+
+    def noted(owner, name):
+        do = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *args: (happened.append(name), do(*args))[1])
+
+    noted(EstimatePublisher, "estimate")
+    noted(FakeFilter, "reflect")
+    bench = Bench(graph, **OBJECT)
+    for k in (1, 2):
+        bench.frame(k * SECOND, T_BASE_OBJ)
+    graph.spin_until(lambda: len(happened) == 4, "the last reflection")
+    assert happened == ["estimate", "reflect"] * 2
 
 
 def test_silence_is_stale_once(graph, patience, brisk_health):
