@@ -90,7 +90,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
 def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
-    window, chosen, path = KeyframeWindow(TOUCHES, SPACING, Effort().shortlist), [0], 0.0
+    window, chosen, path = KeyframeWindow(TOUCHES, SPACING, CONFIG.correlation_length, Effort().shortlist), [0], 0.0
     for i in range(1, len(slide)):
         path += Odometry.from_matrix(se3.inverse(slide[i - 1]) @ slide[i]).path
         if path >= SPACING:

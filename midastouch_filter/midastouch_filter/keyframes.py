@@ -1,8 +1,7 @@
-"""The last touches, kept at a distance from each other along the path: a window of keyframes."""
+"""A window of keyframes: the last touches, kept at a distance from each other along the path, ever sparser."""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -42,20 +41,23 @@ class Keyframe:
 
 
 class KeyframeWindow:
-    """Keeps the newest `length` keyframes, `spacing` [m] of path apart, each with a shortlist of so many entries.
+    """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a shortlist of so many entries.
 
-    Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift.
+    Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
+    many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
+    none, the oldest of all. So the same number of touches says as much as independent ones can.
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
     """
 
-    def __init__(self, length: int, spacing: float, shortlist: int):
+    def __init__(self, length: int, spacing: float, correlation: float, shortlist: int):
         self._length, self._spacing, self._shortlist = length, spacing, shortlist
+        self._correlation = correlation
         self.restart()
 
     def restart(self) -> None:
         """Forget all."""
         self.motion = np.eye(4)
-        self.keyframes: deque[Keyframe] = deque(maxlen=self._length)
+        self.keyframes: list[Keyframe] = []
         self._path, self._in_the_air, self._stretch = np.inf, 0.0, 0
 
     def __len__(self) -> int:
@@ -87,8 +89,20 @@ class KeyframeWindow:
         best = [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
         newest = Keyframe(self.motion, touches, rounded, best, self._stretch)
         apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
-        self.keyframes = deque([*apart, newest], self._length)
+        self.keyframes = self._thinned([*apart, newest])
         self._path = 0.0
+
+    def _thinned(self, keyframes: list[Keyframe]) -> list[Keyframe]:
+        """All but one, if there are too many."""
+        if len(keyframes) <= self._length:
+            return keyframes
+        bridged = (
+            k
+            for k, (older, newer) in enumerate(zip(keyframes, keyframes[2:], strict=False), start=1)
+            if _distance(older, newer) <= self._correlation
+        )
+        gone = next(bridged, 0)
+        return keyframes[:gone] + keyframes[gone + 1 :]
 
 
 def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:

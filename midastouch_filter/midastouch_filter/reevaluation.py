@@ -82,7 +82,9 @@ class Reevaluation:
         self._poses, self._alignment, self._noise, self._effort = poses, alignment, noise, effort
         self._count, self._explains = places, config.relief_fit
         self._search = RivalSearch(lookup, poses, noise, effort)
-        self._window = KeyframeWindow(config.hindsight_touches, config.hindsight_spacing, effort.shortlist)
+        self._window = KeyframeWindow(
+            config.hindsight_touches, config.hindsight_spacing, noise.touch_correlation, effort.shortlist
+        )
         self.restart(None)
 
     def restart(self, prior: Prior | None) -> None:

@@ -15,7 +15,7 @@ def keep(window, number):
 
 
 def test_a_touch_is_due_at_the_start_and_after_some_path():
-    window = KeyframeWindow(4, 0.02, shortlist=3)
+    window = KeyframeWindow(4, 0.02, correlation=0.01, shortlist=3)
     assert window.due
     window.keep([Measurement(True)], SILENT)
     window.moved(STEP, 0.015, in_contact=True)
@@ -24,16 +24,36 @@ def test_a_touch_is_due_at_the_start_and_after_some_path():
     assert window.due
 
 
-def test_the_oldest_keyframe_goes_and_motion_is_from_the_start():
-    window = KeyframeWindow(4, 0.02, shortlist=3)
+def test_of_touches_that_count_in_full_the_oldest_goes_and_motion_is_from_the_start():
+    window = KeyframeWindow(4, 0.02, correlation=0.01, shortlist=3)
     keep(window, 6)
     assert len(window) == 4
     np.testing.assert_allclose(window.keyframes[0].motion, np.linalg.matrix_power(STEP, 3), atol=1e-12)
     np.testing.assert_allclose(window.motion, np.linalg.matrix_power(STEP, 6), atol=1e-12)
 
 
+def test_touches_that_others_stand_for_go_first_and_then_the_oldest():
+    window = KeyframeWindow(4, 0.01, correlation=0.025, shortlist=3)
+    kept = []
+    for x in range(9):
+        window.motion = se3.make(np.eye(3), np.array([0.01 * x, 0, 0]))
+        window.keep([Measurement(True)], SILENT)
+        kept.append([round(100 * float(each.motion[0, 3])) for each in window.keyframes])
+    assert kept[3:] == [[0, 1, 2, 3], [0, 2, 3, 4], [0, 2, 4, 5], [0, 2, 4, 6], [2, 4, 6, 7], [2, 4, 6, 8]]
+
+
+def test_touches_before_a_lift_do_not_stand_for_those_after_it():
+    window = KeyframeWindow(3, 0.01, correlation=0.02, shortlist=3)
+    for number in (2, 2):
+        for _ in range(number):
+            window.moved(se3.make(np.eye(3), np.array([0.01, 0, 0])), 0.01, in_contact=True)
+            window.keep([Measurement(True)], SILENT)
+        window.moved(np.eye(4), 0.02, in_contact=False)
+    assert [each.stretch for each in window.keyframes] == [0, 1, 1]
+
+
 def test_a_touch_takes_the_place_of_one_nearby():
-    window = KeyframeWindow(8, 0.02, shortlist=3)
+    window = KeyframeWindow(8, 0.02, correlation=0.01, shortlist=3)
     keep(window, 3)
     there, back = window.motion, np.linalg.inv(STEP)
     for step in (back, STEP):
@@ -44,7 +64,7 @@ def test_a_touch_takes_the_place_of_one_nearby():
 
 
 def test_after_a_lift_nothing_is_nearby():
-    window = KeyframeWindow(8, 0.02, shortlist=3)
+    window = KeyframeWindow(8, 0.02, correlation=0.01, shortlist=3)
     keep(window, 3)
     window.moved(STEP, 0.006, in_contact=False)
     window.moved(np.linalg.inv(STEP), 0.006, in_contact=False)
@@ -56,7 +76,7 @@ def test_after_a_lift_nothing_is_nearby():
 
 
 def test_a_short_gap_is_no_lift():
-    window = KeyframeWindow(8, 0.02, shortlist=3)
+    window = KeyframeWindow(8, 0.02, correlation=0.01, shortlist=3)
     keep(window, 2)
     window.moved(STEP, 0.008, in_contact=False)
     keep(window, 1)
@@ -64,7 +84,7 @@ def test_a_short_gap_is_no_lift():
 
 
 def test_touches_count_by_their_distance_to_all_earlier_ones():
-    window = KeyframeWindow(8, 0.01, shortlist=3)
+    window = KeyframeWindow(8, 0.01, correlation=0.01, shortlist=3)
     for x in (0.0, 0.01, 0.03, 0.02):
         window.motion = se3.make(np.eye(3), np.array([x, 0, 0]))
         window.keep([Measurement(True)], SILENT)
@@ -73,7 +93,7 @@ def test_touches_count_by_their_distance_to_all_earlier_ones():
 
 
 def test_further_fingers_are_aligned_to_once_the_place_is_settled():
-    window = KeyframeWindow(2, 0.02, shortlist=3)
+    window = KeyframeWindow(2, 0.02, correlation=0.01, shortlist=3)
     blind, first, second = (Measurement(True, penetration=p) for p in (None, np.zeros(1), np.ones(1)))
     window.keep([blind, first, second], 3 * SILENT)
     (keyframe,) = window.keyframes
@@ -82,7 +102,7 @@ def test_further_fingers_are_aligned_to_once_the_place_is_settled():
 
 
 def test_fingers_share_a_shortlist_of_what_fits_best():
-    window = KeyframeWindow(2, 0.02, shortlist=4)
+    window = KeyframeWindow(2, 0.02, correlation=0.01, shortlist=4)
     log_ratios = [np.array([0.0, 3.0, 1.0, 2.0]), np.array([5.0, 0.0, 6.0, 1.0])]
     window.keep([Measurement(True), Measurement(True)], log_ratios)
     (keyframe,) = window.keyframes
