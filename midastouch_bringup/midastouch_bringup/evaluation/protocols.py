@@ -48,7 +48,6 @@ class Protocol:
     codebook_size: int = 50_000
     right: float = RIGHT
     twins: bool = False
-    stock: Callable[..., Stock] = Stock
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
