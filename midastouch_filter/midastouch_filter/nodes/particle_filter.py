@@ -37,10 +37,10 @@ class ParticleFilterNode(ManagedNode):
         subscribe: bool = True,
         **node_options,
     ):
+        self._localiser: Localiser | None = None  # of the configured node; a node that is refused has none to end
         super().__init__("particle_filter", PARAMETERS, **node_options)
         self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
-        self._localiser: Localiser | None = None  # of the configured node
         self._time = NodeClock(self)
         self._out = EstimatePublisher(self, self.parameters, self._time.now)
         FilterServices(self, lambda: self._localiser if self.active else None, self._change_object)
