@@ -45,6 +45,7 @@ COMMANDS = {
         if name != "small_parts"
     },
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
+    "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
@@ -251,6 +252,30 @@ def peers() -> Table:
             ]
         rows.append([content["variants"][name]["summary"], one["trials"], *cells])
     rows += [[name, "-", f"skipped: {why}", *["-"] * 3] for name, why in content["skipped_variants"].items()]
+    return header, rows
+
+
+def grasps() -> Table:
+    """Grasps without sliding, by how many fingers touch."""
+    figures = {
+        "found": "closest mode found",
+        "share": "probability at the true place",
+        "right": "pose right",
+        "converged": "converged",
+        "converged_wrong": "converged wrong",
+    }
+    header = ["contacts", "after grasp", *figures.values(), "report"]
+    if "grasp" not in reported():
+        return header, [["*not measured yet*", *["-"] * (len(header) - 1)]]
+    summary, rows = report("grasp")["summary"], []
+    for contacts, variant in enumerate(("contact_1", "contacts_2", "contacts_3", "default"), 1):
+        (by_grasp,) = (one["grasps"] for one in summary[variant].values())
+        for number in (1, len(by_grasp)):
+            one = by_grasp[number - 1]
+            cells = [f"too few ({one['trials']})"] * len(figures)
+            if one["trials"] >= ENOUGH:
+                cells = [_share(one[key]) for key in figures]
+            rows.append([contacts, number, *cells, "[grasp]"])
     return header, rows
 
 
@@ -531,7 +556,7 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, real, peers, variants, slides, depth, presses, labels, checks, diameters, contacts,
+        paper, localisation, real, grasps, peers, variants, slides, depth, presses, labels, checks, diameters, contacts,
         brightness, single_touch, speed, soak, commands,
     )
 }  # fmt: skip

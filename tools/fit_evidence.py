@@ -64,7 +64,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
     noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
     model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
     simulator = TouchSimulator(mesh, networks, Lighting("random"))
-    search = RivalSearch(model.lookup, model.poses, noise, Effort())
+    search = RivalSearch(model.lookup, noise, Effort())
     for _ in range(count):
         try:
             slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
@@ -74,8 +74,8 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         if len(window.keyframes) < TOUCHES // 2:
             continue
         entry = model.lookup.exact(truth[-1][None])[0]
-        beside = model.poses[model.lookup.neighbours[entry, 2]]
-        taken = [model.poses[entry]]
+        beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
+        taken = [model.lookup.poses[entry]]
         rivals = [beside, *_exhaust(search.find(window, taken)).poses]
         replay = Replay(window, search.along, model.alignment, noise, Effort(), CONFIG.relief_fit)
         for start in taken + rivals[: RIVALS + 1]:

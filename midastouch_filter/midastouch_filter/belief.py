@@ -38,6 +38,11 @@ class Belief:
         self.particles = particles
         self.weights = particles.weights if weights is None else weights
 
+    def follow_entries(self, now: np.ndarray) -> None:
+        """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""
+        self.particles.entries = now[self.particles.entries]
+        self.cluster()
+
     def moved(self, path: float) -> None:
         """The particles moved by `path` [m], turns included."""
         self._path += path

@@ -111,6 +111,21 @@ class ParticleFilter:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
         self._do.fingers.force_update()
 
+    # ------------------------------------------------------------------ a denser codebook
+
+    def prepared(self, codebook: Codebook) -> ObjectModel:
+        """What `take` takes of another codebook of the same object; may be made in another thread than the steps."""
+        return self._object.with_codebook(codebook)
+
+    def take(self, prepared: ObjectModel) -> None:
+        """Go on with another codebook between two steps: belief and kept touches stay."""
+        now = prepared.lookup.exact(self._object.lookup.poses)
+        self._object.take(prepared)
+        self._do.fingers.use(self._object.measurement_of)
+        self._do.refine.score_anew(self._object.measurement.log_ratio_of, len(self._object.regions))
+        if self._belief is not None:
+            self._belief.follow_entries(now)
+
     # ------------------------------------------------------------------ one step
 
     def step(
@@ -233,9 +248,19 @@ class ParticleFilter:
         return self._belief.weights if self._belief else np.empty(0)
 
     @property
+    def codebook_size(self) -> int:
+        """Number of poses in the codebook."""
+        return len(self._object.lookup)
+
+    @property
     def codebook_spacing(self) -> float:
         """Typical pose distance [m] of a codebook entry to the nearest other one; 1 rad counts as 10 mm."""
         return self._object.lookup.spacing
+
+    @property
+    def codebook_gap(self) -> float:
+        """Typical distance [m] of a point of the surface to the nearest one that a codebook pose touches."""
+        return self._object.gap
 
     @property
     def codebook_indices(self) -> np.ndarray:

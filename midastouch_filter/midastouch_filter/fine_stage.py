@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from midastouch_perception import se3
@@ -20,6 +22,7 @@ from .reevaluation import Comparison, Reevaluation
 from .refinement import Refinement
 from .resampler import Resampler
 from .stopwatch import Stopwatch
+from .touch import Measurement
 
 _NEGLIGIBLE = 0.02  # change of a place's share of the belief
 
@@ -34,6 +37,9 @@ class CoarseOnly:
 
     def restart(self, prior: Prior | None) -> None:
         """The particles were drawn anew; `prior` is what is known of the present pose."""
+
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
+        """The look-up has other entries; arguments as `Reevaluation.score_anew`."""
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         """The first finger moved, None at rest; `path` [m] of the others."""
@@ -81,6 +87,10 @@ class FineStage(CoarseOnly):
         if self._reevaluation:
             self._known_at = np.eye(4)
             self._reevaluation.restart(prior)
+
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
+        if self._reevaluation:
+            self._reevaluation.score_anew(log_ratio_of, places)
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         if self._reevaluation and motion is not None:

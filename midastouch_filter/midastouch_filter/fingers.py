@@ -72,6 +72,10 @@ class Finger:
         self._path = {True: np.inf, False: np.inf}  # since what was felt last in contact, and in the air, was counted
         self._last_code: np.ndarray | None = None
 
+    def use(self, model: MeasurementModel) -> None:
+        """The look-up has other entries: score those."""
+        self._model, self._search = model, GelSearch(self._lookup, self._surface.reach)
+
     # ------------------------------------------------------------------ whether it tells something new
 
     def moved_to(self, pose: np.ndarray) -> float:
@@ -180,6 +184,11 @@ class Fingers:
         """Count the next touch of each in full."""
         for finger in self._fingers.values():
             finger.force_update()
+
+    def use(self, model_of: Callable[[str], MeasurementModel]) -> None:
+        """The look-up has other entries: score those, each finger by the model of its name."""
+        for name, finger in self._fingers.items():
+            finger.use(model_of(name))
 
     def feel(self, touches: Mapping[str, Measurement], motion: Odometry | None) -> list[Finger]:
         """Those that tell something new, by name, the first one first; unusable touches are refused.

@@ -55,25 +55,24 @@ def gaussian_poses(centre: np.ndarray, sigma_t: float, sigma_r: float, n: int, r
 class ParticleSource:
     """Draws equally weighted particles on the surface of one object.
 
-    Args: lookup; poses (M, 4, 4) of its entries; motion_model, which spreads them over the gaps between entries;
+    Args: lookup; motion_model, which spreads them over the gaps between entries;
     jitter (6, 6), covariance of one measured sensor pose; rng; workers.
     """
 
     def __init__(
         self,
         lookup: PoseLookup,
-        poses: np.ndarray,
         motion_model: MotionModel,
         jitter: np.ndarray,
         rng: np.random.Generator,
         workers: Workers,
     ):
-        self._lookup, self._poses, self._motion_model = lookup, poses, motion_model
+        self._lookup, self._motion_model = lookup, motion_model
         self._jitter, self._rng, self._workers = jitter, rng, workers
 
     def uniform(self, n: int) -> Particles:
         """n particles over the whole surface, with uniform yaw."""
-        return self._around(uniform_entries(len(self._poses), n, self._rng))
+        return self._around(uniform_entries(len(self._lookup), n, self._rng))
 
     def gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float, n: int) -> Particles:
         """n particles around a prior (4, 4), each at the nearest codebook entry."""
@@ -98,7 +97,7 @@ class ParticleSource:
 
     def matches_and_uniform(self, finger: Finger, n: int) -> Particles:
         """n particles, half as `matches`, half over the whole surface."""
-        uniform = uniform_entries(len(self._poses), n - n // 2, self._rng)
+        uniform = uniform_entries(len(self._lookup), n - n // 2, self._rng)
         return self._around(np.concatenate([uniform, self.matches(finger, n // 2).entries]))
 
     def at(self, place: Place, n: int) -> Particles:
@@ -116,6 +115,6 @@ class ParticleSource:
 
     def _around(self, entries: np.ndarray) -> Particles:
         """At codebook entries (n,), spread over the gaps between them."""
-        particles = Particles.from_poses(self._poses[entries], entries)
+        particles = Particles.from_poses(self._lookup.poses[entries], entries)
         self._motion_model.scatter(particles, self._lookup.spacing)
         return particles

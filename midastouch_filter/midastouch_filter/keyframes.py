@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,9 +85,7 @@ class KeyframeWindow:
 
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
         """Keep what fingers feel at present, the first one first."""
-        rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(touches)
-        best = [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
-        newest = Keyframe(self.motion, touches, rounded, best, self._stretch)
+        newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self._stretch)
         apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
         self.keyframes = self._thinned([*apart, newest])
         self._path = 0.0
@@ -103,6 +101,17 @@ class KeyframeWindow:
         )
         gone = next(bridged, 0)
         return keyframes[:gone] + keyframes[gone + 1 :]
+
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        """The codebook has other entries: `log_ratio_of` a touch, (M,), is that of each of these."""
+        for k, keyframe in enumerate(self.keyframes):
+            log_ratios, shortlists = self._kept([log_ratio_of(touch) for touch in keyframe.touches])
+            self.keyframes[k] = replace(keyframe, log_ratios=log_ratios, shortlists=shortlists)
+
+    def _kept(self, log_ratios: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """`Keyframe.log_ratios` and `Keyframe.shortlists`."""
+        rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(log_ratios)
+        return rounded, [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
 
 
 def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:

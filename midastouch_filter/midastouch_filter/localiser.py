@@ -18,6 +18,7 @@ from . import memory
 from .config import FilterConfig
 from .estimate import Estimate
 from .filter import ParticleFilter
+from .growth import Growth
 from .initialisation import checked_prior
 from .pose_prior import spread_at_lever
 from .touch import Measurement
@@ -56,8 +57,8 @@ class ObjectPrior:
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. density: how many poses the codebook has
-    and how far they are apart, in words."""
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. density: how many poses the codebook has,
+    how far they are apart, and what that allows, in words. growth: makes it denser meanwhile, None: nobody does."""
 
     filter: ParticleFilter
     diagonal: float
@@ -65,6 +66,27 @@ class LoadedObject:
     sensor: SensorModel | None = None
     network_id: str = ""
     density: str = ""
+    growth: Growth | None = None
+
+    @property
+    def coarse(self) -> str:
+        """That the codebook grows, or why it does not, in words; empty for a whole one."""
+        if self.growth is None or not (self.growth.failure or not self.growth.done):
+            return ""
+        return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
+
+    def denser(self) -> LoadedObject:
+        """The same on a denser codebook, if one is ready by now."""
+        prepared = self.growth.take() if self.growth is not None else None
+        if prepared is None:
+            return self
+        self.filter.take(prepared)
+        return dataclasses.replace(self, density=density_of(self.filter))
+
+    def close(self) -> None:
+        """End its growth."""
+        if self.growth is not None:
+            self.growth.close()
 
 
 def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
@@ -78,8 +100,14 @@ def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: 
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     memory.trim()
     sensor = SensorModel.load(codebook.meta["sensor"]).for_maps
-    density = f"codebook of {len(codebook.poses):,} poses, {1e3 * running.codebook_spacing:.1f} mm apart"
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, str(codebook.meta["tcn"]), density)
+    network_id = str(codebook.meta["tcn"])
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, density_of(running))
+
+
+def density_of(running: ParticleFilter) -> str:
+    """How dense a filter's codebook is, and what that allows, in words."""
+    size, spacing, gap = running.codebook_size, 1e3 * running.codebook_spacing, 1e3 * running.codebook_gap
+    return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone tell a place to {gap:.1f} mm)"
 
 
 class Localiser:
@@ -106,6 +134,11 @@ class Localiser:
         return self._object
 
     @property
+    def coarse(self) -> str:
+        """As of the object; empty without one."""
+        return self._object.coarse if self._object is not None else ""
+
+    @property
     def filter(self) -> ParticleFilter | None:
         """The running filter; None before it has an object and a start."""
         return self._object.filter if self._object is not None and self._started else None
@@ -126,8 +159,16 @@ class Localiser:
         """Localise on another object, from scratch: poses on the old one say nothing about it."""
         if self._object is not None:
             self._start = self._prior = None
+        self.close()
         self._object = loaded
+        if loaded.growth is not None:
+            loaded.growth.start()
         self.restart()
+
+    def close(self) -> None:
+        """End what goes on beside the filter."""
+        if self._object is not None:
+            self._object.close()
 
     def restart(self) -> None:
         """Forget all measurements and start as at first, or from the last pose that was given."""
@@ -184,6 +225,7 @@ class Localiser:
             self._prior = prior
         if self.filter is None:
             return None
+        self._object = self._object.denser()
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
         told = moved is not None and stamp is not None and self._stamp is not None
         elapsed = 1e-9 * (stamp - self._stamp) if told else None

@@ -32,7 +32,7 @@ _HOPS = 8  # that a walk takes at most
 class PoseLookup:
     """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
 
-    Attributes: graph, the entries as the kernels take them; records (M, 8) float32, each position, 0, quaternion;
+    Attributes: poses; graph, the entries as the kernels take them; records (M, 8) float32: position, 0, quaternion;
     neighbours (M, K) int32, the K nearest other entries of each entry, nearest first; neighbour_distance (M, K) float32
     m; spacing m, the typical distance to the nearest other entry; largest_gap m, which 99 % of these keep below; stride
     m, the typical distance that one hop along the graph can cover. Raises InputError for fewer than two poses.
@@ -42,6 +42,7 @@ class PoseLookup:
         """`graph`, as `neighbours_and_links` gives it, if that is known."""
         if len(poses) < 2:
             raise InputError(f"codebook: {len(poses)} poses; build one of at least some thousands")
+        self.poses = poses
         rows = se3.to_xyzquat(poses).astype(np.float32)
         self.records = np.zeros((len(rows), 8), np.float32)
         self.records[:, :3], self.records[:, 4:] = rows[:, :3], rows[:, 3:]

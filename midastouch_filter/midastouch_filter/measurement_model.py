@@ -21,6 +21,7 @@ from midastouch_perception.errors import InputError
 from .config import FilterConfig
 from .lookup import PoseLookup
 from .particles import Particles
+from .touch import Measurement
 from .workers import Workers
 
 _NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
@@ -83,6 +84,11 @@ class MeasurementModel:
         likelihood = self._relative_likelihood(self._similarity(self._codes, self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
+
+    def log_ratio_of(self, touch: Measurement) -> np.ndarray:
+        """(M,) float32: that of a touch's code, of every entry; valid until the next code is scored."""
+        self.score_codebook(self.unit_code(touch.code))
+        return self.log_ratio
 
     def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
         """Set `log_ratio` only where particles need it.

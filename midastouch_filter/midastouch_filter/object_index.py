@@ -27,32 +27,40 @@ _PREFIX = "index1_"
 class ObjectIndex:
     """Look-up among the codebook's poses and distances to the surface of one object.
 
-    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers.
-    Attributes: order (M,), of the codebook's entries in `lookup`; poses (M, 4, 4) in that order; lookup; surface.
+    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers; surface,
+    if it is known. Attributes: order (M,), of the codebook's entries in `lookup`; lookup; surface.
     Raises InputError if the derived arrays are broken.
     """
 
-    def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, workers: Workers):
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        codebook: Codebook,
+        config: FilterConfig,
+        workers: Workers,
+        surface: SurfaceGrid | None = None,
+    ):
         kept = codebook.derived
         self.order = space_filling_order(codebook.poses)
-        self.poses = np.asarray(codebook.poses, float)[self.order]
+        poses = np.asarray(codebook.poses, float)[self.order]
         band = _band(config)
         # limits of another configuration ask for another grid
         fits = float(kept.get(_PREFIX + "band", np.nan)) == band
         try:
-            self.lookup = PoseLookup(self.poses, workers, self._graph(kept))
-            self.surface = SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
+            self.lookup = PoseLookup(poses, workers, _graph(kept, len(poses)))
+            self.surface = surface or SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
         except ValueError as error:
             raise InputError(f"codebook: {error}; build it again with `midastouch build-codebook`") from error
 
-    def _graph(self, kept: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
-        names = [_PREFIX + name for name in ("neighbours", "links")]
-        if len(self.poses) < 2 or not all(name in kept for name in names):
-            return None
-        neighbours, links = (np.ascontiguousarray(kept[name], np.int32) for name in names)
-        if neighbours.ndim != 2 or links.ndim != 2 or not neighbours.shape[1] or not links.shape[1]:
-            raise ValueError("neighbours and links are not tables")
-        return neighbours, links
+
+def _graph(kept: dict[str, np.ndarray], entries: int) -> tuple[np.ndarray, np.ndarray] | None:
+    names = [_PREFIX + name for name in ("neighbours", "links")]
+    if entries < 2 or not all(name in kept for name in names):
+        return None
+    neighbours, links = (np.ascontiguousarray(kept[name], np.int32) for name in names)
+    if neighbours.ndim != 2 or links.ndim != 2 or not neighbours.shape[1] or not links.shape[1]:
+        raise ValueError("neighbours and links are not tables")
+    return neighbours, links
 
 
 def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pykdtree.kdtree import KDTree
 
+from midastouch_perception.codebook_poses import PRESS
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -27,36 +30,62 @@ from .workers import Workers
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
+_SURFACE_SAMPLE = 2048  # points
+
 
 class ObjectModel:
     """Made once for mesh, codebook and config; holds nothing of what was felt, but for the scores of the last codes.
 
-    Attributes: lookup among the codebook's poses (M, 4, 4); order (M,), of the codebook's entries there; surface, the
-    constraint to be at it; measurement model; regions and mode_finder, for KLD sampling and clustering; alignment to
-    penetration maps, None if the codebook does not name its sensor or none is asked for.
+    A denser codebook of the same object can take the place of the first: whoever refers to a part of the model then has
+    the new entries.
+    Attributes: lookup among the codebook's poses; order (M,), of the codebook's entries there; surface, the
+    constraint to be at it; gap, as `ParticleFilter.codebook_gap`; measurement model; regions and mode_finder, for KLD
+    sampling and clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is
+    asked for.
     Raises InputError if the codebook cannot be used.
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, noise: NoiseModel, workers: Workers):
         _require_usable(codebook)
-        self._config, self._workers = config, workers
+        self._mesh, self._config, self._workers = mesh, config, workers
         self._network_id = str(codebook.meta.get("tcn", ""))
-        index = ObjectIndex(mesh, codebook, config, workers)
-        self.order, self.poses, self.lookup = index.order, index.poses, index.lookup
-        self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
-        self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)
-        self.regions = Regions(self.lookup, config.region_radius)
-        self.mode_finder = ModeFinder(self.lookup, self.regions, config.mode_radius, config.min_mode_mass, workers)
+        self._make_entries(codebook, ObjectIndex(mesh, codebook, config, workers))
         self.alignment: PenetrationAlignment | None = None
         sensor = codebook.meta.get("sensor") if config.refinement else None
         if sensor:
             self.alignment = PenetrationAlignment(mesh, SensorModel.load(sensor).scaled(MAP_SCALE), noise)
 
+    def _make_entries(self, codebook: Codebook, index: ObjectIndex) -> None:
+        config, workers = self._config, self._workers
+        self._grid, self.order, self.lookup = index.surface, index.order, index.lookup
+        self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
+        self.surface = SurfaceConstraint(self._grid, self.lookup.largest_gap, config, workers)
+        self.gap = _gap(self._mesh, self.lookup.poses)
+        self.regions = Regions(self.lookup, config.region_radius)
+        self.mode_finder = ModeFinder(self.lookup, self.regions, config.mode_radius, config.min_mode_mass, workers)
+
+    def with_codebook(self, codebook: Codebook) -> ObjectModel:
+        """A model of the same object by another codebook, for `take`. It may be made beside a running filter."""
+        _require_usable(codebook)
+        other = copy.copy(self)
+        other._make_entries(codebook, ObjectIndex(self._mesh, codebook, self._config, self._workers, self._grid))
+        return other
+
+    def take(self, other: ObjectModel) -> None:
+        """Have the entries of another model of the same object in place of one's own."""
+        for name in ("lookup", "measurement", "surface", "regions", "mode_finder"):
+            vars(getattr(self, name)).update(vars(getattr(other, name)))
+        self.order, self.gap = other.order, other.gap
+
+    def measurement_of(self, finger: str) -> MeasurementModel:
+        """The model that keeps the scores of a finger's codes, by its name."""
+        return self.measurement if finger == FIRST else self.measurement.for_another_sensor()
+
     def finger_maker(self, gates: Gates) -> Callable[[str], Finger]:
         """A function that makes a finger by its name."""
 
         def make(name: str) -> Finger:
-            model = self.measurement if name == FIRST else self.measurement.for_another_sensor()
+            model = self.measurement_of(name)
             return Finger(name, self.lookup, self.surface, model, self._config, self._workers, gates)
 
         return make
@@ -69,6 +98,13 @@ class ObjectModel:
                     f"tactile code: from network {theirs}, but the codebook was built with {self._network_id};"
                     " build the codebook with the encoder in use"
                 )
+
+
+def _gap(mesh: ObjectMesh, poses: np.ndarray) -> float:
+    """Median distance [m] of points of the surface to the nearest one touched by poses (M, 4, 4)."""
+    points = mesh.sample_surface(_SURFACE_SAMPLE, np.random.default_rng(0))[0]
+    touched = poses[:, :3, 3] + PRESS * poses[:, :3, 2]
+    return float(np.median(KDTree(touched).query(points)[0]))
 
 
 def _require_usable(codebook: Codebook) -> None:

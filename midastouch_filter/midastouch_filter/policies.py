@@ -53,7 +53,7 @@ def default_policies(
 ) -> Policies:
     """The policies that the configuration asks for, without a memory."""
     motion_model = MotionModel(config, rng, workers)
-    source = ParticleSource(model.lookup, model.poses, motion_model, noise.jitter, rng, workers)
+    source = ParticleSource(model.lookup, motion_model, noise.jitter, rng, workers)
     resample = Resampler(model.regions, config, rng, gates)
     map_shape, refine, correct = None, CoarseOnly(), AsMeasured()
     if model.alignment is not None:
@@ -62,7 +62,7 @@ def default_policies(
         reevaluation = None
         if config.hindsight:
             places = len(model.regions)
-            reevaluation = Reevaluation(model.lookup, model.poses, model.alignment, places, config, noise, effort)
+            reevaluation = Reevaluation(model.lookup, model.alignment, places, config, noise, effort)
         refine = FineStage(refinement, reevaluation, config, noise, source, resample, gates, watch)
         if config.calibration or config.object_motion:
             correct = OdometryCorrection(model.alignment, config, noise, watch)

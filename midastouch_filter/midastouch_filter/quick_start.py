@@ -1,7 +1,8 @@
-"""An object that comes without a codebook: a coarse one is built on the spot."""
+"""An object that comes without a codebook: a coarse one is built on the spot, denser ones while the filter runs."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from .config import FilterConfig
+from .growth import Growth, levels
 from .localiser import LoadedObject, object_of
 
 SIZE = 5_000
@@ -16,7 +18,7 @@ SIZE = 5_000
 
 
 def build_object(mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int) -> LoadedObject:
-    """The filter on a mesh and a codebook of `SIZE` poses that is built now.
+    """The filter on a mesh and a codebook of `SIZE` poses that is built now; it grows once it is localised on.
 
     network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for what they do
     not name, a mesh that cannot be used, and one without reachable surface.
@@ -26,6 +28,7 @@ def build_object(mesh_path: Path, network: str, sensor_model: str, config: Filte
     from midastouch_perception.tcn import load_tcn
 
     mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load(sensor_model)
-    jobs = config.threads or len(os.sched_getaffinity(0))
-    codebook = CodebookBuild(mesh, load_tcn(network, sensor), sensor, SIZE).run(jobs)
-    return object_of(mesh, codebook, config, seed)
+    tcn, jobs = load_tcn(network, sensor), config.threads or len(os.sched_getaffinity(0))
+    loaded = object_of(mesh, CodebookBuild(mesh, tcn, sensor, SIZE).run(jobs), config, seed)
+    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.prepared)
+    return dataclasses.replace(loaded, growth=growth)

@@ -11,7 +11,7 @@ That takes dozens of alignments, so it is done in slices, a few in every step of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,23 +65,22 @@ class Comparison:
 class Reevaluation:
     """Keeps the last touches and compares the best places by them.
 
-    Args: lookup; poses (M, 4, 4) of its entries; alignment; places: how many the object has; config; noise; effort.
+    Args: lookup; alignment; places: how many the object has; config; noise; effort.
     Attributes: lifted, whether the sensor was lifted since what the last comparison knew.
     """
 
     def __init__(
         self,
         lookup: PoseLookup,
-        poses: np.ndarray,
         alignment: PenetrationAlignment,
         places: int,
         config: FilterConfig,
         noise: NoiseModel,
         effort: Effort,
     ):
-        self._poses, self._alignment, self._noise, self._effort = poses, alignment, noise, effort
+        self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
         self._count, self._explains = places, config.relief_fit
-        self._search = RivalSearch(lookup, poses, noise, effort)
+        self._search = RivalSearch(lookup, noise, effort)
         self._window = KeyframeWindow(
             config.hindsight_touches, config.hindsight_spacing, noise.touch_correlation, effort.shortlist
         )
@@ -93,11 +92,16 @@ class Reevaluation:
         self._prior = prior
         self._typical = 0.0  # log of the prior's mean density over all places
         if prior is not None:
-            some = self._poses[:: max(len(self._poses) // _SAMPLE, 1)]
+            some = self._lookup.poses[:: max(len(self._lookup) // _SAMPLE, 1)]
             density = prior.log_density(some, self._noise.prior_floor)
             self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
         self._since, self._patience, self.lifted = 0, self._effort.anew, False
         self._running: Iterator[Comparison | None] | None = None
+
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
+        """The look-up has other entries; arguments as of `KeyframeWindow.score_anew`, and of this."""
+        self._running, self._count = None, places
+        self._window.score_anew(log_ratio_of)
 
     def moved(self, transform: np.ndarray, path: float, in_contact: bool = True) -> None:
         """The first gel moved by `transform` (4, 4), which counts as `path` [m]."""

@@ -21,6 +21,7 @@ _AROUND = 8  # entries beside the nearest one
 _SAMPLE = 2048  # entries that stand for the codebook
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
+
 @dataclass(frozen=True)
 class Rivals:
     """poses: of places that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches and
@@ -70,11 +71,11 @@ class Scored:
 class RivalSearch:
     """Looks for the places that explain keyframes best, in slices: each generator yields None between two of them.
 
-    Args: lookup; poses (M, 4, 4) of its entries; noise; effort.
+    Args: lookup; noise; effort.
     """
 
-    def __init__(self, lookup: PoseLookup, poses: np.ndarray, noise: NoiseModel, effort: Effort):
-        self._lookup, self._poses = lookup, poses
+    def __init__(self, lookup: PoseLookup, noise: NoiseModel, effort: Effort):
+        self._lookup = lookup
         self._margin, self._effort = noise.code_margin, effort
         self._looked_up = 0  # in this step
 
@@ -96,7 +97,7 @@ class RivalSearch:
         for keyframe in keyframes:
             to_newest = se3.inverse(keyframe.motion) @ newest
             for touch, best in zip(keyframe.touches, keyframe.shortlists, strict=True):
-                poses = self._poses[best]
+                poses = self._lookup.poses[best]
                 if touch.T_gel_finger is not None:
                     poses = poses @ se3.inverse(touch.T_gel_finger)
                 out.append(poses @ to_newest)

@@ -107,3 +107,16 @@ def test_fingers_share_a_shortlist_of_what_fits_best():
     window.keep([Measurement(True), Measurement(True)], log_ratios)
     (keyframe,) = window.keyframes
     assert [set(best.tolist()) for best in keyframe.shortlists] == [{1, 3}, {0, 2}]
+
+
+def test_kept_touches_are_scored_anew_for_other_entries():
+    window = KeyframeWindow(4, 0.02, shortlist=4)
+    for code in (1.0, 2.0):
+        window.moved(STEP, 0.02, in_contact=True)
+        window.keep([Measurement(True, np.array([code])), Measurement(True, np.array([-code]))], [np.zeros(5)] * 2)
+    motion = window.motion
+    window.score_anew(lambda touch: touch.code[0] * np.arange(7.0))
+    newest = window.keyframes[-1]
+    np.testing.assert_array_equal(newest.log_ratios, [2 * np.arange(7), -2 * np.arange(7)])
+    assert [set(best) for best in newest.shortlists] == [{5, 6}, {0, 1}]
+    np.testing.assert_array_equal(newest.motion, motion)

@@ -15,7 +15,7 @@ from midastouch_perception.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parent / "nodes"))
 
-from filter_fakes import DIAGONAL, FakeFilter, translation
+from filter_fakes import DIAGONAL, FakeFilter, StubGrowth, translation
 
 TOUCH = Measurement(True, np.array([0.6, 0.8], np.float32), 1e-5, "fake")
 START = Start(translation(0.1), 0.01, 0.2)
@@ -95,6 +95,40 @@ def test_another_object_does_not_inherit_a_pose():
     subject.set_object(LoadedObject(second, DIAGONAL, "other"))
     assert second.starts == ["uniform"]
     assert subject.estimate is None
+
+
+class Growing(FakeFilter):
+    """A filter whose codebook can be changed."""
+
+    codebook_size, codebook_spacing, codebook_gap = 5000, 4e-3, 5e-3
+
+    def take(self, prepared):
+        self.codebook_size, self.codebook_gap = prepared, 2e-3
+
+
+def test_a_denser_codebook_is_taken_between_two_frames_and_said():
+    subject, growth = Localiser(None, wait=False), StubGrowth()
+    subject.set_object(LoadedObject(Growing(), DIAGONAL, "thing", density="codebook of 5,000 poses", growth=growth))
+    assert growth.calls == ["start"]
+    subject.process(np.eye(4), TOUCH)
+    assert subject.coarse == "codebook of 5,000 poses; growing"
+    growth.ready = 50_000
+    subject.process(np.eye(4), TOUCH)
+    dense = "codebook of 50,000 poses, 4.0 mm apart (codes alone tell a place to 2.0 mm)"
+    assert (subject.object.density, subject.coarse) == (dense, f"{dense}; growing")
+    growth.done = True
+    assert subject.coarse == ""
+    growth.failure = "MemoryError: no room"
+    assert subject.coarse == f"{dense}; no denser: MemoryError: no room"
+
+
+def test_an_object_that_is_left_grows_no_more():
+    subject, growth = Localiser(None, wait=False), StubGrowth()
+    subject.close()
+    subject.set_object(LoadedObject(Growing(), DIAGONAL, "thing", growth=growth))
+    subject.set_object(LoadedObject(FakeFilter(), DIAGONAL, "other"))
+    assert growth.calls == ["start", "close"]
+    assert subject.coarse == ""
 
 
 def test_object_prior_starts_where_the_sensor_is_on_it():

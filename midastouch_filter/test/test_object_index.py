@@ -27,8 +27,8 @@ def indexed(world, codebook, config=CONFIG) -> ObjectIndex:
 
 
 def followed(index: ObjectIndex) -> tuple[bytes, bytes]:
-    entries = np.roll(np.arange(len(index.poses)), 1)
-    particles = Particles.from_poses(index.poses, entries)
+    entries = np.roll(np.arange(len(index.lookup.poses)), 1)
+    particles = Particles.from_poses(index.lookup.poses, entries)
     distance = index.lookup.follow(particles)
     return particles.entries.tobytes(), distance.tobytes()
 

@@ -1,7 +1,9 @@
+import threading
+
 import pytest
 import trimesh
 
-from midastouch_filter import quick_start
+from midastouch_filter import growth, quick_start
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
@@ -15,10 +17,35 @@ def test_a_mesh_alone_is_enough_for_a_filter(monkeypatch):
     loaded = quick_start.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
     assert (loaded.name, loaded.sensor.height) == ("eyebolt", 160)
     assert loaded.network_id.startswith("tcn_fast")
-    assert loaded.density == f"codebook of 300 poses, {1e3 * loaded.filter.codebook_spacing:.1f} mm apart"
+    assert loaded.density == (
+        f"codebook of 300 poses, {1e3 * loaded.filter.codebook_spacing:.1f} mm apart"
+        f" (codes alone tell a place to {1e3 * loaded.filter.codebook_gap:.1f} mm)"
+    )
     assert 1e-3 < loaded.filter.codebook_spacing < 20e-3
     loaded.filter.initialise_uniform()
     assert len(loaded.filter.poses) == 200
+
+
+def test_it_grows_once_it_is_localised_on(monkeypatch):
+    monkeypatch.setattr(quick_start, "SIZE", 300)
+    monkeypatch.setattr(growth, "LEVELS", (400,))
+    finished = threading.Event()
+
+    def levels(*arguments):
+        yield from growth.levels(*arguments)
+        finished.set()
+
+    monkeypatch.setattr(quick_start, "levels", levels)
+    config = FilterConfig(min_particles=100, max_particles=200)
+    loaded = quick_start.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
+    assert loaded.denser() is loaded
+    loaded.growth.start()
+    finished.wait()
+    loaded.growth.close()
+    assert loaded.coarse.endswith("; growing")
+    loaded = loaded.denser()
+    assert (loaded.filter.codebook_size, loaded.growth.failure, loaded.coarse) == (400, "", "")
+    assert loaded.density.startswith("codebook of 400 poses")
 
 
 def test_what_the_parameters_do_not_name_is_said(tmp_path):

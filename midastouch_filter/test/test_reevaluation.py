@@ -58,7 +58,7 @@ class Slide:
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
         self.reevaluation = reevaluation = Reevaluation(
-            self.lookup, self.book, self.alignment, PLACES, CONFIG, NOISE, self.effort
+            self.lookup, self.alignment, PLACES, CONFIG, NOISE, self.effort
         )
         reevaluation.restart(prior)
         self.answered = 0
@@ -255,7 +255,7 @@ def test_what_another_finger_felt_tells_twins_apart(world):
 
 def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
     """Codes of the second finger alone bring up the right place, where the first finger feels nothing."""
-    reevaluation = Reevaluation(uneven.lookup, uneven.book, uneven.alignment, PLACES, CONFIG, NOISE, Effort())
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, PLACES, CONFIG, NOISE, Effort())
     between = se3.exp(np.array([0.02, 0, 0.05, 0.3, 0.2, 0.1]))
     for k, penetration in enumerate(uneven.penetrations):
         if k:

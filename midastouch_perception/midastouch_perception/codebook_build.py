@@ -58,14 +58,23 @@ class CodebookBuild:
         chunks = np.flatnonzero(self._finished)
         return int(np.minimum((chunks + 1) * CHUNK, self._meta["size"]).sum() - (chunks * CHUNK).sum())
 
-    def run(self, jobs: int = 1, progress: Callable[[int, int], None] = lambda done, total: None) -> Codebook:
+    def run(
+        self,
+        jobs: int = 1,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+        until: int | None = None,
+        pause: Callable[[], None] = lambda: None,
+    ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
-        Whatever ends it early, what was done until then can be saved. Raises InputError: no pose to encode.
+        until: only the first so many poses, which cover the surface as evenly; the next call goes on. pause: called now
+        and then. Whatever ends it early, what was done until then can be saved. Raises InputError: no pose to encode.
         """
+        size, seed = self._meta["size"], self._meta["seed"]
+        wanted = min(until or size, size)
         if self._poses is None:
-            size, seed = self._meta["size"], self._meta["seed"]
-            self._poses = codebook_poses(self._mesh, size, self._sensor, np.random.default_rng(seed))
+            rng = np.random.default_rng(seed)
+            self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause)
             self._codes = np.empty((size, self._tcn.dim), np.float32)
             self._finished = np.zeros(-(-size // CHUNK), bool)
         renderer = PenetrationRenderer(self._mesh, self._sensor.for_maps)
@@ -79,14 +88,15 @@ class CodebookBuild:
 
         # threads, not processes: network and renderer release the interpreter lock, and nothing has to be sent
         with ThreadPoolExecutor(jobs) as pool:
-            for chunk in np.flatnonzero(~self._finished):
+            for chunk in np.flatnonzero(~self._finished[: -(-wanted // CHUNK)]):
+                pause()
                 maps = renderer.render(self._poses[_part(chunk)])
                 waiting.append((chunk, pool.submit(self._tcn.encode, maps)))
                 if len(waiting) > jobs:
                     collect()
             while waiting:
                 collect()
-        return Codebook(self._poses, self._codes, self._meta)
+        return Codebook(self._poses[:wanted], self._codes[:wanted], self._meta | {"size": wanted})
 
     def save(self, path: str | Path) -> None:
         """Keep what is done in one `.npz`, for `restore`; nothing is left behind if it fails."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 import midastouch_kernels as kernels
@@ -18,11 +20,19 @@ _PIECE = 4096  # poses
 _NORMAL_SCALE = 0.01  # m: two normals 1 rad apart count as far apart as two points 10 mm apart (the paper's alpha)
 
 
-def codebook_poses(mesh: ObjectMesh, size: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
+def codebook_poses(
+    mesh: ObjectMesh,
+    size: int,
+    sensor: SensorModel,
+    rng: np.random.Generator,
+    pause: Callable[[], None] = lambda: None,
+) -> np.ndarray:
     """Exactly `size` reachable gel poses T_obj_gel (size, 4, 4) (paper section 4.2, "evenly sample").
 
     Sites are a farthest-point sequence over (point, normal), so the sides of a thin plate count as apart and edges,
-    where the normal turns, get more of them. Raises InputError if the object has hardly a reachable pose.
+    where the normal turns, get more of them; and so the first of them, however many, cover the surface evenly, too.
+    `pause` is called now and then; what it raises ends the work. Raises InputError if the object has hardly a reachable
+    pose.
     """
     if size < 1:
         raise InputError(f"codebook size {size}; it needs at least 1 pose, 50000 is usual")
@@ -40,20 +50,27 @@ def codebook_poses(mesh: ObjectMesh, size: int, sensor: SensorModel, rng: np.ran
             np.repeat(points[sites], yaws, axis=0), np.repeat(normals[sites], yaws, axis=0),
             yaw.reshape(-1), np.zeros(n * yaws), np.zeros(n * yaws), np.full(n * yaws, PRESS),
         )  # fmt: skip
-        poses, reachable = _settle(reachability, poses)
-        if reachable.sum() >= size:
-            return poses[reachable][:size]
-        share = reachable.mean()
+        reachable = _reachable(reachability, poses, size, pause)
+        if len(reachable) == size:
+            return reachable
+        share = len(reachable) / len(poses)
         # as many as this share asks for, and some more
         surplus = 1.2 * max(surplus, 1 / max(share, 1e-3))
     raise InputError(f"{mesh.name}: only {share:.0%} of its surface can be reached; is it inside out?")
 
 
-def _settle(reachability: Reachability, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`Reachability.settle` in pieces: it renders a map for each pose."""
-    pieces = [poses[i : i + _PIECE] for i in range(0, len(poses), _PIECE)]
-    settled = [reachability.settle(piece, np.full(len(piece), PRESS)) for piece in pieces]
-    return np.concatenate([p for p, _ in settled]), np.concatenate([reachable for _, reachable in settled])
+def _reachable(reachability: Reachability, poses: np.ndarray, size: int, pause: Callable[[], None]) -> np.ndarray:
+    """The first `size` of the poses (N, 4, 4) that can be reached, settled, or fewer. In pieces: each is rendered."""
+    found, count = [], 0
+    for start in range(0, len(poses), _PIECE):
+        pause()
+        piece = poses[start : start + _PIECE]
+        settled, reachable = reachability.settle(piece, np.full(len(piece), PRESS))
+        found.append(settled[reachable])
+        count += len(found[-1])
+        if count >= size:
+            break
+    return np.concatenate(found)[:size]
 
 
 def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -33,7 +33,8 @@ def add_parser(subparsers) -> None:
         "--variant takes names and sets:\n"
         "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
         "(each mechanism and gate off), gates, counts (fewer particles), codebooks (fewer poses, shorter codes),\n"
-        "front (what error is set against run time for), scale (100 to a million particles and poses), all.\n"
+        "front (what error is set against run time for), scale (100 to a million particles and poses),\n"
+        "contacts (fewer fingers, for --protocol grasp), all.\n"
         "--protocol takes one of:\n"
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
         "  tool_bias    tool 2 mm, 2 deg off                late         poses 50 ms late\n"
@@ -41,7 +42,7 @@ def add_parser(subparsers) -> None:
         "  lift         lifted, put down 50 mm away         kidnap       the same, untold\n"
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
-        "  small_parts  parts smaller than the gel\n"
+        "  small_parts  parts smaller than the gel          grasp        held still by up to four fingers\n"
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )

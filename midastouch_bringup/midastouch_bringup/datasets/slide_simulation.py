@@ -1,4 +1,4 @@
-"""A simulated slide as a sequence folder: path, images of a DIGIT, poses as a tracker measures them."""
+"""A simulated slide, or grasps, as a sequence folder: path, images of a DIGIT, poses as a tracker measures them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.grasp import simulate_grasps
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
@@ -69,12 +70,31 @@ def simulate_sequence(
     """
     rng = np.random.default_rng(seed)
     poses = simulate_slide(mesh, sensor, length, rng, leap=leap)
+    _write(mesh, sensor, poses, rng, out, progress)
+    return len(poses)
+
+
+def simulate_grasp_sequence(
+    mesh: ObjectMesh, sensor: SensorModel, count: int, seed: int, out: Path, progress: bool
+) -> None:
+    """Simulate so many grasps of the mesh and write them to `out`: a frame for each contact, grasp by grasp.
+
+    One seed fixes all that it fixes for a slide; every finger has the same sensor.
+    """
+    rng = np.random.default_rng(seed)
+    _write(mesh, sensor, simulate_grasps(mesh, sensor, count, rng).reshape(-1, 4, 4), rng, out, progress)
+
+
+def _write(
+    mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, rng: np.random.Generator, out: Path, progress: bool
+) -> None:
+    """Images and measurements at the poses (N, 4, 4), as a sequence."""
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
     camera = TactoCamera(sensor, rng)
     renderer = PenetrationRenderer(mesh, sensor)
     # a generator per image, so that the order in which threads draw does not matter
     noises = rng.spawn(len(poses))
-    bar = progress_bar(total=len(poses), unit="frame", desc=f"slide over {mesh.name}", disable=not progress)
+    bar = progress_bar(total=len(poses), unit="frame", desc=f"touches of {mesh.name}", disable=not progress)
 
     def frames() -> Iterator[tuple[np.ndarray, np.ndarray]]:
         with bar, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
@@ -96,7 +116,6 @@ def simulate_sequence(
         sensor=sensor,
         noise={"sig_t": NOISE_T, "sig_r": float(np.degrees(NOISE_R))},
     )
-    return len(poses)
 
 
 def cached_slide(mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int = 0) -> Path:

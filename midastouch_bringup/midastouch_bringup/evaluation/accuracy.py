@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from .calibration import KINDS, LEVELS, WEIGHTS, observed_shares
 from .comparison import comparison_table, front_text, rows_by_init, wrong_converged
+from .grasps import grasp_summary, grasp_table
 from .intervals import ENOUGH, bootstrap_interval, share_interval
 from .summary import final_errors, is_right, summarise_trials
 from .table import number, text_table
@@ -41,6 +42,7 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
         "recovery": recovery(trials),
         "filter_stages_ms": stage_means(trials),
         "wrong_converged": wrong_converged(trials),
+        "grasps": grasp_summary(trials),
     }
     if not in_full:
         del out["objects"]
@@ -324,6 +326,9 @@ def accuracy_text(result: dict) -> str:
         parts.append(text_table(*weight_table(summary["trust"])))
         if summary["recovery"]:
             parts.append(recovery_text(summary["recovery"]))
+        if summary["grasps"]:
+            grasps = {name: by_init[init]["grasps"] for name, by_init in result["summary"].items()}
+            parts.append(text_table(*grasp_table(grasps, result["variants"])))
         if len(peers := peers_of(result["summary"], init)) > 1:
             parts.append("methods on the same slides\n" + text_table(*peer_table(peers)))
     for init, rows in rows_by_init(result["comparison"]).items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import socket
 from collections.abc import Callable
 from functools import cache
@@ -19,7 +20,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
 from ..cluster import Cluster
-from . import dead_reckoning, disturbances, paper_filter, registration
+from . import dead_reckoning, paper_filter, registration
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
@@ -88,7 +89,7 @@ class Plan:
             "stride": self.stride,
             "slides": self.stock.slides.name,
             "foreign": foreign.sha256 if foreign else None,
-            "protocol_code": _protocol_code(),
+            "protocol_code": _protocol_code(PROTOCOLS[self.protocol]),
             **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
             "networks": self.stock.describe(),
@@ -225,14 +226,15 @@ def _run_unit(plan: Plan, unit: _Unit, filter_code: str) -> list[tuple[str, dict
     @cache
     def scene(slide: int) -> Disturbed:
         disturbed = _disturbed(plan, mesh, foreign, slide)
-        if short is None:
-            return disturbed
-        return dataclasses.replace(disturbed, frames=[short.frame(frame) for frame in disturbed.frames])
+        frames = [variant.fingers(frame) for frame in disturbed.frames]
+        return dataclasses.replace(disturbed, frames=[short.frame(frame) for frame in frames] if short else frames)
 
     def trial(scene: Disturbed, labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
         TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, scene.frames[0].truth)
-        return labels | run_trial(scene.frames, particle_filter, None, yardstick, series=False, event=scene.event)
+        record = protocol.record(yardstick) if protocol.record else None
+        out = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
+        return labels | out | (record.result() if record else {})
 
     return [(key, trial(scene(labels["slide"]), labels)) for key, labels in unit.trials]
 
@@ -257,5 +259,5 @@ def _filter_code() -> str:
 
 
 @cache
-def _protocol_code() -> str:
-    return source_digest(Path(disturbances.__file__))
+def _protocol_code(protocol: Protocol) -> str:
+    return source_digest(Path(inspect.getfile(protocol.disturb)))

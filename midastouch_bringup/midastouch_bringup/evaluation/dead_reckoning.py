@@ -63,8 +63,8 @@ class DeadReckoning:
         self._pose, self._state = pose.copy(), CONVERGED
         self._covariance = np.diag(np.repeat([sigma_t, sigma_r], 3) ** 2)
 
-    def step(self, odometry: np.ndarray | None, measurement: Measurement) -> Estimate:
-        """Move by `inv(p_prev) p_now` (4, 4), None on the first frame."""
+    def step(self, odometry: np.ndarray | None, measurement: Measurement, elapsed: float | None = None) -> Estimate:
+        """Move by `inv(p_prev) p_now` (4, 4), None on the first frame; elapsed is of no use to it."""
         if self._pose is None:
             return Estimate([], Status(self._state, "no start given yet"))
         watch = Stopwatch(self._clock)

@@ -13,9 +13,10 @@ from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances
 from .disturbances import Disturbance
+from .grasps import GraspRecord, GraspStock, grasp
 from .real_sensor import RealSensorStock
 from .stock import SlideKind, Stock
-from .trial import RIGHT
+from .trial import RIGHT, Yardstick
 
 NEXT = "next"
 """Foreign touches are those of the next object of the campaign."""
@@ -35,7 +36,8 @@ class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
     touched in place of the campaign's objects; make_stock, of slides as its sensors see them; codebook_size, poses;
-    right [m], how near a pose must be to the truth; twins, as of `Yardstick`."""
+    right [m], how near a pose must be to the truth; twins, as of `Yardstick`; record, of what a trial is asked on its
+    way."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -48,7 +50,7 @@ class Protocol:
     codebook_size: int = 50_000
     right: float = RIGHT
     twins: bool = False
-    stock: Callable[..., Stock] = Stock
+    record: Callable[[Yardstick], GraspRecord] | None = None
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
@@ -82,6 +84,15 @@ PROTOCOLS = {
         codebook_size=10_000,
         right=0.004,
         twins=True,
+    ),
+    "grasp": Protocol(
+        "grasped without sliding, by four fingers",
+        grasp,
+        SlideKind(grasps=4),
+        (UNIFORM,),
+        make_stock=GraspStock,
+        twins=True,
+        record=GraspRecord,
     ),
 }
 

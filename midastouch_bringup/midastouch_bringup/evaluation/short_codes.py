@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from midastouch_filter.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 from .trial import TrialFrame
@@ -35,7 +36,9 @@ class ShortCodes:
         return Codebook(codebook.poses, self.shorten(codebook.codes), codebook.meta)
 
     def frame(self, frame: TrialFrame) -> TrialFrame:
-        """A frame with a short code."""
-        if frame.felt.code is None:
-            return frame
-        return dataclasses.replace(frame, felt=dataclasses.replace(frame.felt, code=self.shorten(frame.felt.code)))
+        """A frame with short codes."""
+        others = {name: self._felt(touch) for name, touch in frame.others.items()}
+        return dataclasses.replace(frame, felt=self._felt(frame.felt), others=others)
+
+    def _felt(self, touch: Measurement) -> Measurement:
+        return touch if touch.code is None else dataclasses.replace(touch, code=self.shorten(touch.code))

@@ -26,7 +26,6 @@ from midastouch_perception.training.backgrounds import load_backgrounds
 from ..datasets.slide_simulation import no_contact_image
 from .setup import Networks
 
-LIGHTINGS = ("tacto", "random")
 _TOUCHES_PER_SENSOR = 20
 _PIXEL_NOISE = 1.0  # grey levels: the camera's 2 of TACTO, averaged over four pixels
 _FEWEST_FELT = 0.05

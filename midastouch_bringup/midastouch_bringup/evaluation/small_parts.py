@@ -11,15 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.procedural import (
     Sdf,
+    at,
     box,
     cylinder,
     difference,
     mesh_from_sdf,
-    placed,
     rippled,
     sphere,
     torus,
@@ -47,12 +46,6 @@ Part = tuple[Sdf, tuple[float, float, float]]
 """A shape and half the sizes of the box that holds it."""
 
 
-def _at(shape: Sdf, x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: tuple = (0.0, 0.0, 0.0)) -> Sdf:
-    pose = se3.exp(np.array([0, 0, 0, *turn]))
-    pose[:3, 3] = x, y, z
-    return placed(shape, pose)
-
-
 def _hexagon(across_flats: float, half_height: float) -> Sdf:
     """Hexagonal prism around z."""
     angles = np.radians([0, 60, 120])
@@ -67,8 +60,8 @@ def _hexagon(across_flats: float, half_height: float) -> Sdf:
 def _threaded(radius: float, half_height: float) -> Sdf:
     """Threaded rod around z, the same from both ends."""
     quarter = _THREAD[1] / 4
-    rod = _at(cylinder(radius, half_height, 3e-4), z=quarter)
-    return _at(rippled(rod, *_THREAD, np.array([0.0, 0.0, 1.0])), z=-quarter)
+    rod = at(cylinder(radius, half_height, 3e-4), z=quarter)
+    return at(rippled(rod, *_THREAD, np.array([0.0, 0.0, 1.0])), z=-quarter)
 
 
 def hex_nut() -> Part:
@@ -78,33 +71,33 @@ def hex_nut() -> Part:
 
 def hex_bolt() -> Part:
     """M6 x 20."""
-    shape = union(_at(_hexagon(0.010, 0.002), z=0.012), _at(_threaded(0.003, 0.011), z=-0.001))
+    shape = union(at(_hexagon(0.010, 0.002), z=0.012), at(_threaded(0.003, 0.011), z=-0.001))
     return shape, (0.0065, 0.0065, 0.0145)
 
 
 def cotter_pin() -> Part:
     """25 mm: an eye and two legs, one longer."""
-    legs = [_at(cylinder(0.0009, h, 4e-4), x, 0, z) for x, h, z in ((-1e-3, 0.011, -6e-3), (1e-3, 9.5e-3, -4.5e-3))]
-    return union(_at(torus(0.0024, 0.0009), z=0.0065, turn=_ALONG_Y), *legs, blend=3e-4), (0.0045, 0.0025, 0.0185)
+    legs = [at(cylinder(0.0009, h, 4e-4), x, 0, z) for x, h, z in ((-1e-3, 0.011, -6e-3), (1e-3, 9.5e-3, -4.5e-3))]
+    return union(at(torus(0.0024, 0.0009), z=0.0065, turn=_ALONG_Y), *legs, blend=3e-4), (0.0045, 0.0025, 0.0185)
 
 
 def small_eyebolt() -> Part:
     """M5, 25 mm."""
-    ring = _at(torus(0.005, 0.0016), z=0.0065, turn=_ALONG_Y)
-    collar = _at(cylinder(0.0038, 0.0008, 3e-4), z=0.0005)
-    return union(ring, collar, _at(_threaded(0.0024, 0.006), z=-0.006), blend=4e-4), (0.0075, 0.0045, 0.0135)
+    ring = at(torus(0.005, 0.0016), z=0.0065, turn=_ALONG_Y)
+    collar = at(cylinder(0.0038, 0.0008, 3e-4), z=0.0005)
+    return union(ring, collar, at(_threaded(0.0024, 0.006), z=-0.006), blend=4e-4), (0.0075, 0.0045, 0.0135)
 
 
 def hex_key() -> Part:
     """3 mm, legs of 24 and 12 mm."""
-    long, short = _at(_hexagon(0.003, 0.012), z=0.0), _at(_hexagon(0.003, 0.006), x=0.0055, z=-0.0115, turn=_ALONG_X)
+    long, short = at(_hexagon(0.003, 0.012), z=0.0), at(_hexagon(0.003, 0.006), x=0.0055, z=-0.0115, turn=_ALONG_X)
     return union(long, short, blend=6e-4), (0.0125, 0.0025, 0.0145)
 
 
 def nail() -> Part:
     """24 mm, with head and point."""
     taper = _point(0.0012, 0.003)
-    shape = union(cylinder(0.0012, 0.0095, 1e-4), _at(cylinder(0.0028, 0.0006, 2e-4), z=0.0098), _at(taper, z=-0.0095))
+    shape = union(cylinder(0.0012, 0.0095, 1e-4), at(cylinder(0.0028, 0.0006, 2e-4), z=0.0098), at(taper, z=-0.0095))
     return shape, (0.0035, 0.0035, 0.0135)
 
 
@@ -121,7 +114,7 @@ def _point(radius: float, length: float) -> Sdf:
 
 def wing_nut() -> Part:
     """M5, wings of 20 mm."""
-    wings = [_at(box((0.0035, 0.0011, 0.0035), 8e-4), x, 0, 0.0045, (0.0, tilt, 0.0)) for x, tilt in
+    wings = [at(box((0.0035, 0.0011, 0.0035), 8e-4), x, 0, 0.0045, (0.0, tilt, 0.0)) for x, tilt in
              ((0.0065, 0.6), (-0.0065, -0.6))]  # fmt: skip
     body = union(cylinder(0.0045, 0.0032, 5e-4), *wings, blend=6e-4)
     return difference(body, _threaded(0.0022, 0.02)), (0.0115, 0.006, 0.0105)
@@ -130,8 +123,8 @@ def wing_nut() -> Part:
 def ball_stud() -> Part:
     """A ball of 8 mm on an M4 stud with a hexagon."""
     shape = union(
-        _at(sphere(0.004), z=0.008), cylinder(0.0016, 0.006), _at(_hexagon(0.007, 0.0012), z=0.001),
-        _at(_threaded(0.002, 0.0055), z=-0.0055), blend=3e-4,
+        at(sphere(0.004), z=0.008), cylinder(0.0016, 0.006), at(_hexagon(0.007, 0.0012), z=0.001),
+        at(_threaded(0.002, 0.0055), z=-0.0055), blend=3e-4,
     )  # fmt: skip
     return shape, (0.005, 0.005, 0.0135)
 

@@ -28,14 +28,17 @@ _NEXT_SEED = 1000
 
 @dataclass(frozen=True)
 class SlideKind:
-    """length [m]; leap, on the way."""
+    """length [m]; leap, on the way; grasps: how many, in place of a slide."""
 
     length: float = 0.5
     leap: Leap | None = None
+    grasps: int = 0
 
     @property
     def name(self) -> str:
         """For folders and keys."""
+        if self.grasps:
+            return f"{self.grasps}grasps"
         parts = [f"{1e3 * self.length:.0f}mm"]
         if self.leap is not None:
             parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")

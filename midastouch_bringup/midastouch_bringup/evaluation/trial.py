@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -37,7 +37,7 @@ AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
 class TrialFrame:
     """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
     true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
-    before, None where nobody knows.
+    before, None where nobody knows; others, what further fingers felt, by name.
 
     Only differences of the measured pose reach the filter.
     """
@@ -48,6 +48,7 @@ class TrialFrame:
     measured: np.ndarray
     truth: np.ndarray
     seconds: float | None = None
+    others: Mapping[str, Measurement] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,8 +106,9 @@ def run_trial(
             record.start(frame.truth, particle_filter)
         odometry = None if previous is None else se3.inverse(previous) @ frame.measured
         previous = frame.measured
+        fingers = {"others": frame.others} if frame.others else {}  # other methods know one finger only
         start, cpu_start = time.perf_counter(), time.process_time()
-        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds)
+        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds, **fingers)
         ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
         record.add(frame, estimate, particle_filter, ms, cpu_ms)
         if observe is not None:

@@ -15,11 +15,11 @@ from ..inspection import require_open3d
 from .dead_reckoning import DeadReckoning, OdometryConfig
 from .paper_filter import PaperConfig, PaperFilter
 from .registration import Registration, RegistrationConfig
-from .trial import AnyFilter
+from .trial import AnyFilter, TrialFrame
 
 DEFAULT = "default"
 PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
-COUNT, INPUT, BUDGET, SCALE = "particles", "codebook", "alignment", "scale"
+COUNT, INPUT, BUDGET, SCALE, CONTACTS = "particles", "codebook", "alignment", "scale", "contacts"
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
@@ -29,7 +29,8 @@ class Variant:
 
     summary, a line for tables; group, what kind of difference; method, if it is another than ours; settings, fields of
     `FilterConfig` or of the method's configuration; open_gates, names of the filter's gates that let everything pass;
-    codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's.
+    codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's; contacts,
+    fingers of a grasp that feel something, if not all.
     """
 
     summary: str
@@ -38,6 +39,7 @@ class Variant:
     open_gates: tuple[str, ...] = ()
     codebook_size: int | None = None
     code_length: int | None = None
+    contacts: int | None = None
     method: str = ""
 
     @property
@@ -50,10 +52,17 @@ class Variant:
                 return str(error)
         return ""
 
+    def fingers(self, frame: TrialFrame) -> TrialFrame:
+        """The frame with what its fingers feel; other methods than ours know the first one only."""
+        count = 1 if self.method else self.contacts
+        if count is None or len(frame.others) < count:
+            return frame
+        return dataclasses.replace(frame, others=dict(list(frame.others.items())[: count - 1]))
+
     @property
     def inputs(self) -> dict[str, object]:
         """What differs beside the settings, by name."""
-        inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "code_length")}
+        inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "code_length", "contacts")}
         return {name: value for name, value in inputs.items() if value}
 
     def describe(self) -> dict:
@@ -142,6 +151,9 @@ VARIANTS = {
     "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
     "code_16": Variant("codes cut to 16 numbers", INPUT, code_length=16),
     "code_8": Variant("codes cut to 8 numbers", INPUT, code_length=8),
+    "contact_1": Variant("one contact of each grasp", CONTACTS, contacts=1),
+    "contacts_2": Variant("two contacts, opposite", CONTACTS, contacts=2),
+    "contacts_3": Variant("three contacts", CONTACTS, contacts=3),
 }
 
 
@@ -158,6 +170,7 @@ SETS = {
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
     "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT, BUDGET)),
+    "contacts": _group(CONTACTS),
     "scale": ("1k", "10k", "book_10k", *_group(SCALE)),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""

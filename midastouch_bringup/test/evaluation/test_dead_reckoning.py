@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.dead_reckoning import DeadReckoning
+from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_filter.filter import Measurement
 from midastouch_perception import se3
 
@@ -40,3 +41,10 @@ def test_the_seed_draws_the_start(reckoning, codebook):
     assert (starts[0] == starts[2]).all()
     assert (starts[0] != starts[1]).any()
     assert (np.abs(codebook.poses - starts[0]).max(axis=(1, 2)) < 1e-9).any()
+
+
+def test_it_runs_in_a_trial(reckoning, sequence):
+    reckoning.initialise_uniform()
+    pairs = zip(sequence.poses_measured, sequence.poses_true, strict=True)
+    frames = [TrialFrame(k, Measurement(False), {}, *poses, seconds=0.05) for k, poses in enumerate(pairs)]
+    assert run_trial(frames, reckoning)["frames_converged"] == 30

@@ -28,7 +28,7 @@ _INITIAL_POSE = tuple(
 
 _NODE = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"),
-    Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`; empty: a coarse one is built"),
+    Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`; empty: one is built and grows"),
     Parameter("tcn", "fast", "Code network of a codebook that is built here: as that of the node tcn"),
     Parameter("sensor_model", "digit_tacto", "Sensor of a codebook that is built here: as that of the node tdn"),
     Parameter(

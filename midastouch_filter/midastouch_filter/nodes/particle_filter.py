@@ -37,6 +37,7 @@ class ParticleFilterNode(ManagedNode):
         subscribe: bool = True,
         **node_options,
     ):
+        self._localiser: Localiser | None = None  # of the configured node; a node that is refused has none to end
         super().__init__("particle_filter", PARAMETERS, **node_options)
         self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
@@ -65,7 +66,17 @@ class ParticleFilterNode(ManagedNode):
 
     def unload(self) -> None:
         """Forget the object and the filter."""
+        self._end_growth()
         self._localiser = self._objects = None
+
+    def destroy_node(self) -> None:
+        """As rclpy's, once the codebook grows no more."""
+        self._end_growth()
+        super().destroy_node()
+
+    def _end_growth(self) -> None:
+        if self._localiser is not None:
+            self._localiser.close()
 
     def connect(self) -> None:
         """Listen to codes and transforms, from the beginning."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -33,12 +34,14 @@ class StatusReport:
     Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
     fingers and the publishers.
 
-    transform_source: who keeps the transforms, for the diagnostics.
+    transform_source: who keeps the transforms, for the diagnostics. note: what every reason ends with, "" for nothing.
     """
 
-    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, transform_source: str):
+    def __init__(
+        self, out: EstimatePublisher, fingers: FingerTopics, transform_source: str, note: Callable[[], str]
+    ):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "time_jumps": 0, "no_relief": 0}
-        self._out, self._fingers, self._transform_source = out, fingers, transform_source
+        self._out, self._fingers, self._transform_source, self._note = out, fingers, transform_source, note
         self.forget()
 
     def forget(self) -> None:
@@ -77,7 +80,8 @@ class StatusReport:
 
     def _complete(self, status: Status) -> Status:
         skipped = {**status.skipped, **self.counts, **self._out.skipped, **self._fingers.counts}
-        return dataclasses.replace(status, skipped=skipped, reason=self._fingers.qualify(status.reason))
+        reason, note = self._fingers.qualify(status.reason), self._note()
+        return dataclasses.replace(status, skipped=skipped, reason=f"{reason}; {note}" if note else reason)
 
 
 def _in_words(calibration: Calibration) -> dict[str, str]:

@@ -94,6 +94,23 @@ class FakeFilter:
         return np.full(2000, 1 / 2000)
 
 
+class StubGrowth:
+    """Stands for `growth.Growth`: its filter can take what `ready` is set to; calls are those that begin and end it."""
+
+    def __init__(self):
+        self.calls, self.ready, self.done, self.failure = [], None, False, ""
+
+    def start(self) -> None:
+        self.calls.append("start")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def take(self) -> object:
+        ready, self.ready = self.ready, None
+        return ready
+
+
 def loader_of(filters: list[FakeFilter]):
     """A `load` for the node that hands out fakes and refuses a mesh called bad.ply."""
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import SECOND, FakeFilter, code_msg, pose_msg, tf_msg, translation
+from filter_fakes import SECOND, FakeFilter, StubGrowth, code_msg, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
@@ -106,11 +106,12 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
 
 @pytest.mark.usefixtures("brisk_health")
 def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
-    asked = []
+    asked, growth = [], StubGrowth()
 
     def build(mesh_path, network, sensor_model, config, seed):
         asked.append((mesh_path, network, sensor_model, seed))
-        return LoadedObject(FakeFilter(), 0.1, mesh_path.stem, None, "fake", "codebook of 5,000 poses, 6.0 mm apart")
+        density = "codebook of 5,000 poses, 6.0 mm apart"
+        return LoadedObject(FakeFilter(), 0.1, mesh_path.stem, None, "fake", density, growth)
 
     bench = ObjectBench(graph, options={"build": build}, tcn="/nets/own.onnx", seed=3, object_folders="/data")
     health = graph.listen(DiagnosticArray, "/diagnostics")
@@ -124,8 +125,13 @@ def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
     graph.spin_until(
         lambda: any(said <= {v.key: v.value for v in s.values}.items() for m in health for s in m.status), "its health"
     )
+    assert bench.frame(SECOND).reason.endswith("; codebook of 5,000 poses, 6.0 mm apart; growing")
+    growth.done = True
+    assert "growing" not in bench.frame(2 * SECOND).reason
     outside = graph.call(SetObject, "set_object", SetObject.Request(mesh_path="/secret/cup.ply"))
     assert "outside of /data" in outside.message
+    bench.node.destroy_node()
+    assert growth.calls == ["start", "close"]
 
 
 def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp_path):

@@ -56,6 +56,15 @@ def placed(shape: Sdf, pose: np.ndarray) -> Sdf:
     return lambda p: shape(p @ back[:3, :3].T + back[:3, 3])
 
 
+def at(
+    shape: Sdf, x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Sdf:
+    """`shape` turned by the rotation vector `turn` [rad], then moved to (x, y, z) [m]."""
+    pose = se3.exp(np.array([0, 0, 0, *turn]))
+    pose[:3, 3] = x, y, z
+    return placed(shape, pose)
+
+
 def union(*shapes: Sdf, blend: float = 0.0) -> Sdf:
     """All of the shapes, their seams filleted over `blend` m."""
 
@@ -110,10 +119,10 @@ def mesh_from_sdf(shape: Sdf, half: np.ndarray, spacing: float, name: str) -> Ob
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     cells = tuple(s - 1 for s in values.shape)
 
-    def at(array: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    def shifted(array: np.ndarray, offset: np.ndarray) -> np.ndarray:
         return array[tuple(slice(o, o + c) for o, c in zip(offset, cells, strict=True))]
 
-    count = sum(at(inside, c).astype(np.int8) for c in corners)
+    count = sum(shifted(inside, c).astype(np.int8) for c in corners)
     active = np.argwhere((count > 0) & (count < 8))
     # one vertex per cell that the surface crosses: the mean of the crossings on its edges
     total, crossings = np.zeros((len(active), 3)), np.zeros(len(active))

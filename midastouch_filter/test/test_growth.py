@@ -1,0 +1,168 @@
+"""A codebook that grows beside the filter: its levels, the thread, and the filter that takes a denser one."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from midastouch_filter import growth as module
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.growth import Growth, levels
+from midastouch_filter.touch import Measurement
+from midastouch_perception import se3
+from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn import load_tcn
+
+CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1)
+
+
+def test_every_level_is_the_beginning_of_the_codebook_that_is_built_in_one_go(monkeypatch):
+    monkeypatch.setattr(module, "LEVELS", (300, 600))
+    mesh, sensor = ObjectMesh.load(bundled_objects()["eyebolt"]), SensorModel.load("digit_tacto")
+    tcn, pauses = load_tcn("fast", sensor), []
+    first, last = levels(mesh, tcn, sensor, lambda: pauses.append(1))
+    whole = build_codebook(mesh, tcn, sensor, 600)
+    np.testing.assert_array_equal(last.codes, whole.codes)
+    np.testing.assert_array_equal(first.poses, whole.poses[:300])
+    np.testing.assert_array_equal(first.codes, whole.codes[:300])
+    assert (first.meta["size"], last.meta) == (300, whole.meta)
+    assert len(pauses) >= 4
+
+
+# --------------------------------------------------------------------------- the thread
+
+
+@pytest.fixture
+def grown():
+    """Function (codebooks, prepare) -> a growth that has begun."""
+    begun = []
+
+    def start(codebooks, prepare=lambda codebook: codebook) -> Growth:
+        begun.append(Growth(codebooks, prepare))
+        begun[-1].start()
+        return begun[-1]
+
+    yield start
+    for each in begun:
+        each.close()
+
+
+def test_the_densest_is_given_out_once(grown):
+    made, go_on, finished = threading.Event(), threading.Event(), threading.Event()
+
+    def codebooks(pause):
+        yield "coarse"
+        made.set()
+        go_on.wait()
+        yield from ("denser", "densest")
+        finished.set()
+
+    growth = grown(codebooks, lambda codebook: f"prepared {codebook}")
+    made.wait()
+    assert (growth.take(), growth.take(), growth.done) == ("prepared coarse", None, False)
+    go_on.set()
+    finished.wait()
+    assert growth.take() == "prepared densest"
+    growth.close()
+    assert (growth.done, growth.failure) == (True, "")
+
+
+def test_it_stops_where_it_pauses(grown):
+    began = threading.Event()
+
+    def codebooks(pause):
+        began.set()
+        while True:
+            pause()
+        yield
+
+    growth = grown(codebooks)
+    began.wait()
+    growth.close()
+    assert (growth.done, growth.failure, growth.take()) == (True, "", None)
+
+
+def test_why_it_grows_no_more_is_kept(grown):
+    ended = threading.Event()
+
+    def codebooks(pause):
+        try:
+            yield "coarse"
+            raise MemoryError("no room")
+        finally:
+            ended.set()
+
+    growth = grown(codebooks)
+    ended.wait()
+    growth.close()
+    assert (growth.failure, growth.take()) == ("MemoryError: no room", "coarse")
+
+
+# --------------------------------------------------------------------------- the filter
+
+
+@pytest.fixture
+def slide(world):
+    """Odometry, touches, and what a second finger feels at its places, along 40 poses."""
+    rng = np.random.default_rng(21)
+    first, second = (world.make_slide(world.mesh, 40, rng) for _ in range(2))
+    touches = [Measurement(True, code) for code in world.encode(first)]
+    pairs = zip(se3.inverse(first) @ second, world.encode(second), strict=True)
+    others = [{"other": Measurement(True, code, T_gel_finger=place)} for place, code in pairs]
+    return first, world.odometry_of(world.with_pose_noise(first, rng, 5e-4, 0.017)), touches, others
+
+
+def coarse_filter(world) -> ParticleFilter:
+    return ParticleFilter(world.mesh, world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500])), CONFIG)
+
+
+def test_belief_and_motion_go_on_over_a_denser_codebook(world, slide):
+    truth, odometry, touches, others = slide
+    running = coarse_filter(world)
+    running.initialise_uniform()
+    gap, prepared = running.codebook_gap, running.prepared(world.codebook)
+    for k in range(20):
+        running.step(odometry[k], touches[k], others[k])
+    poses, weights = running.poses, running.weights
+    running.take(prepared)
+    np.testing.assert_array_equal(running.poses, poses)
+    np.testing.assert_array_equal(running.weights, weights)
+    assert (running.codebook_size, running.codebook_indices.max() < 8000) == (8000, True)
+    assert running.codebook_gap < 0.6 * gap
+    for k in range(20, 40):
+        estimate = running.step(odometry[k], touches[k], others[k])
+    assert np.linalg.norm(estimate.pose[:3, 3] - truth[-1][:3, 3]) < 5e-3
+    # the entries are the new ones nearest to the particles
+    nearest = np.linalg.norm(world.poses[:, None, :3, 3] - running.poses[None, :50, :3, 3], axis=2).min(axis=0)
+    chosen = np.linalg.norm(world.poses[running.codebook_indices[:50], :3, 3] - running.poses[:50, :3, 3], axis=1)
+    assert np.median(chosen - nearest) < 4e-3
+
+
+def test_it_is_the_same_whenever_it_was_prepared(world, slide):
+    _, odometry, touches, others = slide
+    bits = []
+    for when in (0, 7):
+        running = coarse_filter(world)
+        running.reset(3)
+        running.initialise_uniform()
+        for k in range(12):
+            if k == when:
+                prepared = running.prepared(world.codebook)
+            if k == 8:
+                running.take(prepared)
+            running.step(odometry[k], touches[k], others[k])
+        bits.append(running.poses.tobytes() + running.weights.tobytes())
+    assert bits[0] == bits[1]
+
+
+def test_it_may_be_taken_before_a_start(world, slide):
+    running = coarse_filter(world)
+    running.take(running.prepared(world.codebook))
+    running.initialise_uniform()
+    running.step(None, slide[2][0])
+    assert running.codebook_indices.max() > 1500
+
