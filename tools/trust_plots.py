@@ -84,11 +84,13 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     rows = np.arange(len(kept))[::-1]
     shares = 100 * np.array([one["share"] for one in kept.values()])
     low, high = 100 * np.array([one["interval"] for one in kept.values()]).reshape(-1, 2).T
-    widest = max(10.0, *high) * 1.05 if kept else 10.0
-    axes.axvspan(100 * tables.PROMISED_WRONG, widest, color=_TOO_MANY, lw=0, zorder=0)
+    promised = 100 * tables.PROMISED_WRONG
+    axes.axvspan(promised, 100, color=_TOO_MANY, lw=0, zorder=0)
     axes.errorbar(shares, rows, xerr=np.maximum([shares - low, high - shares], 0), color=_POINT, ms=5, **_BARS)
     axes.set_yticks(rows, list(kept), fontsize=9)
-    axes.set_xlim(0, widest)
+    axes.set_xscale("symlog", linthresh=promised)  # linear as far as the promise; the wrong object is at 100
+    axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], ticks)
+    axes.set_xlim(0, 102)
     axes.set_xlabel("converged frames at a wrong place, %, with 95 % interval", fontsize=9)
     _plain(axes)
     return figure
