@@ -169,7 +169,8 @@ def test_every_package_is_in_the_table():
 def test_states_are_those_of_the_message():
     message = (ROOT / "midastouch_msgs" / "msg" / "FilterStatus.msg").read_text()
     states = set(re.findall(r'STATE_\w+ = "(\w+)"', message)) - {"waiting"}
-    assert {row[0].strip("`") for row in table("docs/interfaces.md", "## States")} == states
+    for document, heading in (("docs/interfaces.md", "## States"), ("docs/trust.md", "## What each state promises")):
+        assert {row[0].strip("`") for row in table(document, heading)} == states
 
 
 def test_every_dependency_is_listed_with_its_licence():
@@ -182,12 +183,48 @@ def test_every_dependency_is_listed_with_its_licence():
         assert all(row)
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/evaluation.md"])
+@pytest.mark.parametrize("document", ["README.md", "docs/evaluation.md", "docs/trust.md"])
 def test_figures_are_those_of_the_reports(document, load_tool):
     tool = load_tool("evaluation_tables")
     assert document in tool.DOCUMENTS
     assert DOCUMENTS[document].count("<!-- table ") == DOCUMENTS[document].count("<!-- end -->") > 0
     assert DOCUMENTS[document] == tool.filled(document), "run: .venv/bin/python tools/evaluation_tables.py"
+
+
+def test_pictures_of_trust_show_the_newest_reports(load_tool, tmp_path):
+    from PIL import Image
+
+    load_tool("evaluation_tables")
+    tool = load_tool("trust_plots")
+    wanted = tool.digest(tool.shown())
+    tool.write(tmp_path)
+    for name in tool.FIGURES:
+        for folder in (tool.FOLDER, tmp_path):
+            with Image.open(folder / name) as image:
+                assert image.text[tool.DIGEST] == wanted, "run: .venv/bin/python tools/trust_plots.py"
+
+
+def test_trust_is_claimed_by_whole_intervals_only(load_tool, monkeypatch):
+    tool = load_tool("evaluation_tables")
+    report = {"trials": 200, "converged_frames_wrong": {"share": 0.04, "interval": [0.03, 0.049]}}
+    none = {"share": None, "interval": None}
+    report |= {"right_if_converged_at_end": none, "right_if_converged_modulo_symmetry_at_end": none, "regions": {}}
+    monkeypatch.setattr(tool, "reported", lambda: ["kidnap"])
+    monkeypatch.setattr(tool, "_benchmark", lambda name: {"trust": report})
+
+    def cells() -> list[str]:
+        (row,) = (row for row in tool.converged()[1] if row[0] == tool.PROTOCOLS["kidnap"])
+        return row[1:3]
+
+    assert cells() == ["4.0 % (3.0%...4.9%)", "kept"]
+    report["converged_frames_wrong"] = {"share": 0.04, "interval": [0.03, 0.06]}
+    assert cells()[1] == "not shown"
+    report["converged_frames_wrong"] = {"share": 0.08, "interval": [0.06, 0.1]}
+    assert cells()[1] == "*not kept*"
+    report["trials"] = 99
+    assert cells() == ["too few (99)", "too few (99)"]
+    monkeypatch.setattr(tool, "reported", list)
+    assert cells()[0] == tool.UNMEASURED
 
 
 def test_parameter_tables_are_those_of_the_nodes():

@@ -1,4 +1,4 @@
-"""The tables of README.md and docs/evaluation.md from the committed reports.
+"""The tables of README.md, docs/evaluation.md and docs/trust.md from the committed reports.
 
 .venv/bin/python tools/evaluation_tables.py
 
@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from midastouch_bringup.evaluation.paired import error_ratio
+from midastouch_filter.config import FilterConfig
 
 ROOT = Path(__file__).resolve().parent.parent
-DOCUMENTS = ("README.md", "docs/evaluation.md")
+DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md")
 
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
@@ -27,7 +29,7 @@ PROTOCOLS = {
     "slow_camera": "every image comes twice",
     "rest": "at rest in contact for 20 s",
     "lift": "lifted 20 mm, put down 50 mm away",
-    "kidnap": "the same, untold",
+    "kidnap": "lifted; the object is moved by 50 mm, untold",
     "jump": "30 mm, 175 deg in one step",
     "unexplained": "12 touches that nothing explains",
     "push": "the object is pushed by 5 mm, 5 deg",
@@ -79,6 +81,12 @@ COMMANDS = {
 }
 ENOUGH = 100
 """Fewer trials than this claim nothing."""
+UNMEASURED = "*not measured yet*"
+STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
+EVENTS = ("rest", "lift", "kidnap", "jump", "unexplained", "push")
+"""Protocols in which something happens on the way."""
+PROMISED_WRONG, PROMISED_REGION = 1 - FilterConfig().converged_probability, 0.95
+"""What is promised: at most so many of the converged frames are wrong, and the 95 % region holds the truth."""
 OPTICS = {
     "real_plain": "TACTO's",
     "real_sensor": "of two real sensors, not calibrated",
@@ -173,11 +181,8 @@ def paper() -> Table:
 
 def localisation() -> Table:
     """Ten objects, undisturbed and disturbed, and ten further ones."""
-    starts = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
-    further = {"plain": starts["accuracy"], "uniform": starts["accuracy_uniform"]} | PROTOCOLS
-    held_out = {f"{name}_held_out": f"{what}; ten further objects" for name, what in further.items()}
     rows = []
-    for name, what in (starts | PROTOCOLS | held_out).items():
+    for name, what in (STARTS | PROTOCOLS | _held_out()).items():
         if name not in reported():
             continue
         one = _benchmark(name)
@@ -195,6 +200,12 @@ def localisation() -> Table:
     return [*header, "report"], rows
 
 
+def _held_out() -> dict[str, str]:
+    """The same conditions over ten further objects, by the names of the reports."""
+    further = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | PROTOCOLS
+    return {f"{name}_held_out": f"{what}; ten further objects" for name, what in further.items()}
+
+
 def _localisation(one: dict) -> list[str]:
     """Figures of a benchmark's summary with their intervals; reports of before 2026-11-22 have none."""
     errors = [_error(one, "e", "mean"), _error(one, "closest_mode", "median")]
@@ -208,15 +219,11 @@ def _localisation(one: dict) -> list[str]:
             errors, ("e_trans_mm", "closest_mode_trans_mm"), ("mean", "median"), strict=True
         )
     ]
-    until, after = trust["frames_until_right"]["median"], "-"
-    if event:
-        value = "never" if until["value"] is None else f"{until['value']:.0f}"
-        after = f"{value} ({_between(until['interval'], '{:.0f}')})"
     return [
         *errors,
         _share(trust["right_at_end"]),
         f"{_share(trust['found_again'])} of {_percent(trust['right_before_event']['share'])}" if event else "-",
-        after,
+        _frames(trust["frames_until_right"]["median"]) if event else "-",
         _share(trust["converged_wrong"], 1),
         _share(trust["region_95"]),
     ]
@@ -232,11 +239,94 @@ def _between(interval: list[float] | None, form: str) -> str:
     return "-" if interval is None else "...".join("never" if one is None else form.format(one) for one in interval)
 
 
+def conditions() -> dict[str, str]:
+    """What trust is asked of: every protocol, and over ten further objects and real optics what there is."""
+    optics = {name: f"light {what}" for name, what in OPTICS.items() if name != "real_plain"}
+    there = {name: what for name, what in (_held_out() | optics).items() if trusted(name)}
+    return STARTS | PROTOCOLS | there
+
+
+def trusted(name: str) -> dict | None:
+    """What a report says of trust; None where there is none, or none with intervals (before 2026-11-22)."""
+    one = _benchmark(name).get("trust") if name in reported() else None
+    if one and "regions" not in one:
+        mend = "run its command again; with the same --out it takes seconds"
+        raise KeyError(f"{report_path(name).relative_to(ROOT)}: has no regions; {mend}")
+    return one
+
+
+def _trust_rows(names: dict[str, str], cells: Callable[[dict], list[str]], width: int) -> list[list[object]]:
+    """One row for each report: what, cells of its trust, link."""
+    rows = []
+    for name, what in names.items():
+        if (one := trusted(name)) is None:
+            rows.append([what, UNMEASURED, *["-"] * width])
+        else:
+            few = [f"too few ({one['trials']})"] * width
+            rows.append([what, *(cells(one) if one["trials"] >= ENOUGH else few), f"[{name}]"])
+    return rows
+
+
+def converged() -> Table:
+    """How often the state `converged` is right."""
+
+    def cells(one: dict) -> list[str]:
+        wrong = one["converged_frames_wrong"]
+        keys = ("right_if_converged_at_end", "right_if_converged_modulo_symmetry_at_end")
+        words = ("kept", "*not kept*", "not shown")
+        return [_share(wrong, 1), _verdict(wrong, PROMISED_WRONG, *words), *(_share(one[key]) for key in keys)]
+
+    header = ["conditions", "of converged frames, wrong", f"at most {_percent(PROMISED_WRONG)}"]
+    header += ["of trials that end `converged`, right", "the same, counting a symmetric twin as right", "report"]
+    return header, _trust_rows(conditions(), cells, 4)
+
+
+def regions() -> Table:
+    """How often the published covariance holds the truth."""
+
+    def cells(one: dict) -> list[str]:
+        sure, right = (one["regions"][kind] for kind in ("converged", "right"))
+        verdict = _verdict(sure["0.95"], PROMISED_REGION, "*too small*", "too large", "as said")
+        return [*map(_share, sure.values()), verdict, *map(_share, right.values())]
+
+    levels = ("50 %", "90 %", "95 %", "99 %")
+    header = ["conditions", *(f"{level}, `converged`" for level in levels), "95 % region of `converged` frames"]
+    return [*header, *(f"{level}, right" for level in levels), "report"], _trust_rows(conditions(), cells, 9)
+
+
+def events() -> Table:
+    """How long it takes until something that happened is noticed, and until the filter is right again."""
+
+    def cells(one: dict) -> list[str]:
+        frames, until = one["misled_frames"]["mean"], one["frames_until_right"]["median"]
+        misled = "-" if frames["value"] is None else f"{frames['value']:.1f} ({_between(frames['interval'], '{:.1f}')})"
+        shares = [_share(one[key]) for key in ("right_before_event", "misled")]
+        return [*shares, misled, _share(one["found_again"]), _frames(until)]
+
+    header = ["event", "right before it", "of these, ever `converged` at a wrong place", "in how many frames, mean"]
+    header += ["of these, right again after 30 frames", "frames until right again, median", "report"]
+    return header, _trust_rows({name: PROTOCOLS[name] for name in EVENTS}, cells, 5)
+
+
+def _verdict(one: dict, limit: float, below: str, above: str, undecided: str) -> str:
+    """Which side of a limit a share is on, by its whole interval."""
+    if one["interval"] is None:
+        return "-"
+    low, high = one["interval"]
+    return below if high <= limit else above if low > limit else undecided
+
+
+def _frames(one: dict) -> str:
+    """Frames with their interval; none in the report: infinitely many."""
+    value = "never" if one["value"] is None else f"{one['value']:.0f}"
+    return f"{value} ({_between(one['interval'], '{:.0f}')})"
+
+
 def peers() -> Table:
     """Other methods behind the same networks, on the same trials."""
     header = ["method", "trials", "published pose, median", "right", "frames converged wrong", "CPU a frame"]
     if "peers" not in reported():
-        return header, [["*not measured yet*", *["-"] * 5]]
+        return header, [[UNMEASURED, *["-"] * 5]]
     content, rows = report("peers"), []
     for name, by_init in content["summary"].items():
         ((_, one),) = by_init.items()
@@ -286,7 +376,7 @@ def real() -> Table:
     rows = []
     for name, what in OPTICS.items():
         if name not in reported():
-            rows.append([what, *["*not measured yet*"] * 5, "-"])
+            rows.append([what, *[UNMEASURED] * 5, "-"])
             continue
         one = _benchmark(name)
         cells = [f"too few ({one['trials']})"] * 5
@@ -379,7 +469,7 @@ def labels() -> Table:
             ("felt without calibration, against images", plain, "against_fit"),
             ("felt with calibration, against images", calibrated, "against_fit"),
         ):
-            cells = ["*not measured yet*"] * 4
+            cells = [UNMEASURED] * 4
             if one := content.get(key):
                 cells = [f"{one['rmse_in_circle_mm']:.2f} mm", f"{one['peak_ratio']:.2f}"]
                 cells += [f"{one['depth_correlation']:.2f}", f"{one['centre_mm']:.2f} mm"]
@@ -556,8 +646,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, real, grasps, peers, variants, slides, depth, presses, labels, checks, diameters, contacts,
-        brightness, single_touch, speed, soak, commands,
+        paper, localisation, converged, regions, events, real, grasps, peers, variants, slides, depth, presses, labels,
+        checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 

@@ -96,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0 success, 1 the command found a failure, 2 bad input."""
     arguments = sys.argv[1:] if arguments is None else arguments
     args = build_parser().parse_args(arguments)
-    args.command_line = shlex.join(["midastouch", *arguments])  # for result files
+    args.command_line = shlex.join(["midastouch", *_what(arguments)])  # for result files
     try:
         return args.run(args)
     except (InputError, OSError) as error:
@@ -105,6 +105,20 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("midastouch: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+
+
+_WHERE = ("--json", "--out", "--cluster")
+
+
+def _what(arguments: list[str]) -> list[str]:
+    """Arguments without those that say where on this machine something is kept or run."""
+    out, rest = [], iter(arguments)
+    for argument in rest:
+        if argument in _WHERE:
+            next(rest, None)
+        elif not argument.startswith(tuple(f"{option}=" for option in _WHERE)):
+            out.append(argument)
+    return out
 
 
 def _one_line(error: Exception) -> str:

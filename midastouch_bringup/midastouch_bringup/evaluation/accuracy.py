@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.stats import chi2
 
+from midastouch_filter.state import CONVERGED
+
 from .calibration import KINDS, LEVELS, WEIGHTS, observed_shares
 from .comparison import comparison_table, front_text, rows_by_init, wrong_converged
 from .grasps import grasp_summary, grasp_table
@@ -16,9 +18,9 @@ from .table import number, text_table
 from .trial import AFTER_EVENT, STAGES
 from .variants import DEFAULT, PAPER, PEER, VARIANTS
 
-_NAMED_LEVELS = (0.5, 0.9, 0.95, 0.99)
+_NAMED_LEVELS = {level: int(np.argmin(np.abs(LEVELS - level))) for level in (0.5, 0.9, 0.95, 0.99)}
+"""What tables show of `LEVELS`, and where it is there."""
 _ERRORS = ("e", "closest_mode", "estimate")
-_REGION = 0.95
 _SUMMARISED = ("coverage", "reliability", "filter_stages_ms", "initial", "protocol")
 _PAPER = {"particles": ("e", "mean", 7.4, 9.43), "closest mode": ("min_cluster", "median", 2.8, 2.03)}
 """The paper's final errors over its ten objects in simulation: metric, statistic, mm, deg."""
@@ -56,11 +58,14 @@ def _summary(trials: list[dict], in_full: bool) -> dict:
 def trust(trials: list[dict]) -> dict:
     """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
 
-    converged_wrong, of all frames; right_at_end; right_modulo_symmetry_at_end; region_95, share of converged frames
-    whose 95 % region holds the truth; right_before_event, right_after_event, of trials, the latter so many frames
-    later; found_again, of those that were right before; frames_until_right, infinite where it never is again; final
-    errors of particles, closest mode and published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of
-    `WEIGHTS`: frames, mean weight of the published mode, right, share of them whose pose is.
+    converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; right_at_end;
+    right_modulo_symmetry_at_end; right_if_converged_at_end, of trials that end converged, and with ..._modulo_symmetry;
+    regions, by kind of frame and level, share of frames whose region of that level holds the truth, and region_95, that
+    of converged frames at 95 %; right_before_event, right_after_event, of trials, the latter so many frames later;
+    found_again, of those that were right before; misled, of these too, which are ever converged at a wrong place, and
+    misled_frames, in how many frames; frames_until_right, infinite where it never is again; final errors of particles,
+    closest mode and published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean
+    weight of the published mode, right, share of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
     groups = [(t["object"], t["slide"]) for t in trials]
@@ -83,24 +88,35 @@ def trust(trials: list[dict]) -> dict:
             "interval": bootstrap_interval(some, groups, statistic),
         }
 
+    def regions(kind: str) -> dict:
+        counts = np.array([t["coverage"][kind] for t in trials])
+        within = np.cumsum(counts, axis=1)
+        return {f"{level:g}": shares(within[:, k], counts.sum(axis=1)) for level, k in _NAMED_LEVELS.items()}
+
     ones = [1] * len(trials)
-    converged = [t["coverage"]["converged"] for t in trials]
-    within = int(np.searchsorted(LEVELS, _REGION - 1e-9)) + 1
+    converged = [t["frames_converged"] for t in trials]
+    wrong = np.subtract(converged, [t["frames_converged_right"] for t in trials])
+    ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
+    right = {key: [is_right(t, f"{key}estimate_trans_mm") for t in trials] for key in ("", "symmetric_")}
     asked = [t["right_after_event"] is not None for t in trials]
     before = [bool(t["right_before_event"]) for t in trials]
     after = [bool(t["right_after_event"]) for t in trials]
     out = {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
-        "converged_wrong": shares(
-            [t["frames_converged"] - t["frames_converged_right"] for t in trials], [t["frames"] for t in trials]
-        ),
-        "right_at_end": shares([is_right(t) for t in trials], ones),
-        "right_modulo_symmetry_at_end": shares([is_right(t, "symmetric_estimate_trans_mm") for t in trials], ones),
-        "region_95": shares([sum(one[:within]) for one in converged], [sum(one) for one in converged]),
+        "converged_wrong": shares(wrong, [t["frames"] for t in trials]),
+        "converged_frames_wrong": shares(wrong, converged),
+        "right_at_end": shares(right[""], ones),
+        "right_modulo_symmetry_at_end": shares(right["symmetric_"], ones),
+        "right_if_converged_at_end": shares(right[""], ends_converged),
+        "right_if_converged_modulo_symmetry_at_end": shares(right["symmetric_"], ends_converged),
+        "region_95": regions(CONVERGED)["0.95"],
+        "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
         "right_before_event": shares(before, [t["right_before_event"] is not None for t in trials]),
         "right_after_event": shares(after, asked) | {"frames": AFTER_EVENT},
         "found_again": shares(np.logical_and(before, after), np.logical_and(before, asked)),
+        "misled": shares(np.logical_and(before, wrong > 0), before),
+        "misled_frames": values(np.where(before, wrong, np.nan)),
         "frames_until_right": {"median": value(np.array([_frames_until_right(t) for t in trials], float), np.median)},
         "ms": values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
         "filter_cpu_ms": values([t["filter_cpu_ms"] for t in trials]),
@@ -218,6 +234,10 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
         "right_before_event": "right before the event",
         "right_after_event": f"right {after} frames after the event",
         "found_again": "the same, of those right before",
+        "misled": "ever converged wrong, of those right before",
+        "converged_frames_wrong": "converged frames that are wrong",
+        "right_if_converged_at_end": "right, of trials that end converged",
+        "right_if_converged_modulo_symmetry_at_end": "the same, modulo symmetry",
         "region_95": "converged frames whose 95 % region holds the truth",
     }
     plain = {
@@ -289,10 +309,9 @@ def _pair(one: dict, prefix: str, statistic: str) -> list[str]:
 def coverage_table(levels: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
     """Header and rows: by kind of frame, the share of frames whose truth lies within the 50, 90, 95, 99 % region, and
     the median of the normalised error squared."""
-    where = [int(np.argmin(np.abs(LEVELS - level))) for level in _NAMED_LEVELS]
     rows = []
     for kind, one in levels.items():
-        shares = [f"{100 * one['observed'][k]:.0f} %" if one["frames"] else "-" for k in where]
+        shares = [f"{100 * one['observed'][k]:.0f} %" if one["frames"] else "-" for k in _NAMED_LEVELS.values()]
         beyond = f"> {chi2.ppf(LEVELS[-1], 6):.0f}" if one["frames"] else "-"
         nees = beyond if one["median_nees"] is None else number(one["median_nees"])
         rows.append([kind.replace("_", " "), one["frames"], *shares, nees])

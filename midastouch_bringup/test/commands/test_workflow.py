@@ -128,7 +128,7 @@ def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, works
     assert result["objects"][0]["symmetry"] == "2 poses alike"
     assert sum(result["objects"][0]["likelihood_levels"]) == 2
     assert "variants, init paper" in output
-    assert result["command"].startswith("midastouch benchmark --objects eyebolt --out bm --slides 1")
+    assert result["command"].startswith("midastouch benchmark --objects eyebolt --slides 1")
     finished = (workspace / "bm" / "trials.jsonl").read_text()
     _, again = run(*options, "--variant", "1k")
     assert again["trials"] == result["trials"]

@@ -92,6 +92,36 @@ def test_trust_has_an_interval_for_every_figure(trials):
     assert weight_table(one)[1] == [["90%", 1200, "100%", "97% ... 100%"]]
 
 
+def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
+    sure, wrong, unsure = trials[0], trials[0] | {"frames_converged_right": 2}, trials[2]
+    wrong = wrong | {"final": wrong["final"] | {"estimate_trans_mm": 80.0, "symmetric_estimate_trans_mm": 1.0}}
+    unsure = unsure | {"frames_converged": 0, "frames_converged_right": 0}
+    many = [
+        one | {"slide": k, "event_at": 2, "right_before_event": one is not unsure}
+        for k, one in enumerate([sure, wrong, unsure] * 40)
+    ]
+    trusted = trust(many)
+    each = sure["frames_converged"], sure["frames_converged_right"]
+    misses = each[0] - each[1]
+    assert trusted["converged_frames_wrong"]["share"] == pytest.approx((misses + each[0] - 2) / (2 * each[0]))
+    assert trusted["right_if_converged_at_end"]["share"] == 0.5
+    assert trusted["right_if_converged_modulo_symmetry_at_end"]["share"] == 1
+    assert trusted["misled"]["share"] == (1 if misses else 0.5)
+    assert trusted["misled_frames"]["mean"]["value"] == pytest.approx((misses + each[0] - 2) / 2)
+
+
+def test_regions_are_judged_at_every_level(trials):
+    counts = np.zeros(len(LEVELS) + 1, int)
+    counts[[0, 16, 18, 20]] = 5, 3, 1, 1  # within 5, 85, 95 and 99.9 %
+    one = trials[0] | {"coverage": dict.fromkeys(KINDS, counts.tolist())}
+    regions = trust([one | {"slide": k} for k in range(120)])["regions"]
+    for kind in ("converged", "right"):
+        assert {level: each["share"] for level, each in regions[kind].items()} == {
+            "0.5": 0.5, "0.9": 0.8, "0.95": 0.9, "0.99": 0.9,
+        }  # fmt: skip
+    assert regions["right"]["0.95"]["interval"][0] < 0.9 < regions["right"]["0.95"]["interval"][1]
+
+
 def test_who_is_never_right_again_counts_in_the_median(trials):
     def until_right(never: int) -> dict:
         many = [trials[0] | {"slide": k, "event_at": 2} for k in range(120)]

@@ -1,0 +1,54 @@
+"""docs/constants.md against the code: nothing missing, nothing gone, no other value."""
+
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import filter_constants
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "constants.md"
+ORIGINS = {
+    "paper",
+    "literature",
+    "derived",
+    "fitted",
+    "measured",
+    "assumed",
+    "bounds work",
+    "by hand",
+    "choice",
+    "form",
+}
+
+
+def listed() -> dict[tuple[str, str], tuple[str, str]]:
+    """(value, where it comes from) by file and name."""
+    rows = re.findall(r"^\| `([^`]+)` \| `([^`]+)` \| `([^`]+)` \| [^|]+ \| ([^|]+) \|$", PAGE.read_text(), flags=re.M)
+    assert len(rows) == len({row[:2] for row in rows})
+    return {(file, name): (value, origin) for file, name, value, origin in rows}
+
+
+def test_every_constant_of_the_filter_is_listed_with_its_value():
+    page, code = {key: value for key, (value, _) in listed().items()}, filter_constants.constants()
+    assert len(code) > 100
+    assert set(code) - set(page) == set(), "list them in docs/constants.md, with where they come from"
+    assert set(page) - set(code) == set(), "gone from the code: take them out of docs/constants.md"
+    assert {key: value for key, value in page.items() if value != code[key]} == {}, "another value in the code"
+
+
+def test_every_constant_says_where_it_comes_from():
+    for key, (_, origin) in listed().items():
+        assert origin.partition(":")[0].strip() in ORIGINS, key
+
+
+def test_a_new_number_is_found(tmp_path, monkeypatch):
+    source = "A, B = 0.5, -2\nC: float = np.radians(3.0)\nNAME = 'text'\nON = True\nBOX = Box(3)\n"
+    (tmp_path / "new.py").write_text(source)
+    (tmp_path / "effort.py").write_text("class Effort:\n    starts: int = 4\n    turns: tuple = (np.radians(10.0),)\n")
+    monkeypatch.setattr(filter_constants, "ROOT", tmp_path)
+    assert filter_constants.constants() == {
+        ("new.py", "A"): "0.5", ("new.py", "B"): "-2", ("new.py", "C"): "np.radians(3.0)",
+        ("effort.py", "starts"): "4", ("effort.py", "turns"): "(np.radians(10.0),)",
+    }  # fmt: skip
