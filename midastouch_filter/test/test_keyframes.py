@@ -110,7 +110,7 @@ def test_fingers_share_a_shortlist_of_what_fits_best():
 
 
 def test_kept_touches_are_scored_anew_for_other_entries():
-    window = KeyframeWindow(4, 0.02, shortlist=4)
+    window = KeyframeWindow(4, 0.02, correlation=0.01, shortlist=4)
     for code in (1.0, 2.0):
         window.moved(STEP, 0.02, in_contact=True)
         window.keep([Measurement(True, np.array([code])), Measurement(True, np.array([-code]))], [np.zeros(5)] * 2)
