@@ -130,6 +130,7 @@ def make_trial():
             "ms": {"tdn": 2.0, "tcn": 1.0, "filter": filter_ms},
             "filter_cpu_ms": filter_ms,
             "filter_stages_ms": {"motion": 1.0},
+            "right_m": 0.01,
             "coverage": dict.fromkeys(KINDS, counts),
             "reliability": {"frames": weights, "right": weights, "weight": [0.9 * count for count in weights]},
         } | changes

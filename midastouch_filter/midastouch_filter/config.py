@@ -84,7 +84,7 @@ class FilterConfig:
 
     # --- fixed-lag re-evaluation: other places that explain the last touches as well
     hindsight: bool = _switch(True, "re-evaluate the last touches at rival places; needs refinement")
-    hindsight_touches: int = _number(16, 2, 200, "", "touches that are kept")
+    hindsight_touches: int = _number(16, 2, 200, "", "touches that are kept, the older the sparser")
     hindsight_spacing: float = _number(0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
 
     # --- the object may move: contact odometry against the arm's

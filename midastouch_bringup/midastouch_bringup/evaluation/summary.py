@@ -9,7 +9,7 @@ import numpy as np
 from midastouch_filter.state import CONVERGED
 
 from .table import number, text_table
-from .trial import ERROR_KEYS, RIGHT, STAGES, SYMMETRIC_KEYS
+from .trial import ERROR_KEYS, STAGES, SYMMETRIC_KEYS
 
 
 def summarise_trials(trials: list[dict]) -> dict:
@@ -29,8 +29,8 @@ def final_errors(trials: list[dict], key: str) -> np.ndarray:
 
 
 def is_right(trial: dict, key: str = "estimate_trans_mm") -> bool:
-    """Whether the trial ended with a pose within 10 mm, by the error named, and said so."""
-    return trial["final"]["state"] == CONVERGED and bool(final_errors([trial], key)[0] <= 1e3 * RIGHT)
+    """Whether the trial ended with a pose as near as is right, by the error named, and said so."""
+    return trial["final"]["state"] == CONVERGED and bool(final_errors([trial], key)[0] <= 1e3 * trial["right_m"])
 
 
 def _summarise(trials: list[dict]) -> dict:

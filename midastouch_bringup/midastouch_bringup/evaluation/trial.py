@@ -21,7 +21,7 @@ from .paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 5
+RECORD = 6
 """Version of what `run_trial` returns: kept trials of another one are run again."""
 
 RIGHT = 0.01
@@ -208,6 +208,7 @@ class _Record:
             "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
+            "right_m": self._yardstick.right,
             "coverage": self._coverage.counts(),
             "reliability": self._reliability.counts(),
         }
