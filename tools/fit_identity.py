@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from midastouch_bringup.commands.accuracy import HELD_OUT, TEST_OBJECTS
+from midastouch_bringup.commands.arguments import HELD_OUT, TEST_OBJECTS
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_filter.catalogue import POSES, Catalogue
 from midastouch_filter.config import FilterConfig

@@ -61,10 +61,10 @@ class NoiseModel:
     code_margin: float = 4.0
     elsewhere: float = 22.5
     decisive: float = 6.75
-    between_objects: float = 0.34
-    foreign_misfit: float = 0.77
-    strain_cost: float = 0.49
-    best_of_places: float = 2.75
+    between_objects: float = 0.35
+    foreign_misfit: float = 0.73
+    strain_cost: float = 0.54
+    best_of_places: float = 2.6
 
     def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.
