@@ -44,6 +44,8 @@ COMMANDS = {
         for name in ("plain", "uniform", *PROTOCOLS)
         if name != "small_parts"
     },
+    "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
+    "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
@@ -251,6 +253,31 @@ def peers() -> Table:
             ]
         rows.append([content["variants"][name]["summary"], one["trials"], *cells])
     rows += [[name, "-", f"skipped: {why}", *["-"] * 3] for name, why in content["skipped_variants"].items()]
+    return header, rows
+
+
+def identification() -> Table:
+    """Which object of a catalogue it is."""
+    header = ["catalogue", "slides", "right at the end", "refused, when left out", "path until right, median"]
+    header += ["expected calibration error", "CPU a frame, over one known object's", "report"]
+    rows = []
+    for name, what in (("identify", "the ten"), ("identify_all", "all 78 of YCB")):
+        if name not in reported():
+            rows.append([what, *["*not measured yet*"] * 6, "-"])
+            continue
+        one = report(name)["identification"]
+        cells = [f"too few ({one['known']})"] * 5
+        if one["enough"]:
+            path, ratio = one["path_until_right"], one["cpu_ratio"]
+            until = "never" if path["value"] is None else f"{path['value']:.2f} m"
+            cells = [
+                _share(one["right"]),
+                _share(one["refused"]),
+                f"{until} ({_between(path['interval'], '{:.2f}')})",
+                f"{one['calibration_error']:.3f}",
+                f"{ratio['value']:.2f} ({_between(ratio['interval'], '{:.2f}')})",
+            ]
+        rows.append([what, f"{one['known']} with, {one['unknown']} without", *cells, f"[{name}]"])
     return header, rows
 
 
@@ -531,8 +558,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, real, peers, variants, slides, depth, presses, labels, checks, diameters, contacts,
-        brightness, single_touch, speed, soak, commands,
+        paper, localisation, identification, real, peers, variants, slides, depth, presses, labels, checks, diameters,
+        contacts, brightness, single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 
