@@ -38,8 +38,8 @@ class PossiblePlace:
 class CatalogueLocaliser(Localiser):
     """Runs the filter of the most probable object only, started at that object's best places.
 
-    While another object may be touched, it does not call itself `converged`. Before objects were compared for the first
-    time no filter runs.
+    While another object may be touched, it does not call itself `converged`. As long as every object is less probable
+    than that it is none of them no filter runs.
 
     Args: catalogue; config; seed; unknown, as of `Identification`; on_object: called with every entry that comes to
     lead; on_identity: with what was found and the gel's pose T_base_gel (4, 4) and stamp [ns].
@@ -76,7 +76,7 @@ class CatalogueLocaliser(Localiser):
     def waiting_for(self) -> str:
         if self._identification is None or self._object is not None:
             return super().waiting_for
-        return f"which of {len(self._catalogue)} objects it is, is not known yet: slide over it"
+        return f"which of {len(self._catalogue)} objects it is, is not known yet: {self.identity.in_words()}"
 
     @property
     def untouched(self) -> bool:
@@ -117,10 +117,13 @@ class CatalogueLocaliser(Localiser):
         return self.estimate
 
     def _follow(self, identity: Identity) -> None:
-        """Let the filter run on the object that leads now, unless it leads by too little to change."""
+        """Let the filter run on the object that is the answer now, unless the last one is hardly less probable.
+
+        While `unknown` is the answer, nothing changes: to start a filter takes as long as some hundred steps of it.
+        """
         leading = identity.leading
         held = [each.probability for each in identity.hypotheses if self._object and each.name == self._object.name]
-        if not leading.places or (held and leading.probability < self._config.hysteresis * held[0]):
+        if identity.answer != leading.name or (held and leading.probability < self._config.hysteresis * held[0]):
             return
         entry = self._catalogue.entries[self._catalogue.number(leading.name)]
         self._object = self._loaded.pop(entry.name, None) or entry.load(self._config, self._seed)

@@ -137,7 +137,7 @@ class Identification:
         self._window.restart()
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
-        self._news, self.contest = False, None
+        self._news, self._patience, self.contest = 0, self._effort.anew, None
         self._believe(np.zeros(0), self._unknown)
 
     @property
@@ -154,13 +154,15 @@ class Identification:
         self._move(odometry, touch.in_contact)
         if self._window.due and touch.in_contact and touch.penetration is not None:
             self._keep(touch)
-        if self._running is None and self._news and len(self._window) >= self._effort.fewest:
-            self._news, self._running = False, self._run()
+        if self._running is None and self._news >= self._patience and len(self._window) >= self._effort.fewest:
+            self._news, self._running = 0, self._run()
         found = next(self._running) if self._running else None
         if found is None:
             return False
         self._running, self.contest = None, found
         self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
+        settled = self._found.leading.probability > self._noise.settled
+        self._patience = self._effort.seldom if settled else self._effort.anew
         return True
 
     def _move(self, odometry: np.ndarray | None, in_contact: bool) -> None:
@@ -179,9 +181,9 @@ class Identification:
         except ValueError:
             return
         self._window.keep([touch], [self._scores.log_ratio])
-        self._news = True
-        if self._window.lifted:  # what is under way was asked before, of an object that may have been moved
-            self._running = None
+        self._news += 1
+        if self._window.lifted:  # what is under way was asked before, of an object that may have been exchanged
+            self._running, self._patience = None, self._effort.anew
 
     def _believe(self, shares: np.ndarray, unknown: float) -> None:
         """Take over the probabilities (P,) of the contest's places."""
