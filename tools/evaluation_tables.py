@@ -258,21 +258,32 @@ def peers() -> Table:
 
 def identification() -> Table:
     """Which object of a catalogue it is."""
-    header = ["catalogue", "slides", "right at the end", "refused, when left out", "path until right, median"]
-    header += ["expected calibration error", "CPU a frame, over one known object's", "report"]
+    header = [
+        "catalogue",
+        "slides",
+        "right at the end",
+        "pose right, too",
+        "pose, object known",
+        "refused, when left out",
+    ]
+    header += [
+        "path until right, median",
+        "expected calibration error",
+        "CPU a frame, over one known object's",
+        "report",
+    ]
     rows = []
     for name, what in (("identify", "the ten"), ("identify_all", "all 78 of YCB")):
         if name not in reported():
-            rows.append([what, *["*not measured yet*"] * 6, "-"])
+            rows.append([what, *["*not measured yet*"] * 8, "-"])
             continue
         one = report(name)["identification"]
-        cells = [f"too few ({one['known']})"] * 5
+        cells = [f"too few ({one['known']})"] * 7
         if one["enough"]:
             path, ratio = one["path_until_right"], one["cpu_ratio"]
             until = "never" if path["value"] is None else f"{path['value']:.2f} m"
             cells = [
-                _share(one["right"]),
-                _share(one["refused"]),
+                *(_share(one[key]) for key in ("right", "pose_right", "alone_pose_right", "refused")),
                 f"{until} ({_between(path['interval'], '{:.2f}')})",
                 f"{one['calibration_error']:.3f}",
                 f"{ratio['value']:.2f} ({_between(ratio['interval'], '{:.2f}')})",

@@ -15,6 +15,8 @@ import midastouch_kernels
 from midastouch_filter.catalogue import Catalogue, read_catalogue
 from midastouch_filter.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identity import UNKNOWN
 from midastouch_filter.motion_model import Odometry
 from midastouch_filter.noise_model import NoiseModel
@@ -112,7 +114,7 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key
         trials.append(labels | identify(some, frames, entry.name if some is catalogue else UNKNOWN, plan))
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
-    trials[0]["alone_cpu_ms"] = _cpu_alone(alone, frames)
+    trials[0] |= _alone(alone, frames)
     return key, trials
 
 
@@ -144,27 +146,33 @@ def identify(catalogue: Catalogue, frames: list[TrialFrame], truth: str, plan: I
     wrong = [k for k, (_, _, right) in enumerate(answers) if not right]
     since = wrong[-1] + 1 if wrong else 0
     asked = [next(each for each in answers if each[0] >= at) for at in ASKED if at <= path]
-    converged = estimate is not None and estimate.status.state == CONVERGED
-    near = converged and pose_errors(estimate.pose, frames[-1].truth)[0] < RIGHT
     return {
         "answer": identity.answer,
         "right": answers[-1][2],
         "confidence": answers[-1][1],
         "asked": [list(each) for each in asked],
         "right_from_m": answers[since][0] if since < len(answers) else None,
-        "pose_right": bool(near and localiser.object.name == truth),
+        "pose_right": _is_right(estimate, frames[-1]) and localiser.object.name == truth,
         "cpu_ms": 1e3 * cpu / len(frames),
         "length_m": path,
     }
 
 
-def _cpu_alone(particle_filter, frames: list[TrialFrame]) -> float:
-    """CPU ms of a frame of the filter that knows the object, and nothing else."""
+def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:
+    """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
     start, last = time.process_time(), None
     for frame in frames:
-        particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
         last = frame.measured
-    return 1e3 * (time.process_time() - start) / len(frames)
+    cpu = 1e3 * (time.process_time() - start) / len(frames)
+    return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1])}
+
+
+def _is_right(estimate: Estimate | None, frame: TrialFrame) -> bool:
+    """Whether the state is converged, and the published pose near the truth."""
+    if estimate is None or estimate.status.state != CONVERGED:
+        return False
+    return bool(pose_errors(estimate.pose, frame.truth)[0] < RIGHT)
 
 
 @cache

@@ -13,7 +13,7 @@ def summarise_identification(trials: list[dict]) -> dict:
     """Over all trials: {"share" or "value", "interval"} of each figure, and what they are of.
 
     known, unknown: numbers of trials with the object in the catalogue and without; right, of the former, at the end;
-    pose_right, likewise; refused, of the latter; path_until_right [m], median of the former, None where half never are;
+    pose_right, likewise, and alone_pose_right, of the filter that knows the object; refused, of the latter; path_until_right [m], median of the former, None where half never are;
     calibration_error: expected calibration error of the answers at the end and on the way, of both; cpu_ratio: mean CPU
     of a frame over that of the filter which knows the object; enough: whether there are trials enough for a claim.
     """
@@ -26,6 +26,7 @@ def summarise_identification(trials: list[dict]) -> dict:
         "enough": min(len(known), len(unknown)) >= ENOUGH,
         "right": _share(known, "right"),
         "pose_right": _share(known, "pose_right"),
+        "alone_pose_right": _share(known, "alone_pose_right"),
         "refused": _share(unknown, "right"),
         "path_until_right": _value(
             known, [np.inf if t["right_from_m"] is None else t["right_from_m"] for t in known], np.median
@@ -60,6 +61,7 @@ def identification_table(summary: dict) -> tuple[list[str], list[list[object]]]:
     rows = [
         ["right at the end", *_figure(summary["right"], "share", "{:.0%}")],
         ["and the pose converged within 10 mm", *_figure(summary["pose_right"], "share", "{:.0%}")],
+        ["the same where the object is known", *_figure(summary["alone_pose_right"], "share", "{:.0%}")],
         ["refused, when left out of the catalogue", *_figure(summary["refused"], "share", "{:.0%}")],
         ["path until right, median, m", *_figure(summary["path_until_right"], "value", "{:.2f}")],
         ["expected calibration error", f"{summary['calibration_error']:.3f}", "-"],

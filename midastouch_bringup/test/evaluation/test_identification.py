@@ -67,7 +67,8 @@ def trial(number, in_catalogue=True, right=True, confidence=0.9, **other):
     return {
         "object": f"object_{number % 5}", "slide": number, "in_catalogue": in_catalogue, "right": right,
         "confidence": confidence, "asked": [], "answer": "this" if right else "that", "pose_right": right,
-        "right_from_m": 0.1 if right else None, "cpu_ms": 3.0, "alone_cpu_ms": 2.0,
+        "right_from_m": 0.1 if right else None, "cpu_ms": 3.0,
+        "alone_cpu_ms": 2.0, "alone_pose_right": right,
     } | other  # fmt: skip
 
 
