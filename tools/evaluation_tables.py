@@ -258,20 +258,9 @@ def peers() -> Table:
 
 def identification() -> Table:
     """Which object of a catalogue it is."""
-    header = [
-        "catalogue",
-        "slides",
-        "right at the end",
-        "pose right, too",
-        "pose, object known",
-        "refused, when left out",
-    ]
-    header += [
-        "path until right, median",
-        "expected calibration error",
-        "CPU a frame, over one known object's",
-        "report",
-    ]
+    header = ["catalogue", "slides", "right at the end", "pose right, too", "pose, object known"]
+    header += ["refused, when left out", "path until right, median", "expected calibration error"]
+    header += ["CPU a frame, over one known object's", "report"]
     rows = []
     for name, what in (("identify", "the ten"), ("identify_all", "all 78 of YCB")):
         if name not in reported():
