@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
@@ -111,7 +111,8 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key
     trials = []
     for some in (catalogue, catalogue.without(entry.name)) if len(catalogue) > 1 else (catalogue,):
         labels = {"object": entry.name, "slide": slide, "in_catalogue": some is catalogue, "objects": len(some)}
-        trials.append(labels | identify(some, frames, entry.name if some is catalogue else UNKNOWN, plan))
+        truth = entry.name if some is catalogue else UNKNOWN
+        trials.append(labels | identify(some, frames, truth, plan.settings, plan.unknown))
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
     trials[0] |= _alone(alone, frames)
@@ -124,14 +125,16 @@ def _catalogue(stock: Stock, paths: tuple[Path, ...], config: FilterConfig) -> C
     return read_catalogue(books, lambda path: None, NoiseModel.of(config))
 
 
-def identify(catalogue: Catalogue, frames: list[TrialFrame], truth: str, plan: IdentityPlan) -> dict:
-    """A slide over an object that nobody names; truth, the answer that is right.
+def identify(
+    catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig, unknown: float = 0.5
+) -> dict:
+    """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
 
     answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
     right_from_m: path from which the answer is right until the end, None if it is not; pose_right: the object is, the
     state converged and the published pose within 10 mm; cpu_ms of a frame, of all but the networks; length_m.
     """
-    localiser = CatalogueLocaliser(catalogue, plan.settings, seed=0, unknown=plan.unknown)
+    localiser = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown)
     path, cpu, estimate, last = 0.0, 0.0, None, None
     answers: list[tuple[float, float, bool]] = []
     for frame in frames:
@@ -152,10 +155,16 @@ def identify(catalogue: Catalogue, frames: list[TrialFrame], truth: str, plan: I
         "confidence": answers[-1][1],
         "asked": [list(each) for each in asked],
         "right_from_m": answers[since][0] if since < len(answers) else None,
-        "pose_right": _is_right(estimate, frames[-1]) and localiser.object.name == truth,
-        "cpu_ms": 1e3 * cpu / len(frames),
+        "pose_right": _is_right(estimate, frame) and localiser.object.name == truth,
+        "cpu_ms": 1e3 * cpu / len(answers),
         "length_m": path,
     }
+
+
+def right_answer(catalogue: Catalogue, name: str) -> str:
+    """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
+    name = catalogue.twins.get(name, name)
+    return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
 
 def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:

@@ -15,8 +15,8 @@ def summarise_identification(trials: list[dict]) -> dict:
     known, unknown: numbers of trials with the object in the catalogue and without; right, of the former, at the end;
     pose_right, likewise, and alone_pose_right, of the filter that knows the object; refused, of the latter;
     path_until_right [m], median of the former, infinite where half never are; calibration_error: expected calibration
-    error of the answers at the end and on the way, of both; cpu_ratio: mean CPU of a frame over that of the filter which
-    knows the object; answers: `confusions`; enough: whether there are trials enough for a claim.
+    error of the answers at the end and on the way, of both; cpu_ratio: mean CPU of a frame over that of the filter
+    which knows the object; answers: `confusions`; enough: whether there are trials enough for a claim.
     """
     known = [trial for trial in trials if trial["in_catalogue"]]
     unknown = [trial for trial in trials if not trial["in_catalogue"]]
