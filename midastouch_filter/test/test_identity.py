@@ -38,6 +38,16 @@ def test_an_object_that_is_not_in_the_catalogue_is_unknown(shelf):
     assert identity.unknown > 0.9
 
 
+def test_an_object_that_is_exchanged_while_the_sensor_is_lifted_is_found(shelf):
+    _, first = shelf.touches(0, steps=100)
+    truth, second = shelf.touches(1)
+    up, down = (se3.exp([0.0, 0.0, each, 0.0, 0.0, 0.0]) for each in (0.02, -0.02))
+    lifted = [(up, Measurement(False)), (down, second[0][1])]
+    identity = identified(shelf.catalogue, [*first, *lifted, *second[1:]])
+    assert identity.answer == "bumpy_2"
+    assert np.linalg.norm(identity.leading.places[0].pose[:3, 3] - truth[-1][:3, 3]) < 3e-3
+
+
 def test_probabilities_are_one_together_from_the_beginning(shelf):
     identification = Identification(shelf.catalogue, CONFIG, NOISE, unknown=0.4)
     _, frames = shelf.touches(0, steps=40)
