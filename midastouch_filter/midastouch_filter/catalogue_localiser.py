@@ -76,7 +76,9 @@ class CatalogueLocaliser(Localiser):
     def waiting_for(self) -> str:
         if self._identification is None or self._object is not None:
             return super().waiting_for
-        return f"which of {len(self._catalogue)} objects it is, is not known yet: {self.identity.in_words()}"
+        return (
+            f"which of {len(self._catalogue)} objects it is, is not known yet: {self._identification.found.in_words()}"
+        )
 
     @property
     def untouched(self) -> bool:
@@ -107,13 +109,13 @@ class CatalogueLocaliser(Localiser):
         moved = None if self._last is None else se3.inverse(self._last) @ T_base_gel
         anew = self._identification.step(moved, measurement)
         self._last = T_base_gel
-        identity = self._identification.identity
         if anew:
+            identity = self._identification.identity
             self._follow(identity)
             self._on_identity(identity, T_base_gel, stamp)
         estimate = super().process(T_base_gel, measurement, others, stamp)
         if estimate is not None:
-            self.estimate = self._qualified(estimate, identity)
+            self.estimate = self._qualified(estimate, self._identification.found)
         return self.estimate
 
     def _follow(self, identity: Identity) -> None:

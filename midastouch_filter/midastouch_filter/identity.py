@@ -110,7 +110,8 @@ class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
     Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them; effort.
-    Attributes: identity, at present; contest, that it comes from, None before the first.
+    Attributes: found, by the last comparison, its places as they were then; contest, that it comes from, None before
+    the first.
     """
 
     def __init__(
@@ -142,8 +143,8 @@ class Identification:
 
     @property
     def identity(self) -> Identity:
-        """What is known so far, its places where the sensor is now."""
-        return self._found.moved(se3.inverse(self._found_at) @ self._window.motion)
+        """What was found, its places as they are now."""
+        return self.found.moved(se3.inverse(self._found_at) @ self._window.motion)
 
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
         """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
@@ -161,7 +162,7 @@ class Identification:
             return False
         self._running, self.contest = None, found
         self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
-        settled = self._found.leading.probability > self._noise.settled
+        settled = self.found.leading.probability > self._noise.settled
         self._patience = self._effort.seldom if settled else self._effort.anew
         return True
 
@@ -195,7 +196,7 @@ class Identification:
             Hypothesis(entry.name, sum(place.probability for place in some) if self.contest else even, some)
             for entry, some in zip(self._catalogue.entries, places, strict=True)
         ]
-        self._found = Identity(sorted(hypotheses, key=lambda each: -each.probability), unknown)
+        self.found = Identity(sorted(hypotheses, key=lambda each: -each.probability), unknown)
         self._found_at = self._window.motion
 
     # ------------------------------------------------------------------ one contest
@@ -222,7 +223,7 @@ class Identification:
     def _carried(self, at: np.ndarray) -> list[tuple[int, np.ndarray]]:
         """The best places of before, each with the number of its object, when the gel's motion was `at` (4, 4)."""
         onward = se3.inverse(self._found_at) @ at
-        found = [(each.name, place) for each in self._found.hypotheses for place in each.places]
+        found = [(each.name, place) for each in self.found.hypotheses for place in each.places]
         found.sort(key=lambda each: -each[1].probability)
         return [(self._catalogue.number(name), place.pose @ onward) for name, place in found[:_CARRIED]]
 

@@ -103,8 +103,11 @@ class ParticleFilterNode(ManagedNode):
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
         level, message, values = self._codes.report.describe()
-        loaded = self._localiser.object
-        return level, message, values | ({"codebook": loaded.density} if loaded is not None else {})
+        if (loaded := self._localiser.object) is not None:
+            values["codebook"] = loaded.density
+        if isinstance(self._localiser, CatalogueLocaliser) and (identity := self._localiser.identity) is not None:
+            values["objects"] = identity.in_words()
+        return level, message, values
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
         """Take one code, stamp in ns; what comes while the node is not active is dropped."""
