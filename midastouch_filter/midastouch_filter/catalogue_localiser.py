@@ -160,6 +160,11 @@ class CatalogueLocaliser(Localiser):
             for name, place in sorted(worth, key=lambda each: -each[1].probability)
         ]
 
+    @property
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels that have felt this since the last lift, in the frame of the present one."""
+        return self._identification.felt if self._identification else np.empty((0, 4, 4))
+
     def _model(self, name: str) -> ObjectModel:
         if name not in self._models:
             entry, workers = self._catalogue.entries[self._catalogue.number(name)], Workers(self._config.threads)

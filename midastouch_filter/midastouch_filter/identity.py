@@ -146,6 +146,13 @@ class Identification:
         """What was found, its places as they are now."""
         return self.found.moved(se3.inverse(self._found_at) @ self._window.motion)
 
+    @property
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels of the kept touches since the last lift, in the frame of the present one."""
+        keyframes = self._window.keyframes
+        since = [each.motion for each in keyframes if each.stretch == keyframes[-1].stretch]
+        return se3.inverse(self._window.motion) @ np.array(since).reshape(-1, 4, 4)
+
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
         """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
 

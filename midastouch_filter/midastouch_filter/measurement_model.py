@@ -31,27 +31,27 @@ class CodeScores:
     """Scores codes (M, D) by a measured one.
 
     Args: codes; meta, which holds `temperature` and `outlier`; config; workers.
-    Attributes: log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
+    Attributes: codes, float32; log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
     """
 
     def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):
-        self._codes = np.ascontiguousarray(codes, np.float32)
-        if not np.isfinite(self._codes).all():
+        self.codes = np.ascontiguousarray(codes, np.float32)
+        if not np.isfinite(self.codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
         self._temperature = config.temperature or _calibration(meta, "temperature", np.inf)
         self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
         self._workers = workers
-        self._every = np.arange(len(self._codes))
+        self._every = np.arange(len(self.codes))
         self._forget()
 
     def _forget(self) -> None:
-        self.log_ratio = np.zeros(len(self._codes), np.float32)
+        self.log_ratio = np.zeros(len(self.codes), np.float32)
         self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
 
     @property
     def dimension(self) -> int:
         """Length of the codes."""
-        return self._codes.shape[1]
+        return self.codes.shape[1]
 
     def unit_code(self, code: np.ndarray | None) -> np.ndarray:
         """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
@@ -71,7 +71,7 @@ class CodeScores:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
-        likelihood = self._relative_likelihood(self._similarity(self._codes, self._every, code))
+        likelihood = self._relative_likelihood(self._similarity(self.codes, self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
 
@@ -102,8 +102,8 @@ class MeasurementModel(CodeScores):
         super().__init__(codes, meta, config, workers)
         self._lookup = lookup
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
-        self._sample = self._every[:: max(len(self._codes) // _SAMPLE, 1)].copy()
-        self._sampled_codes = self._codes[self._sample]
+        self._sample = self._every[:: max(len(self.codes) // _SAMPLE, 1)].copy()
+        self._sampled_codes = self.codes[self._sample]
 
     def for_another_sensor(self) -> MeasurementModel:
         """A model of the same codes with scores of its own."""
@@ -120,11 +120,11 @@ class MeasurementModel(CodeScores):
         rows, others = kernels.occupied_entries(
             particles.entries, self._lookup.neighbours, self._smoothing, self._sample
         )
-        scores = self._similarity(self._codes, rows, code), self._similarity(self._sampled_codes, others, code)
+        scores = self._similarity(self.codes, rows, code), self._similarity(self._sampled_codes, others, code)
         likelihood = self._relative_likelihood(np.concatenate(scores))
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
-        rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
-        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))
+        rest = elsewhere.mean(dtype=float) * (len(self.codes) - len(rows)) if len(elsewhere) else 0.0
+        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self.codes))
 
     def log_likelihood(self, particles: Particles) -> np.ndarray:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""

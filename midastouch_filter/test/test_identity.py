@@ -67,7 +67,10 @@ def test_places_move_with_the_gel(shelf):
         identification.step(moved, touch)
     before = identification.identity.leading.places[0].pose
     step = se3.exp([0.02, 0.0, 0.005, 0.0, 0.1, 0.0])
+    felt = identification.felt
+    assert len(felt) > 5
     identification.step(step, Measurement(False))
+    assert np.allclose(identification.felt, se3.inverse(step) @ felt)
     assert np.allclose(identification.identity.leading.places[0].pose, before @ step)
 
 
