@@ -31,7 +31,7 @@ class CodeScores:
     """Scores codes (M, D) by a measured one.
 
     Args: codes; meta, which holds `temperature` and `outlier`; config; workers.
-    Attributes: codes, float32; log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
+    Attributes: codes, float32; log_ratio (M,) float32, l of the entries scored last, others hold stale values; outlier.
     """
 
     def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):

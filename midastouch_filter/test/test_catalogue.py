@@ -2,6 +2,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from midastouch_filter.catalogue import POSES, Catalogue, read_catalogue
 from midastouch_filter.config import FilterConfig
@@ -105,6 +106,14 @@ def test_an_object_can_be_left_out(shelf):
 def test_what_cannot_be_used_is_named(shelf, make, said):
     with pytest.raises(InputError, match=said):
         read(*shelf.books, make(shelf))
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1000.0, "looks like millimetres"), (5e-3, "too small to be felt")])
+def test_an_object_of_no_size_to_be_touched_is_refused(world, shelf, factor, said):
+    path = shelf.folder / "of_no_size.ply"
+    trimesh.Trimesh(factor * world.mesh.vertices, world.mesh.faces, process=False).export(path)
+    with pytest.raises(InputError, match=rf"of_no_size\.ply: .*{said}"):
+        read(shelf.add("of_size", 0.7, mesh_path=str(path)))
 
 
 def test_two_objects_of_one_name_are_refused(shelf, tmp_path):
