@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 
 from midastouch_bringup.commands.arguments import HELD_OUT, TEST_OBJECTS
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
-from midastouch_filter.catalogue import POSES, Catalogue
+from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import Contest, Identification
 from midastouch_filter.noise_model import NoiseModel
@@ -89,11 +89,12 @@ def main() -> None:
     parser.add_argument("--slides", type=int, default=2, help="over each object")
     parser.add_argument("--catalogue", type=int, default=10, help="objects")
     parser.add_argument("--every", type=int, default=2, help="n-th training scan is taken")
+    parser.add_argument("--poses", type=int, default=20_000, help="of each codebook; not all are used")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     free = [path for path in sorted(args.meshes.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
     meshes = [ObjectMesh.load(path) for path in free[:: args.every]]
-    stock, slides = Stock(args.out, slides=SlideKind(0.3), codebook_size=POSES), []
+    stock, slides = Stock(args.out, slides=SlideKind(0.3), codebook_size=args.poses), []
     order = np.random.default_rng(args.seed).permutation(len(meshes))
     for group in np.array_split(order, max(round(len(meshes) / args.catalogue), 1)):
         whole = Catalogue.of([(meshes[i], stock.codebook(meshes[i]), None) for i in group], NOISE)

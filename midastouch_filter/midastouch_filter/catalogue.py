@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_poses import YAWS
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -22,15 +24,17 @@ from .lookup import NearestEntry
 from .noise_model import NoiseModel
 from .touch import MAP_SCALE
 
-POSES = 5_000
-"""Of each codebook that are compared; sites are then about 6 mm apart on an object of a hand's size."""
+FEWEST = 5_000
+"""Poses of each codebook that are compared, at least."""
+
+_SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
 
 _SAME = 1e-6  # share of its size within which one mesh is another one
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One object: mesh; codebook, the first `POSES` poses of it at most; path of the whole codebook, None if that is
+    """One object: mesh; codebook, no more poses of it than `poses_worth`; path of the whole codebook, None if that is
     all; alignment to its surface."""
 
     mesh: ObjectMesh
@@ -76,9 +80,7 @@ class Catalogue:
         self.sensor = SensorModel.load(first["sensor"]).for_maps
 
     @classmethod
-    def of(
-        cls, objects: Sequence[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel, poses: int = POSES
-    ) -> Catalogue:
+    def of(cls, objects: Sequence[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel) -> Catalogue:
         """Of meshes with their codebooks, and the files of these if `Entry.load` is to read them again.
 
         Meshes that are the same count once, under the first one's name.
@@ -92,7 +94,7 @@ class Catalogue:
             elif mesh.name in (entry.name for entry in entries):
                 raise InputError(f"{mesh.path or mesh.name}: another object is called '{mesh.name}'; rename the file")
             else:
-                entries.append(_entry(mesh, codebook, path, noise, poses))
+                entries.append(_entry(mesh, codebook, path, noise))
         return cls(entries, twins)
 
     def __len__(self) -> int:
@@ -105,6 +107,11 @@ class Catalogue:
     def without(self, name: str) -> Catalogue:
         """The same but for one object."""
         return Catalogue([entry for entry in self.entries if entry.name != name])
+
+
+def poses_worth(mesh: ObjectMesh) -> int:
+    """Poses that it takes to tell whether this object is touched: sites at an even distance, whatever its size."""
+    return max(FEWEST, YAWS * math.ceil(mesh.area / _SPACING**2))
 
 
 def read_catalogue(
@@ -136,22 +143,23 @@ def _read(
 ) -> tuple[ObjectMesh, Codebook, Path | None]:
     if source.suffix != ".npz":
         return (*build(source), None)
-    codebook = Codebook.load(source, first=POSES)
-    mesh_path = Path(codebook.meta.get("mesh_path") or "")
+    meta = Codebook.load(source, first=1).meta
+    mesh_path = Path(meta.get("mesh_path") or "")
     if not mesh_path.is_file():
         raise InputError(f"{source}: its mesh '{mesh_path}' is not there any more; build the codebook again")
     mesh = ObjectMesh.load(mesh_path)
-    if mesh.sha256 != codebook.meta["mesh_sha256"]:
+    if mesh.sha256 != meta["mesh_sha256"]:
         raise InputError(f"{source}: its mesh {mesh_path} has changed since; build the codebook again")
-    return mesh, codebook, source
+    return mesh, Codebook.load(source, first=poses_worth(mesh)), source
 
 
-def _entry(mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel, poses: int) -> Entry:
+def _entry(mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel) -> Entry:
     if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
         raise InputError(f"{path or mesh.name}: codebook that does not say its {', '.join(missing)}; build it again")
-    head = codebook if path is None else Codebook(codebook.poses[:poses], codebook.codes[:poses], codebook.meta)
+    if path is not None and len(codebook.poses) > (worth := poses_worth(mesh)):
+        codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
     sensor = SensorModel.load(codebook.meta["sensor"]).scaled(MAP_SCALE)
-    return Entry(mesh, head, path, PenetrationAlignment(mesh, sensor, noise))
+    return Entry(mesh, codebook, path, PenetrationAlignment(mesh, sensor, noise))
 
 
 def _are_same(a: ObjectMesh, b: ObjectMesh) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_filter.catalogue import POSES, Catalogue, read_catalogue
+from midastouch_filter.catalogue import FEWEST, Catalogue, poses_worth, read_catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception.codebook import Codebook
@@ -58,12 +58,18 @@ def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
     catalogue = read(*shelf.books)
     assert [entry.name for entry in catalogue.entries] == ["bumpy", "small"]
     assert len(catalogue) == 2
-    assert all(len(entry.codebook.poses) == POSES for entry in catalogue.entries)
-    assert catalogue.rows[1] == slice(POSES, 2 * POSES)
+    assert all(len(entry.codebook.poses) == FEWEST for entry in catalogue.entries)
+    assert catalogue.rows[1] == slice(FEWEST, 2 * FEWEST)
     assert np.array_equal(catalogue.codes[catalogue.rows[1]], catalogue.entries[1].codebook.codes)
     whole = catalogue.entries[0].load(FilterConfig(threads=1), seed=0)
     assert whole.name == "bumpy"
     assert "8,000" in whole.density
+
+
+def test_large_objects_are_worth_more_poses(world):
+    large = [ObjectMesh.from_arrays(k * world.mesh.vertices, world.mesh.faces, "large") for k in (3, 6)]
+    assert poses_worth(world.mesh) == FEWEST
+    assert poses_worth(large[1]) == pytest.approx(4 * poses_worth(large[0]), rel=1e-2)
 
 
 def test_a_mesh_without_codebook_gets_one(world, shelf):
