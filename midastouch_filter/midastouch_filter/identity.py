@@ -160,7 +160,7 @@ class Identification:
         """
         require_network([touch], self._catalogue.network_id)
         self._move(odometry, touch.in_contact)
-        if self._window.due and touch.in_contact and touch.penetration is not None:
+        if self._window.due and touch.in_contact and self._is_usable(touch.penetration):
             self._keep(touch)
         if self._running is None and self._news >= self._patience and len(self._window) >= self._effort.fewest:
             self._news, self._running = 0, self._run()
@@ -182,6 +182,10 @@ class Identification:
             self.restart()
         elif step is not None and (motion := self._rest.motion(step)) is not None:
             self._window.moved(motion.transform, motion.path, in_contact)
+
+    def _is_usable(self, penetration: np.ndarray | None) -> bool:
+        shape = self._catalogue.entries[0].alignment.map_shape
+        return penetration is not None and penetration.shape == shape and bool(np.isfinite(penetration).all())
 
     def _keep(self, touch: Measurement) -> None:
         try:

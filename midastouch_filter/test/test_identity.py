@@ -1,5 +1,7 @@
 """Three ellipsoids with bumps at other places: which one is slid over?"""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -83,9 +85,12 @@ def test_the_same_touches_give_the_same_answer(shelf):
 
 def test_what_cannot_be_used_is_passed_over(shelf):
     _, frames = shelf.touches(0, steps=80)
+    good = frames[0][1]
     bad = [
-        (np.full((4, 4), np.nan), frames[0][1]),
-        (None, Measurement(True, np.zeros(48), penetration=np.zeros((80, 60)))),
+        (np.full((4, 4), np.nan), good),
+        (None, replace(good, code=np.zeros(48))),
+        (None, replace(good, penetration=np.full((80, 60), np.nan))),
+        (None, replace(good, penetration=np.zeros((4, 4)))),
     ]
     with_bad = [*frames[:40], *bad, *frames[40:]]
     assert identified(shelf.catalogue, with_bad).answer == "bumpy_1"
