@@ -87,12 +87,12 @@ def test_what_cannot_be_used_is_passed_over(shelf):
     _, frames = shelf.touches(0, steps=80)
     good = frames[0][1]
     bad = [
-        (np.full((4, 4), np.nan), good),
+        (np.full((4, 4), np.nan), Measurement(False)),
         (None, replace(good, code=np.zeros(48))),
         (None, replace(good, penetration=np.full((80, 60), np.nan))),
         (None, replace(good, penetration=np.zeros((4, 4)))),
     ]
-    with_bad = [*frames[:40], *bad, *frames[40:]]
+    with_bad = [each for frame in frames for each in (*bad, frame)]
     assert identified(shelf.catalogue, with_bad).answer == "bumpy_1"
     with pytest.raises(InputError, match="from network another"):
         Identification(shelf.catalogue, CONFIG, NOISE).step(None, Measurement(True, network_id="another"))
