@@ -89,7 +89,7 @@ def main() -> None:
     parser.add_argument("--slides", type=int, default=2, help="over each object")
     parser.add_argument("--catalogue", type=int, default=10, help="objects")
     parser.add_argument("--every", type=int, default=2, help="n-th training scan is taken")
-    parser.add_argument("--poses", type=int, default=20_000, help="of each codebook; not all are used")
+    parser.add_argument("--poses", type=int, default=5_000, help="of each codebook")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     free = [path for path in sorted(args.meshes.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
