@@ -46,6 +46,8 @@ COMMANDS = {
         for name in ("plain", "uniform", *PROTOCOLS)
         if name != "small_parts"
     },
+    "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
+    "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
     "real_plain": f"{_BENCHMARK} {_REAL}",
@@ -369,6 +371,31 @@ def grasps() -> Table:
     return header, rows
 
 
+def identification() -> Table:
+    """Which object of a catalogue it is."""
+    header = ["catalogue", "slides", "right at the end", "pose right, too", "pose, object known"]
+    header += ["refused, when left out", "path until right, median", "expected calibration error"]
+    header += ["CPU a frame, over one known object's", "report"]
+    rows = []
+    for name, what in (("identify", "the ten"), ("identify_all", "all 78 of YCB")):
+        if name not in reported():
+            rows.append([what, *["*not measured yet*"] * 8, "-"])
+            continue
+        one = report(name)["identification"]
+        cells = [f"too few ({one['known']})"] * 7
+        if one["enough"]:
+            path, ratio = one["path_until_right"], one["cpu_ratio"]
+            until = "never" if path["value"] is None else f"{path['value']:.2f} m"
+            cells = [
+                *(_share(one[key]) for key in ("right", "pose_right", "alone_pose_right", "refused")),
+                f"{until} ({_between(path['interval'], '{:.2f}')})",
+                f"{one['calibration_error']:.3f}",
+                f"{ratio['value']:.2f} ({_between(ratio['interval'], '{:.2f}')})",
+            ]
+        rows.append([what, f"{one['known']} with, {one['unknown']} without", *cells, f"[{name}]"])
+    return header, rows
+
+
 def real() -> Table:
     """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
     header = ["optics", "particles, mean", "closest mode, median", "right", "mean error over TACTO's"]
@@ -646,8 +673,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, converged, regions, events, real, grasps, peers, variants, slides, depth, presses, labels,
-        checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
+        paper, localisation, converged, regions, events, identification, real, grasps, peers, variants, slides, depth,
+        presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 

@@ -27,7 +27,7 @@ from midastouch_filter.motion_model import Odometry
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.object_model import ObjectModel
 from midastouch_filter.places import APART, pose_distance
-from midastouch_filter.replay import Followed, Replay
+from midastouch_filter.replay import Followed, Race, Replay
 from midastouch_filter.rival_search import RivalSearch, Scored
 from midastouch_filter.touch import Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
@@ -77,7 +77,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
         rivals = [beside, *_exhaust(search.find(window, taken)).poses]
-        replay = Replay(window, search.along, model.alignment, noise, Effort(), CONFIG.relief_fit)
+        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.relief_fit, Race(window))
         for start in taken + rivals[: RIVALS + 1]:
             _exhaust(replay.follow(start))
         own, *others = [(each.misfit, _distance(each, truth)) for each in replay.followed]

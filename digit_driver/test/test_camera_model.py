@@ -56,9 +56,7 @@ def test_one_s_own(tmp_path) -> None:
     assert not model.leds
 
 
-@pytest.mark.parametrize(
-    ("rotation", "corner"), [(0, (0, 0)), (90, (-1, 0)), (180, (-1, -1)), (270, (0, -1))], ids=str
-)
+@pytest.mark.parametrize(("rotation", "corner"), [(0, (0, 0)), (90, (-1, 0)), (180, (-1, -1)), (270, (0, -1))], ids=str)
 @pytest.mark.parametrize("reduction", [1, 2])
 def test_images_are_cropped_then_turned_then_scaled(tmp_path, rotation, corner, reduction) -> None:
     """The top left corner of the part that is used lies where the rotation, counter-clockwise, brings it."""

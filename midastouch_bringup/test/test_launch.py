@@ -196,6 +196,20 @@ def test_an_object_by_name_gives_mesh_and_codebook():
 
 
 @pytest.mark.usefixtures("stand_ins")
+def test_objects_by_name_are_their_meshes_until_they_have_codebooks(tmp_path, monkeypatch):
+    from midastouch_perception.objects import bundled_objects
+
+    monkeypatch.chdir(tmp_path)
+    book = tmp_path / "out/codebooks/eyebolt.npz"
+    book.parent.mkdir(parents=True)
+    book.touch()
+    started = carry_out("filter", objects="handle_tool, eyebolt,/data/cup.npz")
+    values = parameters(started["midastouch_filter", "particle_filter"])["/particle_filter"]
+    assert values["objects"] == f"{bundled_objects()['handle_tool']},{book},/data/cup.npz"
+    assert values["mesh"] == values["codebook"] == ""
+
+
+@pytest.mark.usefixtures("stand_ins")
 def test_an_object_that_is_not_bundled_is_refused():
     with pytest.raises(InputError, match="sofa: not bundled; there are"):
         carry_out("filter", object="sofa")

@@ -8,7 +8,7 @@ ones need: compare places by the last touches, and learn about the arm. How each
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 from .particles import Particles
-from .places import Prior
+from .places import Place, Prior
 from .policies import Policies, default_policies
 from .propagation import OdometryJump
 from .reporting import Reporter
@@ -99,6 +99,17 @@ class ParticleFilter:
         prior = checked_prior(prior, sigma_t, sigma_r)
         particles = self._do.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
         self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
+
+    def initialise_places(self, places: Sequence[Place]) -> None:
+        """Start half at these places, each by its probability, half over the whole surface; at least one of them."""
+        count = self.config.max_particles
+        shares = np.array([place.probability for place in places])
+        numbers = np.round(0.5 * count * shares / shares.sum()).astype(int)
+        some = [self._do.source.at(place, number) for place, number in zip(places, numbers, strict=True) if number]
+        uniform = self._do.source.uniform(count - sum(map(len, some)))
+        particles = Particles.joined([*some, uniform])
+        particles.log_weights[:] = -np.log(count)
+        self._start(particles, None)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None

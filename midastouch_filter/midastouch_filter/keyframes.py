@@ -45,7 +45,7 @@ class KeyframeWindow:
 
     Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
-    none, the oldest of all. So the same number of touches says as much as independent ones can.
+    none before the first lift, the oldest of all: what was felt before says little once the object may have been moved.
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
     """
 
@@ -97,7 +97,7 @@ class KeyframeWindow:
         bridged = (
             k
             for k, (older, newer) in enumerate(zip(keyframes, keyframes[2:], strict=False), start=1)
-            if _distance(older, newer) <= self._correlation
+            if older.stretch == keyframes[0].stretch and _distance(older, newer) <= self._correlation
         )
         gone = next(bridged, 0)
         return keyframes[:gone] + keyframes[gone + 1 :]

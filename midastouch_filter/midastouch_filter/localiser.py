@@ -139,6 +139,11 @@ class Localiser:
         return self._object.coarse if self._object is not None else ""
 
     @property
+    def sensor(self) -> SensorModel | None:
+        """That codes and maps are of, at map resolution; None if unknown."""
+        return self._object.sensor if self._object is not None else None
+
+    @property
     def filter(self) -> ParticleFilter | None:
         """The running filter; None before it has an object and a start."""
         return self._object.filter if self._object is not None and self._started else None

@@ -29,25 +29,45 @@ _CANDIDATES = 64  # nearest entries that links are chosen from
 _HOPS = 8  # that a walk takes at most
 
 
-class PoseLookup:
-    """Nearest-neighbour search among the codebook's poses `T_obj_gel` (M, 4, 4).
+class NearestEntry:
+    """Search for the entry nearest to any pose among the codebook's poses `T_obj_gel` (M, 4, 4).
 
-    Attributes: poses; graph, the entries as the kernels take them; records (M, 8) float32: position, 0, quaternion;
-    neighbours (M, K) int32, the K nearest other entries of each entry, nearest first; neighbour_distance (M, K) float32
-    m; spacing m, the typical distance to the nearest other entry; largest_gap m, which 99 % of these keep below; stride
-    m, the typical distance that one hop along the graph can cover. Raises InputError for fewer than two poses.
+    Attributes: poses; records (M, 8) float32, each position, 0, quaternion.
+    """
+
+    def __init__(self, poses: np.ndarray):
+        self.poses = poses
+        rows = se3.to_xyzquat(poses).astype(np.float32)
+        self.records = np.zeros((len(rows), 8), np.float32)
+        self.records[:, :3], self.records[:, 4:] = rows[:, :3], rows[:, 3:]
+        self._cells = kernels.PoseCells(self.records)
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    def exact(self, poses: np.ndarray, within: float = np.inf) -> np.ndarray:
+        """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), in less than a microsecond each.
+
+        `len(self)` for poses with none nearer than `within` [m].
+        """
+        return self._cells.nearest(np.ascontiguousarray(poses, float), within)
+
+
+class PoseLookup(NearestEntry):
+    """The same, and a graph of neighbours in which particles are followed from step to step.
+
+    Attributes: graph, the entries as the kernels take them; neighbours (M, K) int32, the K nearest other entries of
+    each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to the nearest other
+    entry; largest_gap m, which 99 % of these keep below; stride m, the typical distance that one hop along the graph
+    can cover. Raises InputError for fewer than two poses.
     """
 
     def __init__(self, poses: np.ndarray, workers: Workers, graph: tuple[np.ndarray, np.ndarray] | None = None):
         """`graph`, as `neighbours_and_links` gives it, if that is known."""
         if len(poses) < 2:
             raise InputError(f"codebook: {len(poses)} poses; build one of at least some thousands")
-        self.poses = poses
-        rows = se3.to_xyzquat(poses).astype(np.float32)
-        self.records = np.zeros((len(rows), 8), np.float32)
-        self.records[:, :3], self.records[:, 4:] = rows[:, :3], rows[:, 3:]
+        super().__init__(poses)
         self._workers = workers
-        self._cells = kernels.PoseCells(self.records)
         self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
         self.graph = kernels.PoseGraph(self.records, links, self.neighbours)
         self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
@@ -56,21 +76,10 @@ class PoseLookup:
         self.largest_gap = float(np.quantile(nearest, 0.99))
         self.stride = float(np.median(farthest))
 
-    def __len__(self) -> int:
-        return len(self.records)
-
     @property
     def reach(self) -> float:
         """Pose distance [m] that `follow` can bridge; half of what its hops would cover in a straight line."""
         return 0.5 * _HOPS * self.stride
-
-    def exact(self, poses: np.ndarray, within: float = np.inf) -> np.ndarray:
-        """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), in less than a microsecond each.
-
-        `len(self)` for poses with none nearer than `within` [m].
-        """
-        parts = self._workers.split(np.ascontiguousarray(poses, float))
-        return np.concatenate(self._workers.map(lambda part: self._cells.nearest(part, within), parts))
 
     def relocate(self, particles: Particles) -> None:
         """Set `particles.entries` exactly, wherever the particles were before."""

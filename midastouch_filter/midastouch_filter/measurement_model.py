@@ -28,40 +28,31 @@ _NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance betwee
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 
-class MeasurementModel:
-    """Scores codebook entries by a measured code and hands the scores to particles.
+class CodeScores:
+    """Scores codes (M, D) by a measured one.
 
-    Attributes: log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
+    Args: codes; meta, which holds `temperature` and `outlier`; config; workers.
+    Attributes: codes, float32; log_ratio (M,) float32, l of the entries scored last, others hold stale values; outlier.
     """
 
-    def __init__(self, codes: np.ndarray, meta: dict, lookup: PoseLookup, config: FilterConfig, workers: Workers):
-        """`codes` (M, D) in the order of `lookup`'s poses; `meta` holds `temperature` and `outlier`."""
-        self._codes = np.ascontiguousarray(codes, np.float32)
-        if not np.isfinite(self._codes).all():
+    def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):
+        self.codes = np.ascontiguousarray(codes, np.float32)
+        if not np.isfinite(self.codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
         self._temperature = config.temperature or _calibration(meta, "temperature", np.inf)
         self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
-        self._lookup, self._workers = lookup, workers
-        self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
-        self._every = np.arange(len(self._codes))
-        self._sample = self._every[:: max(len(self._codes) // _SAMPLE, 1)].copy()
-        self._sampled_codes = self._codes[self._sample]
+        self._workers = workers
+        self._every = np.arange(len(self.codes))
         self._forget()
 
     def _forget(self) -> None:
-        self.log_ratio = np.zeros(len(self._codes), np.float32)
+        self.log_ratio = np.zeros(len(self.codes), np.float32)
         self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
-
-    def for_another_sensor(self) -> MeasurementModel:
-        """A model of the same codes with scores of its own."""
-        other = copy.copy(self)
-        other._forget()
-        return other
 
     @property
     def dimension(self) -> int:
         """Length of the codes."""
-        return self._codes.shape[1]
+        return self.codes.shape[1]
 
     def unit_code(self, code: np.ndarray | None) -> np.ndarray:
         """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
@@ -81,7 +72,7 @@ class MeasurementModel:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
-        likelihood = self._relative_likelihood(self._similarity(self._codes, self._every, code))
+        likelihood = self._relative_likelihood(self._similarity(self.codes, self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
 
@@ -89,21 +80,6 @@ class MeasurementModel:
         """(M,) float32: that of a touch's code, of every entry; valid until the next code is scored."""
         self.score_codebook(self.unit_code(touch.code))
         return self.log_ratio
-
-    def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
-        """Set `log_ratio` only where particles need it.
-
-        The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
-        """
-        self._scored = None
-        rows, others = kernels.occupied_entries(
-            particles.entries, self._lookup.neighbours, self._smoothing, self._sample
-        )
-        scores = self._similarity(self._codes, rows, code), self._similarity(self._sampled_codes, others, code)
-        likelihood = self._relative_likelihood(np.concatenate(scores))
-        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
-        rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
-        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))
 
     def _similarity(self, codes: np.ndarray, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
         """Cosines (n,) float32 of the codes (m, D) at `rows` (n,) with a unit code.
@@ -122,6 +98,39 @@ class MeasurementModel:
         likelihood *= np.float32((1 - self.outlier) / mean)
         likelihood += np.float32(self.outlier)
         self.log_ratio[rows] = np.log(likelihood, out=likelihood)
+
+
+class MeasurementModel(CodeScores):
+    """Scores codebook entries by a measured code and hands the scores to particles."""
+
+    def __init__(self, codes: np.ndarray, meta: dict, lookup: PoseLookup, config: FilterConfig, workers: Workers):
+        """`codes` (M, D) in the order of `lookup`'s poses; the others as of `CodeScores`."""
+        super().__init__(codes, meta, config, workers)
+        self._lookup = lookup
+        self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
+        self._sample = self._every[:: max(len(self.codes) // _SAMPLE, 1)].copy()
+        self._sampled_codes = self.codes[self._sample]
+
+    def for_another_sensor(self) -> MeasurementModel:
+        """A model of the same codes with scores of its own."""
+        other = copy.copy(self)
+        other._forget()
+        return other
+
+    def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
+        """Set `log_ratio` only where particles need it.
+
+        The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
+        """
+        self._scored = None
+        rows, others = kernels.occupied_entries(
+            particles.entries, self._lookup.neighbours, self._smoothing, self._sample
+        )
+        scores = self._similarity(self.codes, rows, code), self._similarity(self._sampled_codes, others, code)
+        likelihood = self._relative_likelihood(np.concatenate(scores))
+        here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
+        rest = elsewhere.mean(dtype=float) * (len(self.codes) - len(rows)) if len(elsewhere) else 0.0
+        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self.codes))
 
     def log_likelihood(self, particles: Particles) -> np.ndarray:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""

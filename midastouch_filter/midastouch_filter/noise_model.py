@@ -37,6 +37,10 @@ class NoiseModel:
     code_margin: by which a place may fall behind the best in its codes, and be right.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     decisive: evidence by which one of two optima is the better one.
+    Between objects: between_objects, share of the evidence of touches that holds between places on different objects,
+    whose maps err together; foreign_misfit, that says neither that the object is in the catalogue nor that it is not;
+    strain_cost, by which each squared Mahalanobis distance that a place has to give way costs it; best_of_places, by
+    which the best place on an object that is not touched seems to explain touches; see `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -57,6 +61,10 @@ class NoiseModel:
     code_margin: float = 4.0
     elsewhere: float = 22.5
     decisive: float = 6.75
+    between_objects: float = 0.35
+    foreign_misfit: float = 0.73
+    strain_cost: float = 0.54
+    best_of_places: float = 2.6
 
     def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.
@@ -65,6 +73,15 @@ class NoiseModel:
         likelihood is a power of the residual (Student).
         """
         return -self.map_patches * np.log(np.asarray(misfit) + self.misfit_floor)
+
+    def object_evidence(self, misfit: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        """Nats that touches speak for places on an object of a catalogue, against it being none of these.
+
+        misfit as above; strain: squared Mahalanobis distances from where the path led to where the maps fit, which tell
+        a surface of another curvature: its maps fit, but not one after the other.
+        """
+        fit = self.misfit_evidence(misfit) - self.misfit_evidence(self.foreign_misfit)
+        return self.between_objects * (fit - self.strain_cost * np.minimum(strain, self.elsewhere))
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:

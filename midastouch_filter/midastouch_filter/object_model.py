@@ -24,7 +24,7 @@ from .noise_model import NoiseModel
 from .object_index import ObjectIndex
 from .regions import Regions
 from .surface import SurfaceConstraint
-from .touch import MAP_SCALE, Measurement
+from .touch import MAP_SCALE, Measurement, require_network
 from .workers import Workers
 
 if TYPE_CHECKING:
@@ -92,12 +92,7 @@ class ObjectModel:
 
     def require_same_network(self, touches: Iterable[Measurement]) -> None:
         """Raise InputError if a code comes from another network than the codebook's."""
-        for theirs in (touch.network_id for touch in touches):
-            if theirs and self._network_id and theirs != self._network_id:
-                raise InputError(
-                    f"tactile code: from network {theirs}, but the codebook was built with {self._network_id};"
-                    " build the codebook with the encoder in use"
-                )
+        require_network(touches, self._network_id)
 
 
 def _gap(mesh: ObjectMesh, poses: np.ndarray) -> float:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from midastouch_perception import se3
 from midastouch_perception.pose_metric import ROTATION_SCALE
+
+from .joint_alignment import transform_covariance
 
 APART = 0.015
 """m: places nearer than this are the same one; 1 rad counts as 10 mm."""
@@ -23,6 +25,10 @@ class Place:
     pose: np.ndarray
     covariance: np.ndarray
     probability: float
+
+    def moved(self, transform: np.ndarray) -> Place:
+        """After the gel moved by `transform` (4, 4)."""
+        return replace(self, pose=self.pose @ transform, covariance=transform_covariance(self.covariance, transform))
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,18 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from .config import FilterConfig
 from .growth import Growth, levels
 from .localiser import LoadedObject, object_of
+
+if TYPE_CHECKING:
+    from midastouch_perception.tcn import TCN
 
 SIZE = 5_000
 """Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
@@ -23,12 +28,27 @@ def build_object(mesh_path: Path, network: str, sensor_model: str, config: Filte
     network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for what they do
     not name, a mesh that cannot be used, and one without reachable surface.
     """
+    mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
+    loaded = object_of(mesh, codebook, config, seed)
+    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.prepared)
+    return dataclasses.replace(loaded, growth=growth)
+
+
+def coarse_codebook(
+    mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
+) -> tuple[ObjectMesh, Codebook]:
+    """A mesh and a codebook of `SIZE` poses that is built now; arguments and errors as of `build_object`."""
+    mesh, _, _, codebook = _built(mesh_path, network, sensor_model, config)
+    return mesh, codebook
+
+
+def _built(
+    mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
+) -> tuple[ObjectMesh, TCN, SensorModel, Codebook]:
     # the runtime of networks is needed for this alone
     from midastouch_perception.codebook_build import CodebookBuild
     from midastouch_perception.tcn import load_tcn
 
     mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load(sensor_model)
     tcn, jobs = load_tcn(network, sensor), config.threads or len(os.sched_getaffinity(0))
-    loaded = object_of(mesh, CodebookBuild(mesh, tcn, sensor, SIZE).run(jobs), config, seed)
-    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.prepared)
-    return dataclasses.replace(loaded, growth=growth)
+    return mesh, tcn, sensor, CodebookBuild(mesh, tcn, sensor, SIZE).run(jobs)

@@ -23,11 +23,11 @@ from .change_points import place_posterior
 from .config import FilterConfig
 from .effort import Effort
 from .joint_alignment import transform_covariance
-from .keyframes import KeyframeWindow, independence
+from .keyframes import KeyframeWindow
 from .lookup import PoseLookup
 from .noise_model import NoiseModel
 from .places import Place, Prior, is_apart
-from .replay import Replay
+from .replay import Race, Replay
 from .rival_search import Rivals, RivalSearch, Scored
 from .touch import Measurement
 
@@ -55,10 +55,7 @@ class Comparison:
 
     def moved(self, transform: np.ndarray) -> Comparison:
         """After the gel moved by `transform` (4, 4)."""
-        places = [
-            Place(place.pose @ transform, transform_covariance(place.covariance, transform), place.probability)
-            for place in self.places
-        ]
+        places = [place.moved(transform) for place in self.places]
         return replace(self, places=places, cloud=self.cloud @ transform)
 
 
@@ -153,29 +150,24 @@ class Reevaluation:
         return found
 
     def _run(self, modes: list[np.ndarray]) -> Iterator[Comparison | None]:
-        window = self._scored()
+        window = Scored.of(list(self._window.keyframes), self._noise)
         newest = window.keyframes[-1].motion
         to_newest = se3.inverse(self._window.motion) @ newest
         starts = [mode @ to_newest for mode in modes]
         rivals = yield from self._search.find(window, starts)
-        replay = Replay(window, self._search.along, self._alignment, self._noise, self._effort, self._explains)
+        race = Race(window)
+        replay = Replay(window, self._alignment, self._noise, self._effort, self._explains, race)
         asked = 0
         for start in starts + rivals.poses:
-            if asked >= len(starts) and replay.alignments >= self._effort.alignments:
+            if asked >= len(starts) and race.alignments >= self._effort.alignments:
                 break
             asked += 1
             yield from replay.follow(start)
         yield self._compared(window, replay, rivals, asked - len(starts))
 
-    def _scored(self) -> Scored:
-        keyframes = list(self._window.keyframes)
-        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
-        change = np.where(lifted, self._noise.change_lifted, self._noise.change)
-        return Scored(keyframes, independence(keyframes, self._noise.touch_correlation), change)
-
     def _compared(self, window: Scored, replay: Replay, rivals: Rivals, asked: int) -> Comparison:
         """Probabilities of all places that were followed, at present; `asked`, number of the rivals among them."""
-        now, followed, every = self._window.motion, replay.followed, replay.evidence()
+        now, followed, every = self._window.motion, replay.followed, replay.evidence(self._search.along)
         onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
         poses = [each.pose @ on for each, on in zip(followed, onward, strict=True)]
         order = np.argsort(-every.sum(axis=1), kind="stable")

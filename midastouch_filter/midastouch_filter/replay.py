@@ -24,7 +24,8 @@ _SAME = 4e-3  # m, pose distance
 class Followed:
     """A place: pose (4, 4) and covariance (6, 6), own frame, at keyframe number `at`, by all maps from there on.
 
-    misfit (K,): share of each map that it leaves unexplained, 1 before that; poses (K, 4, 4) before each map was used.
+    misfit (K,): share of each map that it leaves unexplained, 1 before that; poses (K, 4, 4) and priors (K, 6, 6), own
+    frames, before each map was used; aligned (K, 4, 4), after.
     """
 
     pose: np.ndarray
@@ -32,30 +33,46 @@ class Followed:
     at: int
     misfit: np.ndarray
     poses: np.ndarray
+    priors: np.ndarray
+    aligned: np.ndarray
+
+    def strain(self) -> np.ndarray:
+        """(K,) squared Mahalanobis distances by which it gave way to each map; 0 for those that were not used."""
+        offset = se3.log(se3.inverse(self.poses) @ self.aligned)
+        return np.einsum("ki,kij,kj->k", offset, np.linalg.inv(self.priors), offset)
+
+
+class Race:
+    """What the replays of one window share, be it on several objects.
+
+    Attributes: best (K,), highest sum so far of the evidence from each keyframe on; alignments, number of them.
+    """
+
+    def __init__(self, window: Scored):
+        self.best, self.alignments = np.full(len(window.keyframes), -np.inf), 0
 
 
 class Replay:
     """Aligns places to all keyframes, from the newest back along the path.
 
-    Args: window; code_ratios(poses, keyframes): log-likelihood ratios (K,) of the codes of each at a pose (K, 4, 4);
-    alignment; noise; effort; explains: fit from which a map may correct a pose.
-    Attributes: followed, so far; alignments, number of them.
+    Args: window; alignment; noise; effort; explains: fit from which a map may correct a pose; race, in which places
+    that fall far behind are given up.
+    Attributes: followed, so far.
     """
 
     def __init__(
         self,
         window: Scored,
-        code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray],
         alignment: PenetrationAlignment,
         noise: NoiseModel,
         effort: Effort,
         explains: float,
+        race: Race,
     ):
-        self._window, self._code_ratios, self._alignment = window, code_ratios, alignment
+        self._window, self._alignment = window, alignment
         self._noise, self._effort, self._explains = noise, effort, explains
         self.followed: list[Followed] = []
-        self.alignments = 0
-        self._best = np.full(len(window.keyframes), -np.inf)  # highest sum of the evidence from each keyframe on
+        self._race = race
 
     def follow(self, start: np.ndarray) -> Iterator[None]:
         """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope.
@@ -78,32 +95,35 @@ class Replay:
         keyframes, weights, jitter = self._window.keyframes, self._window.weights, self._noise.jitter
         covariance = self._noise.between_entries
         misfit, poses, total = np.ones(len(keyframes)), np.tile(pose, (len(keyframes), 1, 1)), 0.0
+        priors, posteriors = np.tile(covariance + jitter, (len(keyframes), 1, 1)), poses.copy()
         for k in range(len(keyframes) - 1, oldest - 1, -1):
             maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled)
             aligned = align_in_turn(self._alignment, pose, covariance + jitter, maps, self._noise.finger_error)
             misfit[k], poses[k] = 1.0 - aligned.fit, pose
+            priors[k], posteriors[k] = covariance + jitter, aligned.pose
             total += weights[k] * float(self._noise.misfit_evidence(misfit[k]))
             if aligned.fit > self._explains:
                 pose, covariance = without_jitter(pose, covariance, jitter, aligned)
-            self.alignments += 1
-            if self.alignments % self._effort.alignments_per_step == 0:
+            self._race.alignments += 1
+            if self._race.alignments % self._effort.alignments_per_step == 0:
                 yield None
-            hopeless = total - self._best[k] < self._noise.refuted
-            self._best[k] = max(self._best[k], total)
+            hopeless = total - self._race.best[k] < self._noise.refuted
+            self._race.best[k] = max(self._race.best[k], total)
             if hopeless or k == oldest:
                 break
             back = se3.inverse(keyframes[k].motion) @ keyframes[k - 1].motion
             pose, covariance = pose @ back, transform_covariance(covariance, back)
-        return Followed(pose, covariance, k, misfit, poses)
+        return Followed(pose, covariance, k, misfit, poses, priors, posteriors)
 
-    def evidence(self) -> np.ndarray:
+    def evidence(self, code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray]) -> np.ndarray:
         """(P, K) nats of each keyframe for each place that was followed, against one that nobody named.
 
-        Codes say how likely it is that one of these places is right at all; maps decide between them.
+        code_ratios(poses, keyframes): log-likelihood ratios (K,) of the codes of each at a pose (K, 4, 4).
+        They say how likely it is that one of these places is right at all; maps decide between them.
         """
         misfit = np.stack([each.misfit for each in self.followed])
         best, touches = misfit.argmin(axis=0), np.arange(misfit.shape[1])
         poses = np.stack([self.followed[i].poses[k] for k, i in enumerate(best)])
         against_best = self._noise.misfit_evidence(misfit) - self._noise.misfit_evidence(misfit[best, touches])
-        codes = self._code_ratios(poses, self._window.keyframes)
+        codes = code_ratios(poses, self._window.keyframes)
         return self._window.weights * (codes + against_best) - self._window.chance()

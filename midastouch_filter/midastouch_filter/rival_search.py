@@ -10,8 +10,8 @@ import numpy as np
 from midastouch_perception import se3
 
 from .effort import Effort
-from .keyframes import Keyframe
-from .lookup import PoseLookup
+from .keyframes import Keyframe, independence
+from .lookup import NearestEntry, PoseLookup
 from .noise_model import NoiseModel
 from .places import is_apart
 from .touch import Measurement
@@ -25,10 +25,12 @@ _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 @dataclass(frozen=True)
 class Rivals:
     """poses: of places that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches and
-    of those since the last lift; lasting: after so many of them all of the former have come; cloud (C, 4, 4): of
-    everything that may explain the touches, there too, and cloud_scores (C,) nats."""
+    of those since the last lift; scores: nats of each by whichever of the two praises it more; lasting: after so many
+    of them all of the former have come; cloud (C, 4, 4): of everything that may explain the touches, there too, and
+    cloud_scores (C,) nats."""
 
     poses: list[np.ndarray]
+    scores: list[float]
     lasting: int
     cloud: np.ndarray
     cloud_scores: np.ndarray
@@ -42,6 +44,13 @@ class Scored:
     keyframes: list[Keyframe]
     weights: np.ndarray
     change: np.ndarray
+
+    @classmethod
+    def of(cls, keyframes: list[Keyframe], noise: NoiseModel) -> Scored:
+        """Weighed by how far apart they are; the motion may have been broken, above all where the sensor was lifted."""
+        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
+        change = np.where(lifted, noise.change_lifted, noise.change)
+        return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
 
     def sparser(self, count: int) -> Scored:
         """The newest one and, ever farther apart, so many in all."""
@@ -68,16 +77,32 @@ class Scored:
         return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
 
 
+class Pace:
+    """Says when a step has looked up enough, to whoever shares it; most: poses in one step."""
+
+    def __init__(self, most: int):
+        self.most, self._looked_up = most, 0
+
+    def pause(self, part: slice) -> Iterator[None]:
+        """Leave what is to be looked up to the next step, if this one has done enough."""
+        self._looked_up += part.stop - part.start
+        if self._looked_up > self.most:
+            self._looked_up = part.stop - part.start
+            yield None
+
+
 class RivalSearch:
     """Looks for the places that explain keyframes best, in slices: each generator yields None between two of them.
 
-    Args: lookup; noise; effort.
+    Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
     """
 
-    def __init__(self, lookup: PoseLookup, noise: NoiseModel, effort: Effort):
+    def __init__(
+        self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: Pace | None = None
+    ):
         self._lookup = lookup
         self._margin, self._effort = noise.code_margin, effort
-        self._looked_up = 0  # in this step
+        self._pace = pace or Pace(effort.lookups_per_step)
 
     def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
         """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
@@ -104,21 +129,14 @@ class RivalSearch:
         poses = np.concatenate(out)
         entries = np.empty(len(poses), int)
         for part in self._slices(len(poses)):
-            yield from self._pause(part)
+            yield from self._pace.pause(part)
             entries[part] = self._lookup.exact(poses[part])
         return poses[np.unique(entries, return_index=True)[1]]
 
     def _slices(self, count: int) -> list[slice]:
         """What is looked up at once: no more than in one step."""
-        size = self._effort.lookups_per_step
+        size = self._pace.most
         return [slice(low, min(low + size, count)) for low in range(0, count, size)]
-
-    def _pause(self, part: slice) -> Iterator[None]:
-        """Leave what is to be looked up to the next step, if this one has done enough."""
-        self._looked_up += part.stop - part.start
-        if self._looked_up > self._effort.lookups_per_step:
-            self._looked_up = part.stop - part.start
-            yield None
 
     def _best(self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray) -> tuple[np.ndarray, ...]:
         """The best candidates and both of their scores; by turns the next best of either.
@@ -144,7 +162,7 @@ class RivalSearch:
         scores = np.zeros((len(candidates), len(window.weights)))
         for k in range(len(window.weights)):
             for part in self._slices(len(candidates)):
-                yield from self._pause(part)
+                yield from self._pace.pause(part)
                 scores[part, k] = self._of(candidates[part], newest, window, k)
         recent = [keyframe.stretch == newest.stretch for keyframe in window.keyframes]
         best = window.best_suffix(scores)
@@ -184,10 +202,12 @@ class RivalSearch:
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Rivals:
         chosen: list[np.ndarray] = []
+        scores: list[float] = []
         lasting = 0
         good = [by > by.max() - self._margin for by in (score, recent)]
         for i in np.flatnonzero(good[0] | good[1]):
             if is_apart(candidates[i], [*taken, *chosen]):
                 chosen.append(candidates[i])
+                scores.append(float(max(score[i], recent[i])))
                 lasting = len(chosen) if good[0][i] else lasting
-        return Rivals(chosen, lasting, candidates, score)
+        return Rivals(chosen, scores, lasting, candidates, score)

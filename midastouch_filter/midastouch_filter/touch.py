@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_perception.errors import InputError
 
 MAP_SCALE = 0.25
 """Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""
@@ -29,6 +31,16 @@ class Measurement:
     network_id: str = ""
     penetration: np.ndarray | None = None
     T_gel_finger: np.ndarray | None = None
+
+
+def require_network(touches: Iterable[Measurement], network_id: str) -> None:
+    """Raise InputError if a code comes from another network than that of the codebook, "" if that is unknown."""
+    for theirs in (touch.network_id for touch in touches):
+        if theirs and network_id and theirs != network_id:
+            raise InputError(
+                f"tactile code: from network {theirs}, but the codebook was built with {network_id};"
+                " build the codebook with the encoder in use"
+            )
 
 
 def reduced_penetration(penetration: np.ndarray) -> np.ndarray:

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-import numpy as np
-
 T, R = TypeVar("T"), TypeVar("R")
 
 CHUNKS = 8
@@ -47,10 +45,6 @@ class Workers:
         share(0)
         for future in pending:
             future.result()
-
-    def split(self, items: np.ndarray) -> list[np.ndarray]:
-        """Rows of an array as one part for each thread, one in all if they are few."""
-        return np.array_split(items, self.threads) if len(items) >= _WORTH_A_THREAD else [items]
 
     def map(self, function: Callable[[T], R], items: list[T]) -> list[R]:
         """`function` of each item, in their order. Worth it from about 100 us an item that holds no lock."""

@@ -11,8 +11,12 @@ import pytest
 import trimesh
 from hypothesis import settings
 
+from midastouch_filter.catalogue import Catalogue
+from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.object_index import derived_arrays
+from midastouch_filter.touch import MAP_SCALE, Measurement
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
@@ -167,3 +171,44 @@ def gripper(world) -> SimpleNamespace:
         half_turn=half_turn,
         make_filter=functools.cache(lambda config: ParticleFilter(mesh, book, config, 0)),
     )
+
+
+def lumpy_mesh(seed: int) -> ObjectMesh:
+    """An ellipsoid with bumps of its own."""
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    rng = np.random.default_rng(seed)
+    directions = rng.standard_normal((25, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    bumps = np.exp(rng.uniform(20, 90) * (sphere.vertices @ directions.T - 1)).sum(axis=1)
+    axes = rng.uniform(0.025, 0.045, 3)
+    return ObjectMesh.from_arrays(sphere.vertices * (1 + 0.15 * bumps[:, None]) * axes, sphere.faces, f"bumpy_{seed}")
+
+
+@pytest.fixture(scope="session")
+def shelf(world):
+    """Three objects: catalogue; touches(k), true poses and frames, motion and measurement, of a slide over one."""
+    noise, sensor = NoiseModel.of(FilterConfig(threads=1)), SensorModel.load("digit_tacto").scaled(MAP_SCALE)
+    meshes = [lumpy_mesh(seed) for seed in (1, 2, 3)]
+    renderers = [PenetrationRenderer(mesh, sensor) for mesh in meshes]
+
+    def encode(k: int, poses: np.ndarray) -> np.ndarray:
+        """What is felt, coarsely: a code that is much alike where maps are, on whichever object."""
+        maps = np.maximum(renderers[k].render(poses), 0)
+        coarse = maps.reshape(len(poses), 8, 10, 6, 10).mean(axis=(2, 4)).reshape(len(poses), -1)
+        return (coarse / np.linalg.norm(coarse, axis=1, keepdims=True)).astype(np.float32)
+
+    meta = {"sensor": "digit_tacto", "tcn": NETWORK, "temperature": 0.03, "outlier": 0.05}
+    objects = []
+    for k, mesh in enumerate(meshes):
+        poses = world.random_poses(mesh, 3000, np.random.default_rng(k))
+        poses = poses[np.maximum(renderers[k].render(poses), 0).max(axis=(1, 2)) > 0]
+        objects.append((mesh, Codebook(poses, encode(k, poses), meta), None))
+
+    def touches(k: int, steps: int = 130):
+        truth = world.make_slide(meshes[k], steps, np.random.default_rng(5 + k))
+        maps = np.maximum(renderers[k].render(truth), 0)
+        felt = [Measurement(True, code, network_id=NETWORK, penetration=each) for code, each in
+                zip(encode(k, truth), maps, strict=True)]  # fmt: skip
+        return truth, list(zip(world.odometry_of(truth), felt, strict=True))
+
+    return SimpleNamespace(catalogue=Catalogue.of(objects, noise), touches=touches)

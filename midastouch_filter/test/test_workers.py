@@ -1,7 +1,6 @@
 import threading
 from itertools import pairwise
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,14 +17,6 @@ def test_ranges_cover_everything_once_however_many_threads(n, threads):
     assert seen[-1][1] == n
     assert all(a[1] == b[0] for a, b in pairwise(seen))
     assert len(seen) in (1, CHUNKS)
-
-
-@pytest.mark.parametrize("count", [3, 10_001])
-def test_parts_are_all_of_it_in_order(count):
-    items = np.arange(count)
-    parts = Workers(2).split(items)
-    assert len(parts) == (2 if count > 5000 else 1)
-    np.testing.assert_array_equal(np.concatenate(parts), items)
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -11,6 +11,7 @@ from . import se3
 from .errors import InputError
 from .files import atomic_path, require_file
 from .mesh import ObjectMesh
+from .npz_map import mapped_npz
 
 FORMAT = 1
 _CONTENT = ("poses", "codes", "meta")
@@ -43,17 +44,21 @@ class Codebook:
             )
 
     @classmethod
-    def load(cls, path: str | Path, mesh: ObjectMesh | None = None, tcn: str | None = None) -> Codebook:
+    def load(
+        cls, path: str | Path, mesh: ObjectMesh | None = None, tcn: str | None = None, first: int | None = None
+    ) -> Codebook:
         """Read a codebook; refuse it if it was built for another mesh than `mesh` or another network than `tcn` (id).
 
+        first: read so many poses only, without `derived`. Sites come in farthest-point order, so that the first ones
+        are spread over the object as evenly as all.
         Raises InputError: no such file, not a codebook, other format version, non-finite content, mismatch.
         """
         path = require_file(path, "codebook")
         try:
-            with np.load(path, allow_pickle=False) as data:
-                poses, codes = data["poses"].astype(np.float32), data["codes"].astype(np.float32)
-                meta = json.loads(str(data["meta"]))
-                derived = {name: data[name] for name in data.files if name not in _CONTENT}
+            data = _read(path) if first is None else mapped_npz(path)
+            poses, codes = (data[name][:first].astype(np.float32) for name in ("poses", "codes"))
+            meta = json.loads(str(data["meta"]))
+            derived = {name: data[name] for name in data if name not in _CONTENT and first is None}
         except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
             raise InputError(f"{path}: not a codebook ({error}); build it with midastouch build-codebook") from error
         if not isinstance(meta, dict):
@@ -75,3 +80,8 @@ class Codebook:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
         return cls(se3.from_xyzquat(poses), codes, meta, derived)
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as data:
+        return dict(data)

@@ -121,3 +121,18 @@ def test_codes_may_have_any_length(book, tmp_path, length):
 def test_missing_file(tmp_path):
     with pytest.raises(InputError, match="no such codebook file"):
         Codebook.load(tmp_path / "gone.npz")
+
+
+def test_the_first_poses_are_read_alone(book, tmp_path):
+    book.save(path := tmp_path / "book.npz")
+    whole, head = Codebook.load(path), Codebook.load(path, first=5)
+    assert np.array_equal(head.poses, whole.poses[:5])
+    assert np.array_equal(head.codes, whole.codes[:5])
+    assert head.meta == whole.meta
+    assert head.derived == {}
+
+
+def test_the_first_poses_of_a_broken_file_are_refused(tmp_path):
+    (tmp_path / "book.npz").write_bytes(b"PK\x05\x06 and no more")
+    with pytest.raises(InputError, match=r"book\.npz: not a codebook"):
+        Codebook.load(tmp_path / "book.npz", first=5)

@@ -3,20 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from . import arguments
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from midastouch_perception.mesh import ObjectMesh
-
-TEST_OBJECTS = ("004", "005", "006", "021", "025", "035", "037", "042", "048", "055")
-"""The paper's ten, by their YCB numbers."""
-HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
-"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
-seven only validated."""
 
 
 def add_parser(subparsers) -> None:
@@ -46,14 +34,7 @@ def add_parser(subparsers) -> None:
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )
-    parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
-    parser.add_argument(
-        "--objects",
-        nargs="+",
-        metavar="NAME",
-        help="names, or how they begin; held_out: ten further of YCB (default: the paper's ten of --meshes, all of the "
-        "bundled)",
-    )
+    arguments.add_object_options(parser)
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: as the protocol needs)")
@@ -119,7 +100,9 @@ def run(args: argparse.Namespace) -> int:
         args.stride,
         args.protocol,
     )
-    meshes = small_parts(folder / "meshes") if protocol.small_parts else _meshes(args.meshes, args.objects)
+    meshes = (
+        small_parts(folder / "meshes") if protocol.small_parts else arguments.chosen_meshes(args.meshes, args.objects)
+    )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
     deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
@@ -160,33 +143,3 @@ def run(args: argparse.Namespace) -> int:
     if missing:
         print(f"{missing} trials are left; the same command goes on with them")
     return 0
-
-
-def _meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
-    """The meshes asked for, by name; InputError for a name that fits none or several."""
-    from pathlib import Path
-
-    from midastouch_perception.errors import InputError
-    from midastouch_perception.mesh import ObjectMesh
-    from midastouch_perception.objects import bundled_objects
-
-    if folder is None:
-        available = bundled_objects()
-        names = names or sorted(available)
-    else:
-        if not Path(folder).is_dir():
-            raise InputError(f"{folder}: no such folder; give one with mesh files")
-        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
-        available = {path.stem: path for path in files}
-        names = list(HELD_OUT) if names == ["held_out"] else names or list(TEST_OBJECTS)
-    return [ObjectMesh.load(_one(name, available, folder or "bundled objects")) for name in names]
-
-
-def _one(name: str, available: dict[str, Path], where: str) -> Path:
-    from midastouch_perception.errors import InputError
-
-    fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
-    if len(fitting) != 1:
-        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
-        raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
-    return available[fitting[0]]

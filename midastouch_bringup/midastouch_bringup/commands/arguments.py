@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from ..evaluation.setup import Networks
 
 
+TEST_OBJECTS = ("004", "005", "006", "021", "025", "035", "037", "042", "048", "055")
+"""The paper's ten, by their YCB numbers."""
+HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
+"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
+seven only validated."""
+
+
 def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str = ""):
     """Add a sub-command with its one-line summary, longer text and example; returns its parser."""
     parser = subparsers.add_parser(
@@ -37,6 +44,18 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+
+
+def add_object_options(parser: argparse.ArgumentParser) -> None:
+    """--meshes and --objects, which `chosen_meshes` takes."""
+    parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
+    parser.add_argument(
+        "--objects",
+        nargs="+",
+        metavar="NAME",
+        help="names, or how they begin; held_out: ten further of YCB; all: of the folder (default: the paper's ten of "
+        "--meshes, all of the bundled)",
+    )
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
@@ -122,3 +141,30 @@ def load_object(
             f"{path}: built for the sensor {book.meta['sensor']}, not for {networks.sensor.name}; build it again"
         )
     return loaded, book
+
+
+def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
+    """The meshes asked for, by name; InputError for a name that fits none or several."""
+    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_perception.objects import bundled_objects
+
+    if folder is None:
+        available = bundled_objects()
+        names = names or sorted(available)
+    else:
+        if not Path(folder).is_dir():
+            raise InputError(f"{folder}: no such folder; give one with mesh files")
+        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
+        available = {path.stem: path for path in files}
+        if names == ["all"]:
+            return [ObjectMesh.load(path) for path in sorted(files)]
+        names = list(HELD_OUT) if names == ["held_out"] else names or list(TEST_OBJECTS)
+    return [ObjectMesh.load(_one(name, available, folder or "bundled objects")) for name in names]
+
+
+def _one(name: str, available: dict[str, Path], where: str) -> Path:
+    fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
+    if len(fitting) != 1:
+        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
+        raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
+    return available[fitting[0]]

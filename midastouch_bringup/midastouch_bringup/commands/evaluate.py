@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from . import arguments
+
+if TYPE_CHECKING:
+    from midastouch_filter.config import FilterConfig
+
+    from ..datasets import Sequence
+    from ..evaluation.sequence_trials import TrialPlan
+    from ..evaluation.setup import Networks
 
 
 def add_parser(subparsers) -> None:
@@ -29,6 +37,12 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
     parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<object>.npz")
+    parser.add_argument(
+        "--objects",
+        nargs="+",
+        metavar="FILE",
+        help="in place of mesh and codebook: codebooks, or folders of codebooks, of which one is to be found out",
+    )
     parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
     parser.add_argument(
         "--init",
@@ -67,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
     if args.real:
         require_real(sequences)
     networks = Networks.load(args.tdn, args.tcn, args.sensor or ("digit_real" if args.real else "digit_tacto"))
+    if args.objects:
+        return _identify(args, sequences, networks, config, plan)
     work = []
     for sequence in sequences:
         work.append((sequence, *arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)))
@@ -95,4 +111,45 @@ def run(args: argparse.Namespace) -> int:
     print(summary_table(result["summary"]))
     if args.real:
         print(f"\n{text_table(*real_table(result['summary']))}")
+    return 0
+
+
+def _identify(
+    args: argparse.Namespace, sequences: list[Sequence], networks: Networks, config: FilterConfig, plan: TrialPlan
+) -> int:
+    """Which object is each sequence over?"""
+    from pathlib import Path
+
+    from midastouch_filter.catalogue import read_catalogue
+    from midastouch_filter.noise_model import NoiseModel
+    from midastouch_perception.errors import InputError
+
+    from ..evaluation.identification import identify, right_answer
+    from ..evaluation.machine import machine_info
+    from ..evaluation.result_file import write_compact_json
+    from ..evaluation.sequence_trials import perceived
+    from ..evaluation.setup import sequence_background
+    from ..evaluation.table import text_table
+
+    def build(path: Path):
+        raise InputError(f"{path}: not a codebook; build it: midastouch build-codebook {path}")
+
+    catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
+    trials = []
+    for sequence in sequences:
+        indices = plan.frame_indices(sequence)
+        images, (background, _) = [sequence.image(i) for i in indices], sequence_background(sequence)
+        frames, truth = (
+            perceived(sequence, indices, images, background, networks),
+            right_answer(catalogue, sequence.object_name),
+        )
+        trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
+    rows = [
+        [t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}"]
+        for t in trials
+    ]
+    if args.json:
+        names = [entry.name for entry in catalogue.entries]
+        write_compact_json(args.json, {"machine": machine_info(), "catalogue": names, "identified": trials})
+    print(text_table(["sequence", "answer", "probability", "right"], rows, left=2))
     return 0

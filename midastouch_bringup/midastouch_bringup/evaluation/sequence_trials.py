@@ -62,19 +62,12 @@ def run_sequence(
     indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
     background, source = sequence_background(sequence)
-
-    def frames() -> Iterator[TrialFrame]:
-        pipeline = networks.pipeline()
-        for i, image in zip(indices, images, strict=True):
-            felt = measurement_of(pipeline.process(image, background))
-            yield TrialFrame(i, felt, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
-
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
 
     def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
         plan.start(particle_filter, mesh, sequence.poses_true[indices[0]])
-        return run_trial(frames(), particle_filter, observe)
+        return run_trial(perceived(sequence, indices, images, background, networks), particle_filter, observe)
 
     trials = []
     for seed in range(plan.seeds):
@@ -97,3 +90,13 @@ def run_sequence(
         "truth": np.round(se3.to_xyzquat(sequence.poses_true[indices]), 6),
     }
     return description, trials
+
+
+def perceived(
+    sequence: Sequence, indices: list[int], images: list[np.ndarray], background: np.ndarray, networks: Networks
+) -> Iterator[TrialFrame]:
+    """What networks without a memory of earlier frames make of the images (320, 240, 3) at these indices."""
+    pipeline = networks.pipeline()
+    for i, image in zip(indices, images, strict=True):
+        felt = measurement_of(pipeline.process(image, background))
+        yield TrialFrame(i, felt, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])

@@ -81,7 +81,11 @@ class Stock:
 
     def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
         """Hash of the same codebook, which must have been made."""
-        return sha256(cached_codebook_path(mesh, size or self.codebook_size, self._codebooks))[:12]
+        return sha256(self.codebook_path(mesh, size))[:12]
+
+    def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
+        """Where `codebook` keeps it."""
+        return cached_codebook_path(mesh, size or self.codebook_size, self._codebooks)
 
     @property
     def _touches(self) -> str:

@@ -20,6 +20,7 @@ from ..evaluation.table import number
 from .accuracy import accuracy_section
 from .checks import check_section
 from .figures import final_error_figure, save, stage_figure, trial_error_figure
+from .identification import identification_section
 from .object_view import ObjectView
 from .page import Page
 from .presses import press_section
@@ -38,7 +39,10 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
     page = Page("MidasTouch results")
-    for section in (_evaluate, accuracy_section, _depth, press_section, check_section, single_touch_section, _speed):
+    for section in (
+        _evaluate, accuracy_section, identification_section, _depth, press_section, check_section, single_touch_section,
+        _speed,
+    ):  # fmt: skip
         if section in by_kind:
             try:
                 section(page, by_kind[section], folder)
@@ -62,6 +66,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
 def _section(name: str, content: dict) -> Callable:
     for key, section in (
         ("comparison", accuracy_section),
+        ("identification", identification_section),
         ("trials", _evaluate),
         ("tdn_ms", _speed),
         ("sequences", _depth),
@@ -72,8 +77,8 @@ def _section(name: str, content: dict) -> Callable:
         if key in content:
             return section
     raise InputError(
-        f"{name}: not a result of evaluate, benchmark, evaluate-tdn, evaluate-presses, evaluate-checks, single-touch "
-        "or bench"
+        f"{name}: not a result of evaluate, benchmark, identify, evaluate-tdn, evaluate-presses, evaluate-checks, "
+        "single-touch or bench"
     )
 
 

@@ -84,6 +84,10 @@ ARGUMENTS = {
     "codebook": Argument(
         "Codebook of that mesh; empty: a coarse one is built", sets=(("particle_filter", "codebook"),)
     ),
+    "objects": Argument(
+        "In place of object, where nobody knows which one it is: names of bundled objects, codebooks, folders of "
+        "codebooks and meshes, separated by ','",
+    ),
     "init_mode": Argument(
         "Start: over the whole surface, at initial_pose, or once a pose is given",
         choices=("", "uniform", "pose", "wait"),
@@ -165,6 +169,10 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
         overrides["digit_sim"].setdefault("mesh", bundled_mesh(given["object"]))
+    if given.get("objects"):
+        objects = ",".join(map(_named, given["objects"].split(",")))
+        # what else names an object then is the one that digit_sim simulates
+        overrides["particle_filter"] |= {"objects": objects, "mesh": "", "codebook": ""}
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
@@ -187,6 +195,15 @@ def bundled_mesh(name: str) -> str:
             f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
         )
     return str(objects[name])
+
+
+def _named(one: str) -> str:
+    """One of `objects`: of a bundled object the codebook, as long as there is none its mesh."""
+    name = one.strip()
+    if name not in bundled_objects():
+        return name
+    codebook = codebook_path(name).resolve()
+    return str(codebook) if codebook.is_file() else bundled_mesh(name)
 
 
 def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:

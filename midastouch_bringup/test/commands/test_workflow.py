@@ -58,6 +58,16 @@ def test_evaluate_is_the_same_every_time(run):
     assert first == second
 
 
+def test_evaluate_asks_which_object_it_is(run):
+    output, result = run("evaluate", "eyebolt/00", "--objects", "out/codebooks", "--json", "which.json")
+    assert result["catalogue"] == ["eyebolt"]
+    (one,) = result["identified"]
+    assert (one["sequence"], one["truth"]) == ("eyebolt/00", "eyebolt")
+    assert one["answer"] in ("eyebolt", "unknown")
+    assert f"{one['confidence']:.0%}" in output
+    assert cli.main(["evaluate", "eyebolt/00", "--objects", "eyebolt.ply"]) == cli.EXIT_BAD_INPUT
+
+
 def test_real_slides_beside_the_paper_s(run, real_sequence_folder):
     path, _ = real_sequence_folder(n=9)
     options = ("--mesh", "eyebolt", "--codebook", "out/codebooks/eyebolt.npz", "--sensor", "digit_tacto")

@@ -24,6 +24,7 @@ def trial(seed: int, run) -> dict:
         "final": {key: column[-1] for key, column in errors.items()} | {"state": "converged", "n_particles": 500},
         "hz_mean": 50.0,
         "hz_p05": 40.0,
+        "right_m": 0.01,
         "ms": {"tdn": 3.0, "tcn": 1.0, "filter": 10.0},
         "per_frame": {
             "frame": list(range(len(run))),

@@ -146,7 +146,7 @@ class CodeProcessor:
             self.report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
-        sensor = self._localiser.object.sensor if self._localiser.object is not None else None
+        sensor = self._localiser.sensor
         if self._maps is not None and sensor is not None and measurement.in_contact:
             measurement = dataclasses.replace(measurement, penetration=self._maps.take(stamp, sensor))
             self.report.counts["no_relief"] += measurement.penetration is None

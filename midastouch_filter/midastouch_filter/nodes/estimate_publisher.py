@@ -17,6 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
@@ -28,8 +29,10 @@ from midastouch_perception.ros.parameters import Parameters
 from ..arm_errors import Calibration
 from ..estimate import Estimate
 from ..filter import ParticleFilter
+from ..identity import Identity
 from ..state import LOST, Status
 from . import markers
+from .object_hypotheses import object_hypotheses
 
 
 class EstimatePublisher:
@@ -53,6 +56,7 @@ class EstimatePublisher:
         self._particles = node.create_publisher(PoseArray, "particles", stream)
         self._cloud = node.create_publisher(PointCloud2, "particles/cloud", stream)
         self._hypotheses = node.create_publisher(MarkerArray, "hypotheses", stream)
+        self._objects = node.create_publisher(Detection3DArray, "object_hypotheses", latched)
         self._mesh = node.create_publisher(MarkerArray, "object_mesh", qos.latched())
         self._tf = node.create_publisher(TFMessage, "/tf", qos.TF)
 
@@ -86,6 +90,11 @@ class EstimatePublisher:
         self._view(header, estimate, running)
         # Last, so that everything else of this frame is out when a listener sees its status.
         self.status(stamp, estimate.status)
+
+    def identity(self, identity: Identity, T_base_gel: np.ndarray, stamp: int) -> None:
+        """Publish which objects may be touched at `stamp` [ns], and where each then is; T_base_gel (4, 4)."""
+        header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["base_frame_id"])
+        self._objects.publish(object_hypotheses(identity, T_base_gel, header))
 
     def _header(self, stamp: int) -> Header:
         return Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])

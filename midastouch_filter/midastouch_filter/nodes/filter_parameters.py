@@ -29,6 +29,19 @@ _INITIAL_POSE = tuple(
 _NODE = (
     Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; empty: wait for set_object"),
     Parameter("codebook", "", "Codebook of that mesh, from `midastouch build-codebook`; empty: one is built and grows"),
+    Parameter(
+        "objects",
+        "",
+        "In place of mesh and codebook, where nobody knows which object it is: codebooks, folders of codebooks and "
+        "meshes, separated by ','; a mesh gets a coarse codebook",
+    ),
+    Parameter(
+        "unknown_prior",
+        0.5,
+        "With objects: probability beforehand that it is none of them",
+        minimum=0.001,
+        maximum=0.999,
+    ),
     Parameter("tcn", "fast", "Code network of a codebook that is built here: as that of the node tcn"),
     Parameter("sensor_model", "digit_tacto", "Sensor of a codebook that is built here: as that of the node tdn"),
     Parameter(

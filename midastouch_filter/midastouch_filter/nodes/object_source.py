@@ -6,11 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros.parameters import Parameters
 
+from ..catalogue import Catalogue, read_catalogue
 from ..config import FilterConfig
 from ..localiser import LoadedObject
+from ..noise_model import NoiseModel
+from ..quick_start import coarse_codebook
 from .resources import require_within, resolve
 
 
@@ -40,6 +45,29 @@ class ObjectSource:
         """The object of the parameters `mesh` and `codebook`; None if they are empty."""
         mesh, codebook = self._parameters["mesh"], self._parameters["codebook"]
         return self._read(mesh, codebook) if mesh or codebook else None
+
+    def catalogue(self) -> Catalogue | None:
+        """The objects of the parameter `objects`; None if it is empty."""
+        if not (given := self._parameters["objects"]):
+            return None
+        self._require_no_object_named()
+
+        def build(path: Path) -> tuple[ObjectMesh, Codebook]:
+            return coarse_codebook(path, self._parameters["tcn"], self._parameters["sensor_model"], self._config)
+
+        sources = [resolve(address.strip(), "objects") for address in given.split(",")]
+        try:
+            return read_catalogue(sources, build, NoiseModel.of(self._config))
+        except OSError as error:  # a folder that may not be entered, a name too long
+            raise InputError(f"objects: cannot read {given}: {error}") from error
+
+    def _require_no_object_named(self) -> None:
+        if self._parameters["mesh"] or self._parameters["codebook"]:
+            raise InputError("objects, and mesh or codebook: which object is it? Give either of them")
+        if self._parameters["init_mode"] != "uniform":
+            raise InputError("objects: no pose on an object that nobody knows; set init_mode to uniform")
+        if not self._config.refinement:
+            raise InputError("objects: told apart by their penetration maps; set refinement to true")
 
     def requested(self, mesh: str, codebook: str, network_id: str) -> NewObject:
         """The object that somebody on the network asks for: only from the folders that the parameters allow.

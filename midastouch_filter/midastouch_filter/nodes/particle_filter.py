@@ -7,6 +7,8 @@ from collections.abc import Callable
 from midastouch_perception.ros import spin
 from midastouch_perception.ros.managed_node import ManagedNode
 
+from ..catalogue import Catalogue
+from ..catalogue_localiser import CatalogueLocaliser
 from ..localiser import LoadedObject, Localiser, load_object
 from ..quick_start import SIZE, build_object
 from ..state import UNINITIALISED, Status
@@ -57,12 +59,27 @@ class ParticleFilterNode(ManagedNode):
         fingers_of(self.parameters)  # whether they can be used is said now
         self._objects = ObjectSource(self._load, self._build, self.parameters, self._config)
         self._localiser = Localiser(start_of(self.parameters), self.parameters["init_mode"] == "wait")
+        if objects := self.parameters["objects"]:
+            self.say(f"loading the objects {objects}")
+            self._localiser = self._on_catalogue(self._objects.catalogue())
         mesh, codebook = self.parameters["mesh"], self.parameters["codebook"]
         if mesh or codebook:
             self.say(_loading(mesh, codebook))
         first = self._objects.initial()
         if first is not None:
             self._take(first)
+
+    def _on_catalogue(self, catalogue: Catalogue) -> CatalogueLocaliser:
+        for name, twin in catalogue.twins.items():
+            self.get_logger().warning(f"objects: {name} is the same mesh as {twin}; both are called {twin}")
+        return CatalogueLocaliser(
+            catalogue,
+            self._config,
+            self.parameters["seed"],
+            self.parameters["unknown_prior"],
+            on_object=lambda entry: self._out.show_object(entry.mesh.path),
+            on_identity=self._out.identity,
+        )
 
     def unload(self) -> None:
         """Forget the object and the filter."""
@@ -97,8 +114,11 @@ class ParticleFilterNode(ManagedNode):
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
         level, message, values = self._codes.report.describe()
-        loaded = self._localiser.object
-        return level, message, values | ({"codebook": loaded.density} if loaded is not None else {})
+        if (loaded := self._localiser.object) is not None:
+            values["codebook"] = loaded.density
+        if isinstance(self._localiser, CatalogueLocaliser) and (identity := self._localiser.identity) is not None:
+            values["objects"] = identity.in_words()
+        return level, message, values
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
         """Take one code, stamp in ns; what comes while the node is not active is dropped."""

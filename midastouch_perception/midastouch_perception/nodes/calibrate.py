@@ -29,9 +29,7 @@ PARAMETERS = (
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
     Parameter("background_folder", "", "Where sensors' images are kept; empty: $ROS_HOME/midastouch/backgrounds"),
     Parameter("out", "", "File of the calibration; empty: beside the no-contact image, where tdn looks for it"),
-    Parameter(
-        "presses_folder", "", "Folder for images of presses, in place of earlier ones; empty: not kept"
-    ),
+    Parameter("presses_folder", "", "Folder for images of presses, in place of earlier ones; empty: not kept"),
 )
 
 _SHOWN = 5  # presses thrown away of which the reason is told

@@ -1,0 +1,85 @@
+"""`midastouch identify`: which object of a catalogue is it? How often, how soon and how surely that is answered."""
+
+from __future__ import annotations
+
+import argparse
+
+from . import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "identify",
+        run,
+        "measure how well the objects of a catalogue are told apart, and others refused",
+        "midastouch identify --meshes ../shared/meshes/ycb --slides 10 --json out/identify.json",
+        "Each trial slides 0.3 m over one object, of which nothing is known at the start: once with the object in the\n"
+        "catalogue, and once left out of it. Slides, codebooks and finished trials are kept in --out, as by\n"
+        "`midastouch benchmark`: the same command goes on where it was stopped.",
+    )
+    arguments.add_object_options(parser)
+    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
+    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
+    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
+    parser.add_argument(
+        "--codebook-size", type=arguments.positive_int, default=50_000, help="poses of an object (default 50000)"
+    )
+    arguments.add_cluster_options(parser)
+    parser.add_argument("--minutes", type=arguments.positive, help="start no slide after this time")
+    arguments.add_network_options(parser)
+    parser.add_argument("--json", metavar="OUT", help="write the results here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import time
+    from contextlib import ExitStack
+    from pathlib import Path
+
+    from ..cluster import open_cluster
+    from ..evaluation.identification import IdentityPlan, run_identification
+    from ..evaluation.identification_summary import identification_table, summarise_identification
+    from ..evaluation.machine import machine_info
+    from ..evaluation.result_file import write_compact_json
+    from ..evaluation.setup import load_filter_config
+    from ..evaluation.stock import SlideKind, Stock
+    from ..evaluation.table import text_table
+    from ..evaluation.trial_log import TrialLog
+    from ..progress import progress_bar
+
+    folder = Path(args.out).resolve()  # workers may run elsewhere
+    stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
+    plan = IdentityPlan(stock, load_filter_config(args.config), tuple(range(args.slides)))
+    meshes = arguments.chosen_meshes(args.meshes, args.objects)
+    machine = machine_info()
+    deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
+    with ExitStack() as opened:
+
+        def start_progress(total: int):
+            return opened.enter_context(progress_bar(total=total, unit="slide")).update
+
+        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
+        log = TrialLog(folder / "identifications.jsonl")
+        trials, missing = run_identification(plan, meshes, log, cluster, deadline, start_progress)
+    summary = summarise_identification(trials) if trials else None
+    result = {
+        "command": args.command_line,
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
+        "machine": machine,
+        "catalogue": [mesh.name for mesh in meshes],
+        "missing_slides": missing,
+        "identification": summary,
+        "trials": trials,
+    }
+    if args.json:
+        write_compact_json(args.json, result)
+    if summary:
+        print(text_table(*identification_table(summary)))
+        for wrong, times in summary["answers"].items():
+            print(f"{wrong}: {times}")
+    if missing:
+        print(f"{missing} slides are left; the same command goes on with them")
+    return 0

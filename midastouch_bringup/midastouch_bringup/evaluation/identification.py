@@ -1,0 +1,190 @@
+"""How well the objects of a catalogue are told apart: slides over each of them, with it and without it in there."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+import midastouch_filter
+import midastouch_kernels
+from midastouch_filter.catalogue import Catalogue, read_catalogue
+from midastouch_filter.catalogue_localiser import CatalogueLocaliser
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.identity import UNKNOWN
+from midastouch_filter.motion_model import Odometry
+from midastouch_filter.noise_model import NoiseModel
+from midastouch_filter.state import CONVERGED
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.pose_metric import pose_errors
+
+from ..cluster import Cluster
+from .stock import Stock
+from .trial import RIGHT, TrialFrame
+from .trial_log import TrialLog, key_of, source_digest
+
+ASKED = (0.05, 0.1, 0.15, 0.2, 0.25)
+"""m of path at which probabilities are kept besides those of the end."""
+
+_THREADS = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class IdentityPlan:
+    """stock; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
+    the catalogue."""
+
+    stock: Stock
+    config: FilterConfig
+    slides: tuple[int, ...]
+    unknown: float = 0.5
+
+    @property
+    def settings(self) -> FilterConfig:
+        """Those of a filter, beside which others run."""
+        return dataclasses.replace(self.config, threads=_THREADS)
+
+    def describe(self) -> dict:
+        """For the JSON."""
+        return {
+            "slides": self.slides,
+            "slide_length_m": self.stock.slides.length,
+            "unknown": self.unknown,
+            "codebook_size": self.stock.codebook_size,
+            "networks": self.stock.describe(),
+            "filter": dataclasses.asdict(self.config),
+            "filter_code": _code(),
+            "threads": _THREADS,
+        }
+
+
+def run_identification(
+    plan: IdentityPlan,
+    meshes: list[ObjectMesh],
+    log: TrialLog,
+    cluster: Cluster,
+    deadline: float = np.inf,
+    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
+) -> tuple[list[dict], int]:
+    """Run what the log does not hold yet; returns all trials that are done, and how many are not.
+
+    Slides come outermost, so that what a bounded run leaves out is spread over all objects; other arguments as of
+    `campaign.run_campaign`.
+    """
+    paths = [mesh.path for mesh in meshes]
+    for _ in cluster.map(_make_book, [(plan.stock, path) for path in paths]):
+        pass
+    books = sorted([mesh.sha256, plan.stock.codebook_digest(mesh)] for mesh in meshes)
+    depends_on = {"identify": plan.describe() | {"slides": plan.stock.slides.name}, "catalogue": books}
+    wanted = [(slide, mesh) for slide in plan.slides for mesh in meshes]
+    keys = [key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}) for slide, mesh in wanted]
+    open_ = [
+        (plan, paths, mesh.name, slide, key)
+        for (slide, mesh), key in zip(wanted, keys, strict=True)
+        if log.get(key) is None
+    ]
+    progress = start_progress(len(open_))
+    for key, trials in cluster.map(_run_slide, open_, deadline):
+        log.add(key, {"trials": trials})
+        progress(1)
+    done = [entry["trials"] for key in keys if (entry := log.get(key)) is not None]
+    return [trial for trials in done for trial in trials], len(keys) - len(done)
+
+
+def _make_book(stock: Stock, path: Path) -> None:
+    stock.codebook(ObjectMesh.load(path))
+
+
+def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key: str) -> tuple[str, list[dict]]:
+    """Both trials of one slide over the object of that name."""
+    catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
+    entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
+    sequence, touches = plan.stock.touches(entry.mesh, slide)
+    frames = touches.frames(sequence, 1)
+    trials = []
+    for some in (catalogue, catalogue.without(entry.name)) if len(catalogue) > 1 else (catalogue,):
+        labels = {"object": entry.name, "slide": slide, "in_catalogue": some is catalogue, "objects": len(some)}
+        truth = entry.name if some is catalogue else UNKNOWN
+        trials.append(labels | identify(some, frames, truth, plan.settings, plan.unknown))
+    alone = entry.load(plan.settings, slide).filter
+    alone.initialise_uniform()
+    trials[0] |= _alone(alone, frames)
+    return key, trials
+
+
+@cache
+def _catalogue(stock: Stock, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
+    books = [stock.codebook_path(ObjectMesh.load(path)) for path in paths]
+    return read_catalogue(books, lambda path: None, NoiseModel.of(config))
+
+
+def identify(
+    catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, config: FilterConfig, unknown: float = 0.5
+) -> dict:
+    """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
+
+    answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
+    right_from_m: path from which the answer is right until the end, None if it is not; pose_right: the object is, the
+    state converged and the published pose within 10 mm; cpu_ms of a frame, of all but the networks; length_m.
+    """
+    localiser = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown)
+    path, cpu, estimate, last = 0.0, 0.0, None, None
+    answers: list[tuple[float, float, bool]] = []
+    for frame in frames:
+        if last is not None:
+            path += Odometry.from_matrix(se3.inverse(last) @ frame.measured).distance
+        last = frame.measured
+        start = time.process_time()
+        estimate = localiser.process(frame.measured, frame.felt)
+        cpu += time.process_time() - start
+        identity = localiser.identity
+        answers.append((path, max(identity.unknown, identity.leading.probability), identity.answer == truth))
+    wrong = [k for k, (_, _, right) in enumerate(answers) if not right]
+    since = wrong[-1] + 1 if wrong else 0
+    asked = [next(each for each in answers if each[0] >= at) for at in ASKED if at <= path]
+    return {
+        "answer": identity.answer,
+        "right": answers[-1][2],
+        "confidence": answers[-1][1],
+        "asked": [list(each) for each in asked],
+        "right_from_m": answers[since][0] if since < len(answers) else None,
+        "pose_right": _is_right(estimate, frame) and localiser.object.name == truth,
+        "cpu_ms": 1e3 * cpu / len(answers),
+        "length_m": path,
+    }
+
+
+def right_answer(catalogue: Catalogue, name: str) -> str:
+    """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
+    name = catalogue.twins.get(name, name)
+    return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
+
+
+def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:
+    """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
+    start, last = time.process_time(), None
+    for frame in frames:
+        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        last = frame.measured
+    cpu = 1e3 * (time.process_time() - start) / len(frames)
+    return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1])}
+
+
+def _is_right(estimate: Estimate | None, frame: TrialFrame) -> bool:
+    """Whether the state is converged, and the published pose near the truth."""
+    if estimate is None or estimate.status.state != CONVERGED:
+        return False
+    return bool(pose_errors(estimate.pose, frame.truth)[0] < RIGHT)
+
+
+@cache
+def _code() -> str:
+    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
+    return source_digest(*packages, Path(__file__))

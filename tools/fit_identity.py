@@ -1,0 +1,124 @@
+"""Fit what the filter assumes of touches on objects that are in a catalogue, and on those that are not.
+
+.venv/bin/python tools/fit_identity.py --meshes ../shared/meshes/ycb [--slides 2] [--every 2]
+
+Training scans are shared out at random to catalogues. Each object is slid over, once with its catalogue, once with
+the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often as they
+claim, after every comparison on the way, is printed: constants of `midastouch_filter/noise_model.py`. The mathematics:
+docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+from midastouch_bringup.commands.arguments import HELD_OUT, TEST_OBJECTS
+from midastouch_bringup.evaluation.stock import SlideKind, Stock
+from midastouch_filter.catalogue import Catalogue
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.identity import Contest, Identification
+from midastouch_filter.noise_model import NoiseModel
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+
+CONFIG = FilterConfig(threads=1)
+NOISE = NoiseModel.of(CONFIG)
+HALF = 0.5  # of the slides are over an object that is not in the catalogue
+_IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
+
+
+@dataclasses.dataclass(frozen=True)
+class Slide:
+    """contests on the way over one object; truth, its number in the catalogue, None if it is not in there; objects,
+    number of them."""
+
+    contests: list[Contest]
+    truth: int | None
+    objects: int
+
+    def shares(self, contest: Contest, noise: NoiseModel) -> tuple[np.ndarray, float]:
+        """Probabilities (objects,), and that of none of them."""
+        shares, unknown = contest.posterior(noise, self.objects, HALF)
+        return np.bincount(contest.owner, shares, self.objects), unknown
+
+    def surprise(self, noise: NoiseModel) -> float:
+        """Mean nats by which the truth surprises along the slide."""
+        of_truth = []
+        for contest in self.contests:
+            shares, unknown = self.shares(contest, noise)
+            of_truth.append(unknown if self.truth is None else shares[self.truth])
+        return float(-np.log(np.maximum(of_truth, _IMPOSSIBLE)).mean())
+
+    def is_right(self, noise: NoiseModel) -> bool:
+        """Whether the most probable answer at the end is."""
+        shares, unknown = self.shares(self.contests[-1], noise)
+        return unknown > shares.max() if self.truth is None else shares[self.truth] >= max(shares.max(), unknown)
+
+
+def slid(stock: Stock, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
+    """What a catalogue makes of a slide over an object."""
+    identification = Identification(catalogue, CONFIG, NOISE)
+    sequence, touches = stock.touches(mesh, number)
+    contests, last = [], None
+    for frame in touches.frames(sequence, 1):
+        moved = None if last is None else se3.inverse(last) @ frame.measured
+        last = frame.measured
+        if identification.step(moved, frame.felt):
+            contests.append(identification.contest)
+    names = [entry.name for entry in catalogue.entries]
+    return Slide(contests, names.index(mesh.name) if mesh.name in names else None, len(names))
+
+
+def assumed(parameters: np.ndarray) -> NoiseModel:
+    """The noise model of the logarithms of the four constants."""
+    values = dict(zip(("between_objects", "foreign_misfit", "strain_cost", "best_of_places"), np.exp(parameters),
+                      strict=True))  # fmt: skip
+    return dataclasses.replace(NOISE, **values)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--meshes", type=Path, required=True)
+    parser.add_argument("--out", type=Path, default=Path("out/fit_identity"))
+    parser.add_argument("--slides", type=int, default=2, help="over each object")
+    parser.add_argument("--catalogue", type=int, default=10, help="objects")
+    parser.add_argument("--every", type=int, default=2, help="n-th training scan is taken")
+    parser.add_argument("--poses", type=int, default=5_000, help="of each codebook")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    free = [path for path in sorted(args.meshes.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
+    meshes = [ObjectMesh.load(path) for path in free[:: args.every]]
+    stock, slides = Stock(args.out, slides=SlideKind(0.3), codebook_size=args.poses), []
+    order = np.random.default_rng(args.seed).permutation(len(meshes))
+    for group in np.array_split(order, max(round(len(meshes) / args.catalogue), 1)):
+        whole = Catalogue.of([(meshes[i], stock.codebook(meshes[i]), None) for i in group], NOISE)
+        for i in group:
+            for catalogue in (whole, whole.without(meshes[i].name)):
+                slides += [slid(stock, catalogue, meshes[i], number) for number in range(args.slides)]
+        print(f"{len(slides)} slides", file=sys.stderr, flush=True)
+    slides = [slide for slide in slides if slide.contests]
+    start = [getattr(NOISE, name) for name in ("between_objects", "foreign_misfit", "strain_cost", "best_of_places")]
+    found = minimize(
+        lambda parameters: np.mean([slide.surprise(assumed(parameters)) for slide in slides]),
+        np.log(start),
+        method="Nelder-Mead",
+        options={"maxiter": 150, "xatol": 0.02, "fatol": 1e-3},
+    )
+    print(
+        *(f"{value:.3g}" for value in np.exp(found.x)), "between_objects, foreign_misfit, strain_cost, best_of_places"
+    )
+    for what, some in (("in", [s for s in slides if s.truth is not None]),
+                       ("left out of", [s for s in slides if s.truth is None])):  # fmt: skip
+        right = np.mean([slide.is_right(assumed(found.x)) for slide in some])
+        print(f"object {what} the catalogue: {right:.0%} of {len(some)} slides right at the end")
+    print(f"{found.fun:.3f} nats of surprise")
+
+
+if __name__ == "__main__":
+    main()
