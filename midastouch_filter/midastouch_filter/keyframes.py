@@ -45,7 +45,7 @@ class KeyframeWindow:
     """Keeps the newest `length` keyframes, `spacing` [m] of path apart, each with a shortlist of so many entries.
 
     Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift.
-    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
+    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present.
     """
 
     def __init__(self, length: int, spacing: float, shortlist: int):
@@ -56,7 +56,7 @@ class KeyframeWindow:
         """Forget all."""
         self.motion = np.eye(4)
         self.keyframes: deque[Keyframe] = deque(maxlen=self._length)
-        self._path, self._in_the_air, self._stretch = np.inf, 0.0, 0
+        self._path, self._in_the_air, self.stretch = np.inf, 0.0, 0
 
     def __len__(self) -> int:
         return len(self.keyframes)
@@ -73,7 +73,7 @@ class KeyframeWindow:
         before = self._in_the_air
         self._in_the_air = 0.0 if in_contact else before + path
         lifted = before <= _LIFTED < self._in_the_air
-        self._stretch += lifted
+        self.stretch += lifted
         return lifted
 
     @property
@@ -85,7 +85,7 @@ class KeyframeWindow:
         """Keep what fingers feel at present, the first one first."""
         rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(touches)
         best = [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
-        newest = Keyframe(self.motion, touches, rounded, best, self._stretch)
+        newest = Keyframe(self.motion, touches, rounded, best, self.stretch)
         apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
         self.keyframes = deque([*apart, newest], self._length)
         self._path = 0.0

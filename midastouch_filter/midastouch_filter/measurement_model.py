@@ -24,31 +24,33 @@ from .particles import Particles
 from .workers import Workers
 
 _NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
+_SPARSE = 4  # every so many of the sample below are enough to tell what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 
 class MeasurementModel:
     """Scores codebook entries by a measured code and hands the scores to particles.
 
-    Attributes: log_ratio (M,) float32, l of the entries scored last (others hold stale values); outlier.
+    Attributes: codes (M, D) float32; log_ratio (M,) float32, l of the entries scored last (others hold stale values);
+    outlier.
     """
 
     def __init__(self, codes: np.ndarray, meta: dict, lookup: PoseLookup, config: FilterConfig, workers: Workers):
         """`codes` (M, D) in the order of `lookup`'s poses; `meta` holds `temperature` and `outlier`."""
-        self._codes = np.ascontiguousarray(codes, np.float32)
-        if not np.isfinite(self._codes).all():
+        self.codes = np.ascontiguousarray(codes, np.float32)
+        if not np.isfinite(self.codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
         self._temperature = config.temperature or _calibration(meta, "temperature", np.inf)
         self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
         self._lookup, self._workers = lookup, workers
         self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
-        self._every = np.arange(len(self._codes))
-        self._sample = self._every[:: max(len(self._codes) // _SAMPLE, 1)].copy()
-        self._sampled_codes = self._codes[self._sample]
+        self._every = np.arange(len(self.codes))
+        self._sample = self._every[:: max(len(self.codes) // _SAMPLE, 1)].copy()
+        self._sampled_codes = self.codes[self._sample]
         self._forget()
 
     def _forget(self) -> None:
-        self.log_ratio = np.zeros(len(self._codes), np.float32)
+        self.log_ratio = np.zeros(len(self.codes), np.float32)
         self._scored: np.ndarray | None = None  # code by which all of `log_ratio` stands
 
     def for_another_sensor(self) -> MeasurementModel:
@@ -60,7 +62,7 @@ class MeasurementModel:
     @property
     def dimension(self) -> int:
         """Length of the codes."""
-        return self._codes.shape[1]
+        return self.codes.shape[1]
 
     def unit_code(self, code: np.ndarray | None) -> np.ndarray:
         """The measured code (D,) float32 at unit length; raises ValueError saying why it cannot be used."""
@@ -76,11 +78,20 @@ class MeasurementModel:
             raise ValueError("code is zero")
         return (code / norm).astype(np.float32)
 
+    def similarity(self, cosines: np.ndarray) -> np.ndarray:
+        """Likelihood (...) up to a factor, of cosines (...) between codes."""
+        return np.exp(cosines / np.float32(self._temperature))
+
+    def log_ratio_of(self, codes: np.ndarray, similarity: np.ndarray) -> np.ndarray:
+        """l (n, m) of codes (n, D) at m places, which they have a similarity (n, m) with."""
+        typical = self.similarity(codes @ self._sampled_codes[::_SPARSE].T).mean(axis=1)
+        return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
+
     def score_codebook(self, code: np.ndarray) -> None:
         """Set `log_ratio` of every entry by one matrix-vector product with the unit code (D,); once for each code."""
         if self._scored is not None and np.array_equal(code, self._scored):
             return
-        likelihood = self._relative_likelihood(self._similarity(self._codes, self._every, code))
+        likelihood = self._relative_likelihood(self._similarity(self.codes, self._every, code))
         self._set(slice(None), likelihood, float(likelihood.mean(dtype=float)))
         self._scored = code
 
@@ -93,11 +104,11 @@ class MeasurementModel:
         rows, others = kernels.occupied_entries(
             particles.entries, self._lookup.neighbours, self._smoothing, self._sample
         )
-        scores = self._similarity(self._codes, rows, code), self._similarity(self._sampled_codes, others, code)
+        scores = self._similarity(self.codes, rows, code), self._similarity(self._sampled_codes, others, code)
         likelihood = self._relative_likelihood(np.concatenate(scores))
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
-        rest = elsewhere.mean(dtype=float) * (len(self._codes) - len(rows)) if len(elsewhere) else 0.0
-        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self._codes))
+        rest = elsewhere.mean(dtype=float) * (len(self.codes) - len(rows)) if len(elsewhere) else 0.0
+        self._set(rows, here, (here.sum(dtype=float) + rest) / len(self.codes))
 
     def _similarity(self, codes: np.ndarray, rows: np.ndarray, code: np.ndarray) -> np.ndarray:
         """Cosines (n,) float32 of the codes (m, D) at `rows` (n,) with a unit code.

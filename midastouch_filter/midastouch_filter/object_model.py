@@ -31,17 +31,19 @@ if TYPE_CHECKING:
 class ObjectModel:
     """Made once for mesh, codebook and config; holds nothing of what was felt, but for the scores of the last codes.
 
-    Attributes: lookup among the codebook's poses (M, 4, 4); order (M,), of the codebook's entries there; surface, the
-    constraint to be at it; measurement model; regions and mode_finder, for KLD sampling and clustering; alignment to
-    penetration maps, None if the codebook does not name its sensor or none is asked for.
+    Attributes: config; workers; diagonal [m] of the mesh; lookup among the codebook's poses (M, 4, 4); order (M,), of
+    the codebook's entries there; surface, the constraint to be at it; measurement model; regions and mode_finder, for
+    KLD sampling and clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is
+    asked for.
     Raises InputError if the codebook cannot be used.
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, noise: NoiseModel, workers: Workers):
         _require_usable(codebook)
-        self._config, self._workers = config, workers
+        self.config, self.workers = config, workers
         self._network_id = str(codebook.meta.get("tcn", ""))
         index = ObjectIndex(mesh, codebook, config, workers)
+        self.diagonal = mesh.diagonal
         self.order, self.poses, self.lookup = index.order, index.poses, index.lookup
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
         self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)
@@ -57,7 +59,7 @@ class ObjectModel:
 
         def make(name: str) -> Finger:
             model = self.measurement if name == FIRST else self.measurement.for_another_sensor()
-            return Finger(name, self.lookup, self.surface, model, self._config, self._workers, gates)
+            return Finger(name, self.lookup, self.surface, model, self.config, self.workers, gates)
 
         return make
 
