@@ -13,11 +13,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from midastouch_perception import se3
+
 from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 
 _AROUND = 9  # entries around a pose: a place lies between them
+_SOME = 16  # poses, from which it is told what is usual
 _SAME = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 
 
@@ -49,19 +52,32 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     return (of_right - score).mean(axis=2).swapaxes(0, 1)
 
 
+def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
+    """Share (N,) of each map that is left once poses (N, 4, 4), known as well as entries are, are aligned to it."""
+    align = model.alignment.align
+    pairs = list(zip(poses, maps, strict=True))
+    return 1.0 - np.array(model.workers.map(lambda pair: align(pair[0], noise.between_entries, pair[1]).fit, pairs))
+
+
+def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
+    """Share of a map that the right place leaves: what alignment from as far off as entries lie leaves of maps at some
+    of its poses (N, 4, 4), and what it left of the last real map."""
+    some = poses[:: max(len(poses) // _SOME, 1)]
+    directions = np.random.default_rng(0).standard_normal((len(some), 6))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    off = some @ se3.exp(np.sqrt(np.diag(noise.between_entries)) * directions)
+    found = unexplained(right.model, off, right.model.alignment.render(some), noise)
+    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
+    return float(np.median(found)) + real
+
+
 def map_evidence(
     right: Hypothesis, wrong: Hypothesis, at_right: np.ndarray, at_wrong: np.ndarray, noise: NoiseModel
 ) -> np.ndarray:
     """Nats (N,) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right place against the
-    wrong one, which has the gel at poses `at_wrong` (N, 4, 4). Both are narrow.
-
-    Of a real map the right place, too, leaves some unexplained: as much as of the last one.
-    """
-    usual = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
-    alignment, workers = wrong.model.alignment, wrong.model.workers
-    maps = right.model.alignment.render(at_right)
-    found = workers.map(
-        lambda k: alignment.align(at_wrong[k], noise.between_entries, maps[k]).fit, list(range(len(maps)))
-    )
-    misfit = np.minimum(1.0 - np.array(found) + usual, 1.0)
-    return noise.misfit_evidence(usual) - noise.misfit_evidence(misfit)
+    wrong one, which has the gel at poses `at_wrong` (N, 4, 4). Both are narrow."""
+    if not len(at_right):
+        return np.zeros(0)
+    usual = usually_unexplained(right, at_right, noise)
+    found = unexplained(wrong.model, at_wrong, right.model.alignment.render(at_right), noise)
+    return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(np.minimum(found, 1.0)), 0.0)

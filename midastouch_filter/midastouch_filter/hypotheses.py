@@ -13,9 +13,9 @@ from .config import FilterConfig
 from .object_model import ObjectModel
 from .refinement import is_narrow
 
-MOST = 12
+MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
-_MOST_PLACES = 8
+_MOST_PLACES = 6
 
 
 @dataclass(frozen=True)

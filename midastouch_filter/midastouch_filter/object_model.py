@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 class ObjectModel:
     """Made once for mesh, codebook and config; holds nothing of what was felt, but for the scores of the last codes.
 
-    Attributes: config; workers; diagonal [m] of the mesh; lookup among the codebook's poses (M, 4, 4); order (M,), of
+    Attributes: config; workers; mesh; lookup among the codebook's poses (M, 4, 4); order (M,), of
     the codebook's entries there; surface, the constraint to be at it; measurement model; regions and mode_finder, for
     KLD sampling and clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is
     asked for.
@@ -43,7 +43,7 @@ class ObjectModel:
         self.config, self.workers = config, workers
         self._network_id = str(codebook.meta.get("tcn", ""))
         index = ObjectIndex(mesh, codebook, config, workers)
-        self.diagonal = mesh.diagonal
+        self.mesh = mesh
         self.order, self.poses, self.lookup = index.order, index.poses, index.lookup
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
         self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)

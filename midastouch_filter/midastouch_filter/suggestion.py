@@ -26,8 +26,8 @@ from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .slide_prediction import predict_slides
 
-HEADINGS = 12
-_TOUCHES = 10  # of a slide, ever farther apart
+HEADINGS = 8
+_TOUCHES = 8  # of a slide, ever farther apart
 _COMPARED = 3  # places whose maps are compared
 CLEARANCE = 0.01
 """m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
@@ -88,7 +88,7 @@ class _Outlook:
         self._certain = math.log(config.converged_probability / (1.0 - config.converged_probability))
         self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
         self._distances = touches_on_the_way(
-            wanted.max_length or hypotheses[0].model.diagonal, config.hindsight_spacing
+            wanted.max_length or hypotheses[0].model.mesh.diagonal, config.hindsight_spacing
         )
         self._tracks, self._touchable = self._predicted()
         self._slid = np.logical_and.accumulate(self._touchable, axis=2)
@@ -128,20 +128,23 @@ class _Outlook:
 
     def slides(self) -> list[Suggestion]:
         """The best one in each heading."""
-        return self._best(self._by_slide, self._slid[0], self._distances, lift=False)
+        return self._best(self._by_slide, self._slid, self._distances, lift=False)
 
     def lifts(self) -> list[Suggestion]:
         """The best one in each heading, to where no slide leads."""
         if not self._wanted.lifts:
             return []
-        beyond = self._touchable[0] & ~self._slid[0]
+        beyond = self._touchable & ~self._slid
         return self._best(self._by_lift, beyond, self._distances + 2 * CLEARANCE, lift=True)
 
     def _best(self, evidence: np.ndarray, possible: np.ndarray, cost: np.ndarray, lift: bool) -> list[Suggestion]:
-        information = np.where(possible, mixture_information(self._probability, evidence), -1.0)
+        """possible (H, K, T); what most of the belief would not let happen is not suggested."""
+        likely = np.tensordot(self._probability, possible, axes=1) > 0.5
+        information = np.where(likely, mixture_information(self._probability, evidence), -1.0)
         out = []
         for k, t in enumerate(np.argmax(information / cost, axis=1)):
-            if possible[k, t]:
+            if likely[k, t]:
+                first = int(np.argmax(possible[:, k, t]))
                 out.append(
                     Suggestion(
                         heading=math.remainder(self._headings[k], 2 * math.pi),
@@ -150,7 +153,7 @@ class _Outlook:
                         information=max(float(information[k, t]), 0.0),
                         cost=float(cost[t]),
                         reason=self._reason(evidence[:, k, t], self._distances[t], lift),
-                        path=self._tracks[0, k, [0, t + 1] if lift else slice(t + 2)],
+                        path=self._tracks[first, k, [0, t + 1] if lift else slice(t + 2)],
                     )
                 )
         return out
@@ -174,7 +177,7 @@ class _Outlook:
         places = [k for k, each in enumerate(self._hypotheses) if each.place]
         if len(places) < 2:
             return []
-        most = self._by_slide[:, :, -1].max(axis=1)
+        most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is felt by two of them
         if self._wanted.lifts:
             most = np.maximum(most, self._by_lift.max(axis=(1, 2)))
         top = places[0]

@@ -20,9 +20,6 @@ from .workers import Workers
 _LARGEST_GRID = 4_000_000  # nodes, 2 bytes each
 _FINEST = 1.5e-3  # m; trilinear interpolation then errs by 0.06 mm where the radius of curvature is 5 mm
 _UNIT = 1e-6  # m per stored integer
-_CONTACT = 4e-3  # m; as `ObjectMesh.smooth_normals`
-_FLATTEST = 0.1  # gradient of the distance; in the middle of a plate it vanishes
-_PROJECTIONS = 2
 _COARSE = 4  # fine nodes per coarse one while building
 
 
@@ -78,27 +75,6 @@ class SurfaceGrid:
         workers.run(len(positions), lambda low, high, _: self.interpolate(low, high, positions, out))
         return out
 
-    def projected(self, points: np.ndarray, workers: Workers) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points (N, 3) m moved onto the surface, its outward normals (N, 3) there, and which (N,) have found it.
-
-        Normals are differences over the width of a finger's contact, so that they turn gradually over an edge.
-        """
-        for _ in range(_PROJECTIONS):
-            normals, lengths = self._normals(points, workers)
-            distance = self.distance(np.ascontiguousarray(points, np.float32), workers)
-            points = points - distance[:, None] * normals
-        normals, lengths = self._normals(points, workers)
-        return points, normals, (np.abs(distance) < self.limit) & (lengths > _FLATTEST)
-
-    def _normals(self, points: np.ndarray, workers: Workers) -> tuple[np.ndarray, np.ndarray]:
-        """Unit normals (N, 3) and the length (N,) of the gradient, 1 beside a plane."""
-        offsets = _CONTACT * np.concatenate([np.eye(3), -np.eye(3)])
-        around = (points[:, None] + offsets).reshape(-1, 3).astype(np.float32)
-        distance = self.distance(around, workers).reshape(-1, 2, 3).astype(float)
-        gradient = (distance[:, 0] - distance[:, 1]) / (2 * _CONTACT)
-        length = np.linalg.norm(gradient, axis=1)
-        return gradient / np.maximum(length, _FLATTEST)[:, None], length
-
     def interpolate(self, low: int, high: int, positions: np.ndarray, out: np.ndarray) -> None:
         """Set out (N,) float32 [m] for the positions [low, high) of (N, 3) float32, in one thread."""
         kernels.interpolate_grid(
@@ -129,12 +105,11 @@ class SurfaceConstraint:
     """Log-weight of being where a touch can be: near the surface, and near some pose of the codebook.
 
     The gel poses of a contact lie up to 2 mm inside the surface, because pressing moves the gel frame in.
-    Attribute: grid, of distances.
     """
 
     def __init__(self, grid: SurfaceGrid, codebook_reach: float, config: FilterConfig, workers: Workers):
         """`codebook_reach` [m]: pose distance to the nearest codebook entry that costs nothing."""
-        self.grid, self._codebook_reach, self._config, self._workers = grid, codebook_reach, config, workers
+        self._grid, self._codebook_reach, self._config, self._workers = grid, codebook_reach, config, workers
 
     def log_weight(self, particles: Particles, codebook_distance: np.ndarray) -> np.ndarray:
         """(N,) float64 <= 0: 0 between both limits, quadratic beyond, -inf farther than `dead_distance`.
@@ -146,7 +121,7 @@ class SurfaceConstraint:
         distance, out = np.empty(n, np.float32), np.empty(n)
 
         def weigh(low: int, high: int, _: int) -> None:
-            self.grid.interpolate(low, high, particles.positions, distance)
+            self._grid.interpolate(low, high, particles.positions, distance)
             kernels.surface_log_weight(
                 low, high, distance, codebook_distance, c.max_penetration, c.max_hover, reach, 1 / c.surface_sigma,
                 c.dead_distance, out,
@@ -157,7 +132,7 @@ class SurfaceConstraint:
 
     def distance(self, particles: Particles) -> np.ndarray:
         """Signed distances (N,) float32 [m] of the gel's apex, negative inside; saturated beyond `dead_distance`."""
-        return self.grid.distance(particles.positions, self._workers)
+        return self._grid.distance(particles.positions, self._workers)
 
     def bounded_log_weight(
         self, distance: np.ndarray, codebook_distance: np.ndarray, in_contact: bool, sigma: float

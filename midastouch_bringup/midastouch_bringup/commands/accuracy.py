@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
         args.stride,
         args.protocol,
     )
-    meshes = small_parts(folder / "meshes") if protocol.small_parts else _meshes(args.meshes, args.objects)
+    meshes = small_parts(folder / "meshes") if protocol.small_parts else chosen_meshes(args.meshes, args.objects)
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
     deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
@@ -161,7 +161,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
+def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
     """The meshes asked for, by name; InputError for a name that fits none or several."""
     from pathlib import Path
 
