@@ -15,7 +15,7 @@ from .refinement import is_narrow
 
 MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
-_MOST_PLACES = 6
+_MOST_PLACES = 4
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Hypothesis:
 def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> list[Hypothesis]:
     """Places and draws, most probable first, probabilities of sum 1.
 
-    A place is a narrow mode. The rest of the particles is represented by draws; as no place is surer than
-    `converged_probability`, at least what that leaves is spread over the object.
+    A place is a narrow mode. The rest of the particles is represented by draws, unless that is less than the doubt that
+    `converged_probability` leaves. A single place is then doubted that much: it is compared with any other.
     """
     modes = [k for k, mode in enumerate(belief.answers[:_MOST_PLACES]) if is_narrow(belief.modes[k], config)]
     places = [
@@ -49,8 +49,12 @@ def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> l
         for k in modes
     ]  # fmt: skip
     doubt, left = 1.0 - config.converged_probability, 1.0 - sum(place.probability for place in places)
-    poses = _spread(belief, modes, MOST - len(places)) if left > doubt else _all_over(model, MOST - len(places))
-    share = max(left, doubt)
+    if left <= doubt and len(places) > 1:
+        poses, share = [], 0.0
+    elif left <= doubt:
+        poses, share = _all_over(model, MOST - len(places)), doubt
+    else:
+        poses, share = _spread(belief, modes, MOST - len(places)), left
     draws = [Hypothesis(model, pose, share / len(poses), False) for pose in poses]
     total = share + sum(place.probability for place in places)
     return [replace(each, probability=each.probability / total) for each in [*places, *draws]]

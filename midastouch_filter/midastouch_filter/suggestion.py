@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from .slide_prediction import predict_slides
 
 HEADINGS = 8
 _TOUCHES = 8  # of a slide, ever farther apart
-_COMPARED = 3  # places whose maps are compared
 CLEARANCE = 0.01
 """m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
 
@@ -88,7 +88,7 @@ class _Outlook:
         self._certain = math.log(config.converged_probability / (1.0 - config.converged_probability))
         self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
         self._distances = touches_on_the_way(
-            wanted.max_length or hypotheses[0].model.mesh.diagonal, config.hindsight_spacing
+            wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
         )
         self._tracks, self._touchable = self._predicted()
         self._slid = np.logical_and.accumulate(self._touchable, axis=2)
@@ -112,19 +112,19 @@ class _Outlook:
         ways = self._tracks[:, :, 1:]
         flat = ways.reshape(len(ways), -1, 4, 4)
         evidence = code_evidence(self._hypotheses, flat)
-        for i, j in self._compared():
-            both = np.flatnonzero((self._slid[i] & self._touchable[j]).ravel())
-            evidence[i, both, j] = map_evidence(
-                self._hypotheses[i], self._hypotheses[j], flat[i, both], flat[j, both], self._noise
-            )
+        for i, j in permutations(self._with_maps(), 2):
+            evidence[i, :, j] = 0.0  # what tells two rivals apart does not tell which place is right
+            if 0 in (i, j):
+                both = np.flatnonzero((self._slid[i] & self._touchable[j]).ravel())
+                evidence[i, both, j] = map_evidence(
+                    self._hypotheses[i], self._hypotheses[j], flat[i, both], flat[j, both], self._noise
+                )
         return evidence.reshape(*ways.shape[:3], -1)
 
-    def _compared(self) -> list[tuple[int, int]]:
-        """The most probable place and each of its rivals, both ways: between these maps decide."""
-        places = [k for k, each in enumerate(self._hypotheses) if each.place and each.model.alignment is not None][
-            :_COMPARED
-        ]
-        return [pair for k in places[1:] for pair in ((places[0], k), (k, places[0]))]
+    def _with_maps(self) -> list[int]:
+        """Places whose maps can be compared, none if the most probable hypothesis is none of them."""
+        able = [k for k, each in enumerate(self._hypotheses) if each.place and each.model.alignment is not None]
+        return able if able[:1] == [0] else []
 
     def slides(self) -> list[Suggestion]:
         """The best one in each heading."""

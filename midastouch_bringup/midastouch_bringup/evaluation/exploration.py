@@ -39,7 +39,6 @@ POLICIES = {
 STEP = 1.5e-3
 """m between two images, as of simulated slides."""
 _HELD = 10  # frames, that a state or an answer must last
-_SEGMENT = 0.03  # m, after which it is asked anew
 
 
 @dataclasses.dataclass(frozen=True)
@@ -187,11 +186,11 @@ class _Trial:
                 if each.lift:
                     yield self._finger.leap(each.heading, each.length)
                 else:
-                    yield self._finger.slide(each.heading, min(each.length, _SEGMENT))
+                    yield self._finger.slide(each.heading, each.length)
         while True:
             heading = self._headings.uniform(-np.pi, np.pi)
             length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
-            yield self._finger.slide(heading, length if self._policy == "random" else min(length, _SEGMENT))
+            yield self._finger.slide(heading, length)
 
     def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
         """Go on a way, until a trial's end."""
