@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from rclpy.action import get_action_server_names_and_types_by_node
 
 from midastouch_bringup.cli import add_commands, build_parser
 
@@ -252,7 +253,8 @@ def interfaces(node, listed) -> set[tuple[str, str]]:
     found = set()
     for name, types in listed:
         name = name.replace(f"/{node.get_name()}/", "~/")
-        if name.removeprefix("~/") not in EVERY_NODE:
+        of_action = "/_action/" in name  # actions are made of topics and services
+        if name.removeprefix("~/") not in EVERY_NODE and not of_action:
             short = name if name in ("/tf", "/tf_static", "/clock") else name.removeprefix("/")
             found |= {(short, one.rpartition("/")[2]) for one in types}
     return found
@@ -282,7 +284,8 @@ def test_topics_and_services_are_those_of_the_running_node(name, context, tmp_pa
         graph = node.get_name(), node.get_namespace()
         assert interfaces(node, node.get_publisher_names_and_types_by_node(*graph)) == published
         assert interfaces(node, node.get_subscriber_names_and_types_by_node(*graph)) == subscribed
-        assert interfaces(node, node.get_service_names_and_types_by_node(*graph)) == served
+        actions = interfaces(node, get_action_server_names_and_types_by_node(node, *graph))
+        assert interfaces(node, node.get_service_names_and_types_by_node(*graph)) | actions == served
     finally:
         node.destroy_node()
 

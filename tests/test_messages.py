@@ -10,8 +10,19 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 from tf2_msgs.msg import TFMessage
 
-from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes, TactileCode, TactileContact
-from midastouch_msgs.srv import SetObject
+from midastouch_msgs import action
+from midastouch_msgs.msg import (
+    ArmCalibration,
+    FilterStatus,
+    PoseMode,
+    PoseModes,
+    Suggestion,
+    TactileCode,
+    TactileContact,
+)
+from midastouch_msgs.srv import SetObject, SuggestMotion
+
+WANTED_MOTION = {"max_length": "double", "lifts": "boolean", "count": "uint32"}
 
 FIELDS = {
     TactileCode: {
@@ -50,6 +61,28 @@ FIELDS = {
     },
     SetObject.Request: {"mesh_path": "string", "codebook_path": "string"},
     SetObject.Response: {"success": "boolean", "message": "string"},
+    Suggestion: {
+        "heading": "double",
+        "length": "double",
+        "lift": "boolean",
+        "information": "double",
+        "cost": "double",
+        "reason": "string",
+        "path": "sequence<geometry_msgs/Pose>",
+    },
+    SuggestMotion.Request: WANTED_MOTION,
+    SuggestMotion.Response: {
+        "success": "boolean",
+        "message": "string",
+        "indistinguishable": "boolean",
+        "suggestions": "sequence<midastouch_msgs/Suggestion>",
+    },
+    action.SuggestMotion.Goal: WANTED_MOTION,
+    action.SuggestMotion.Feedback: {
+        "header": "std_msgs/Header",
+        "suggestions": "sequence<midastouch_msgs/Suggestion>",
+    },
+    action.SuggestMotion.Result: {"success": "boolean", "message": "string", "indistinguishable": "boolean"},
 }
 
 

@@ -78,6 +78,7 @@ COMMANDS = {
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
     "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10",
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak",
 }
@@ -396,6 +397,27 @@ def identification() -> Table:
     return header, rows
 
 
+def exploration() -> Table:
+    """A finger that is told where to touch next, against one that goes anywhere."""
+    header = ["finger goes", "trials", "converged right", "converged wrong", "said alike", "path until right, median"]
+    header += ["over that of random", "report"]
+    if "exploration" not in reported():
+        return header, [["*not measured yet*", *["-"] * 7]]
+    content, rows = report("exploration"), []
+    for name, one in content["exploration"].items():
+        cells = [f"too few ({one['trials']})"] * 5
+        if one["enough"]:
+            path, ratio = one["path_m"], one["path_ratio"]
+            value = "never" if path["value"] is None else f"{1e3 * path['value']:.0f}"
+            until = "-" if path["interval"] is None else "...".join(
+                "never" if bound is None else f"{1e3 * bound:.0f}" for bound in path["interval"]
+            )
+            cells = [_share(one[key]) for key in ("right", "wrong", "alike")]
+            cells += [f"{value} mm ({until})", "-" if ratio is None else f"{ratio:.2f}"]
+        rows.append([content["config"]["policies"][name], one["trials"], *cells, "[exploration]"])
+    return header, rows
+
+
 def real() -> Table:
     """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
     header = ["optics", "particles, mean", "closest mode, median", "right", "mean error over TACTO's"]
@@ -673,8 +695,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, converged, regions, events, identification, real, grasps, peers, variants, slides, depth,
-        presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
+        paper, localisation, converged, regions, events, identification, exploration, real, grasps, peers, variants,
+        slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
     )
 }  # fmt: skip
 

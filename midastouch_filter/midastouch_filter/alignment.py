@@ -47,13 +47,18 @@ class PenetrationAlignment:
 
     def __init__(self, mesh: ObjectMesh, sensor: SensorModel, noise: NoiseModel):
         self.sensor, self.map_shape = sensor, sensor.gel_depth.shape
+        self._renderer = PenetrationRenderer(mesh, sensor, _MARGIN)
         self._kernel = kernels.MapAlignment(
-            PenetrationRenderer(mesh, sensor, _MARGIN).scene,
+            self._renderer.scene,
             *sensor.rays,
             sensor.gel_depth,
             sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2,
             noise.map_scale,
         )
+
+    def render(self, poses: np.ndarray) -> np.ndarray:
+        """Penetration maps (N, H, W) m that are felt at poses (N, 4, 4)."""
+        return np.maximum(self._renderer.render(poses), 0.0)
 
     def align(
         self, pose: np.ndarray, covariance: np.ndarray, penetration: np.ndarray, start: np.ndarray | None = None

@@ -13,11 +13,13 @@ from midastouch_perception.sensor_model import SensorModel
 from .catalogue import Catalogue, Entry
 from .config import FilterConfig
 from .estimate import Estimate
+from .hypotheses import MOST, Hypothesis
 from .identity import Identification, Identity
 from .localiser import LoadedObject, Localiser
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 from .state import AMBIGUOUS, CONVERGED
+from .suggestion import Advice, Wanted, advise
 from .touch import Measurement
 from .workers import Workers
 
@@ -159,6 +161,15 @@ class CatalogueLocaliser(Localiser):
             PossiblePlace(self._model(name), name, place.pose, place.probability)
             for name, place in sorted(worth, key=lambda each: -each[1].probability)
         ]
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """As a filter's on one object; while several may be, what tells them apart counts as much."""
+        places = self.possible_places()[:MOST]
+        if len({place.name for place in places}) < 2:
+            return super().advise(wanted)
+        total = sum(place.probability for place in places)
+        hypotheses = [Hypothesis(each.model, each.pose, each.probability / total, True, each.name) for each in places]
+        return advise(hypotheses, self.felt, wanted, self._noise)
 
     @property
     def felt(self) -> np.ndarray:

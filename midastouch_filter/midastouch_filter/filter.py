@@ -21,6 +21,7 @@ from .config import FilterConfig
 from .estimate import Estimate
 from .fingers import Finger, by_name, count
 from .gates import Gates
+from .hypotheses import Hypothesis, hypotheses_of
 from .initialisation import checked_prior
 from .motion_model import Odometry
 from .noise_model import NoiseModel
@@ -32,6 +33,7 @@ from .propagation import OdometryJump
 from .reporting import Reporter
 from .state import CONVERGED, Status
 from .stopwatch import Stopwatch
+from .suggestion import Advice, Wanted, advise
 from .touch import Measurement
 from .workers import Workers
 
@@ -262,6 +264,16 @@ class ParticleFilter:
     def codebook_size(self) -> int:
         """Number of poses in the codebook."""
         return len(self._object.lookup)
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """What the belief takes for possible, most probable first; none before something was felt."""
+        return hypotheses_of(self._belief, self._object, self.config) if self._belief and self._belief.modes else []
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """Where to touch next; None before something was felt."""
+        hypotheses = self.hypotheses
+        return advise(hypotheses, self._do.refine.felt, wanted, self._noise) if hypotheses else None
 
     @property
     def codebook_spacing(self) -> float:

@@ -19,7 +19,7 @@ from .noise_model import NoiseModel
 from .particles import Particles
 from .places import Prior, pose_distance
 from .reevaluation import Comparison, Reevaluation
-from .refinement import Refinement
+from .refinement import Refinement, is_narrow
 from .resampler import Resampler
 from .stopwatch import Stopwatch
 from .touch import Measurement
@@ -53,6 +53,11 @@ class CoarseOnly:
 
     def reflect(self, belief: Belief, felt: list[Finger]) -> None:
         """Change the belief by what the last touches say, these included; the answer to them is out."""
+
+    @property
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels of the last touches that are kept, in the frame of the present first one."""
+        return np.empty((0, 4, 4))
 
     def sharpened(self, belief: Belief) -> Particles:
         """The particles at this very frame, as `Belief.answers`."""
@@ -147,7 +152,7 @@ class FineStage(CoarseOnly):
             reevaluation.keep(
                 [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
             )
-        narrow = [mode for mode in belief.modes if self._refinement.is_narrow(mode)]
+        narrow = [mode for mode in belief.modes if is_narrow(mode, self._config)]
         contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
         if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
             comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
@@ -196,7 +201,11 @@ class FineStage(CoarseOnly):
         """The narrow mode nearest to a pose (4, 4), None if it is another place."""
         distance = [pose_distance(mode.pose, pose) for mode in belief.modes]
         k = int(np.argmin(distance))
-        return k if distance[k] < self._config.mode_radius and self._refinement.is_narrow(belief.modes[k]) else None
+        return k if distance[k] < self._config.mode_radius and is_narrow(belief.modes[k], self._config) else None
+
+    @property
+    def felt(self) -> np.ndarray:
+        return self._reevaluation.felt if self._reevaluation else super().felt
 
     def sharpened(self, belief: Belief) -> Particles:
         if not belief.aligned:

@@ -46,7 +46,7 @@ class KeyframeWindow:
     Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
     none before the first lift, the oldest of all: what was felt before says little once the object may have been moved.
-    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first.
+    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present.
     """
 
     def __init__(self, length: int, spacing: float, correlation: float, shortlist: int):
@@ -58,7 +58,7 @@ class KeyframeWindow:
         """Forget all."""
         self.motion = np.eye(4)
         self.keyframes: list[Keyframe] = []
-        self._path, self._in_the_air, self._stretch = np.inf, 0.0, 0
+        self._path, self._in_the_air, self.stretch = np.inf, 0.0, 0
 
     def __len__(self) -> int:
         return len(self.keyframes)
@@ -75,7 +75,7 @@ class KeyframeWindow:
         before = self._in_the_air
         self._in_the_air = 0.0 if in_contact else before + path
         lifted = before <= _LIFTED < self._in_the_air
-        self._stretch += lifted
+        self.stretch += lifted
         return lifted
 
     @property
@@ -85,7 +85,7 @@ class KeyframeWindow:
 
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
         """Keep what fingers feel at present, the first one first."""
-        newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self._stretch)
+        newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self.stretch)
         apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
         self.keyframes = self._thinned([*apart, newest])
         self._path = 0.0

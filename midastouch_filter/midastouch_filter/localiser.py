@@ -21,6 +21,7 @@ from .filter import ParticleFilter
 from .growth import Growth
 from .initialisation import checked_prior
 from .pose_prior import spread_at_lever
+from .suggestion import Advice, Wanted
 from .touch import Measurement
 
 
@@ -142,6 +143,10 @@ class Localiser:
     def sensor(self) -> SensorModel | None:
         """That codes and maps are of, at map resolution; None if unknown."""
         return self._object.sensor if self._object is not None else None
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """Where to touch next; None before something was felt."""
+        return self.filter.advise(wanted) if self.filter is not None else None
 
     @property
     def filter(self) -> ParticleFilter | None:

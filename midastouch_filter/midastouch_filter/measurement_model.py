@@ -25,6 +25,7 @@ from .touch import Measurement
 from .workers import Workers
 
 _NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
+_SPARSE = 4  # every so many of the sample below are enough to tell what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 
@@ -131,6 +132,15 @@ class MeasurementModel(CodeScores):
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
         rest = elsewhere.mean(dtype=float) * (len(self.codes) - len(rows)) if len(elsewhere) else 0.0
         self._set(rows, here, (here.sum(dtype=float) + rest) / len(self.codes))
+
+    def similarity(self, cosines: np.ndarray) -> np.ndarray:
+        """Likelihood (...) up to a factor, of cosines (...) between codes."""
+        return np.exp(cosines / np.float32(self._temperature))
+
+    def log_ratio_between(self, codes: np.ndarray, similarity: np.ndarray) -> np.ndarray:
+        """l (n, m) of codes (n, D) at m places, which they have a similarity (n, m) with."""
+        typical = self.similarity(codes @ self._sampled_codes[::_SPARSE].T).mean(axis=1)
+        return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
 
     def log_likelihood(self, particles: Particles) -> np.ndarray:
         """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""

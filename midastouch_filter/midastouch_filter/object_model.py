@@ -38,16 +38,16 @@ class ObjectModel:
 
     A denser codebook of the same object can take the place of the first: whoever refers to a part of the model then has
     the new entries.
-    Attributes: lookup among the codebook's poses; order (M,), of the codebook's entries there; surface, the
-    constraint to be at it; gap, as `ParticleFilter.codebook_gap`; measurement model; regions and mode_finder, for KLD
-    sampling and clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is
-    asked for.
+    Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
+    surface, the constraint to be at it; gap, as `ParticleFilter.codebook_gap`; measurement model; regions and
+    mode_finder, for KLD sampling and clustering; alignment to penetration maps, None if the codebook does not name its
+    sensor or none is asked for.
     Raises InputError if the codebook cannot be used.
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, noise: NoiseModel, workers: Workers):
         _require_usable(codebook)
-        self._mesh, self._config, self._workers = mesh, config, workers
+        self.mesh, self.config, self.workers = mesh, config, workers
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._make_entries(codebook, ObjectIndex(mesh, codebook, config, workers))
         self.alignment: PenetrationAlignment | None = None
@@ -56,11 +56,11 @@ class ObjectModel:
             self.alignment = PenetrationAlignment(mesh, SensorModel.load(sensor).scaled(MAP_SCALE), noise)
 
     def _make_entries(self, codebook: Codebook, index: ObjectIndex) -> None:
-        config, workers = self._config, self._workers
+        config, workers = self.config, self.workers
         self._grid, self.order, self.lookup = index.surface, index.order, index.lookup
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
         self.surface = SurfaceConstraint(self._grid, self.lookup.largest_gap, config, workers)
-        self.gap = _gap(self._mesh, self.lookup.poses)
+        self.gap = _gap(self.mesh, self.lookup.poses)
         self.regions = Regions(self.lookup, config.region_radius)
         self.mode_finder = ModeFinder(self.lookup, self.regions, config.mode_radius, config.min_mode_mass, workers)
 
@@ -68,7 +68,7 @@ class ObjectModel:
         """A model of the same object by another codebook, for `take`. It may be made beside a running filter."""
         _require_usable(codebook)
         other = copy.copy(self)
-        other._make_entries(codebook, ObjectIndex(self._mesh, codebook, self._config, self._workers, self._grid))
+        other._make_entries(codebook, ObjectIndex(self.mesh, codebook, self.config, self.workers, self._grid))
         return other
 
     def take(self, other: ObjectModel) -> None:
@@ -86,7 +86,7 @@ class ObjectModel:
 
         def make(name: str) -> Finger:
             model = self.measurement_of(name)
-            return Finger(name, self.lookup, self.surface, model, self._config, self._workers, gates)
+            return Finger(name, self.lookup, self.surface, model, self.config, self.workers, gates)
 
         return make
 

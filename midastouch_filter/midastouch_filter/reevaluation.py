@@ -110,6 +110,13 @@ class Reevaluation:
         return self._window.motion
 
     @property
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels of the kept touches since the last lift, in the frame of the present first one."""
+        since = [each for each in self._window.keyframes if each.stretch == self._window.stretch]
+        gels = [gel for each in since for gel in each.gels]
+        return se3.inverse(self._window.motion) @ np.stack(gels) if gels else np.empty((0, 4, 4))
+
+    @property
     def due(self) -> bool:
         """Whether the present touch is worth keeping."""
         return self._window.due

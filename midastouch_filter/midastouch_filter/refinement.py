@@ -153,11 +153,6 @@ class Refinement:
         self._move(copy, members, maps, len(modes))
         return copy
 
-    def is_narrow(self, mode: Mode) -> bool:
-        """Whether the mode is close enough to a Gaussian to be aligned."""
-        c = self._config
-        return mode.spread_translation < c.refine_translation and mode.spread_rotation < c.refine_rotation
-
     def reaches(self, modes: list[Mode], T_gel_finger: np.ndarray | None) -> bool:
         """Whether all narrow modes say well enough where a finger is; the first one (None) always is where they say.
 
@@ -172,7 +167,7 @@ class Refinement:
     def _priors(self, modes: list[Mode]) -> dict[int, np.ndarray]:
         """Covariances (6, 6) of the narrow ones of the modes to align, in their own frames."""
         chosen = enumerate(modes[: self._config.refined_modes])
-        return {k: _in_own_frame(mode) + self._noise.mode_floor for k, mode in chosen if self.is_narrow(mode)}
+        return {k: _in_own_frame(mode) + self._noise.mode_floor for k, mode in chosen if is_narrow(mode, self._config)}
 
     def _move(self, particles: Particles, members: np.ndarray, maps: dict[int, _GaussianMap], count: int) -> None:
         map_of = np.full(count, -1, np.int32)
@@ -184,6 +179,11 @@ class Refinement:
                 low, high, members, map_of, *table, particles.positions, particles.quaternions
             ),
         )
+
+
+def is_narrow(mode: Mode, config: FilterConfig) -> bool:
+    """Whether the mode is close enough to a Gaussian to be aligned."""
+    return mode.spread_translation < config.refine_translation and mode.spread_rotation < config.refine_rotation
 
 
 def sharpened(mode: Mode, aligned: Aligned) -> Mode:

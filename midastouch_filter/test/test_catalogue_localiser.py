@@ -5,6 +5,7 @@ from midastouch_filter.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import UNKNOWN
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.suggestion import Wanted
 from midastouch_perception import se3
 
 CONFIG = FilterConfig(threads=1, max_particles=3000)
@@ -91,6 +92,20 @@ def test_possible_places_carry_models_for_who_asks_where_to_touch_next(run):
     assert possible[0].model.alignment is not None
     assert sum(each.probability for each in possible) <= 1.0
     assert len({id(each.model) for each in possible}) == len({each.name for each in possible})
+
+
+def test_where_to_touch_next_tells_objects_apart(shelf):
+    run = Run(shelf.catalogue)
+    truth, frames = shelf.touches(1)
+    for k in range(len(truth)):
+        run.slide(truth[k : k + 1], frames[k : k + 1])
+        names = {each.name for each in run.localiser.possible_places()}
+        if len(names) > 1:
+            break
+    assert len(names) > 1
+    advice = run.localiser.advise(Wanted(0.05, False, 3))
+    assert all(each.information > 0 for each in advice.suggestions)
+    assert advice.suggestions or advice.indistinguishable
 
 
 def test_an_object_that_somebody_names_is_not_doubted(shelf):

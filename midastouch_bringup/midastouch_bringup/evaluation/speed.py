@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Mode
 from midastouch_filter.filter import Measurement, ParticleFilter
 from midastouch_filter.perceived import measurement_of
+from midastouch_filter.refinement import is_narrow
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
@@ -93,7 +93,7 @@ class SpeedMeasurement:
         for i, touch in enumerate(self._measurements(self._images)):
             with stopwatch:
                 modes = particle_filter.step(self._odometry(i), touch).modes
-            narrow.append(sum(_is_narrow(mode, config) for mode in modes[:_MODES]))
+            narrow.append(sum(is_narrow(mode, config) for mode in modes[:_MODES]))
         chosen = [i >= 2 and count == _MODES for i, count in enumerate(narrow)]
         return {"four_modes_ms": stopwatch.where(chosen).summary()} if sum(chosen) >= _LEAST_STEPS else {}
 
@@ -223,10 +223,6 @@ class SpeedMeasurement:
 
     def _odometry(self, frame: int) -> np.ndarray | None:
         return None if frame == 0 else se3.inverse(self._measured[frame - 1]) @ self._measured[frame]
-
-
-def _is_narrow(mode: Mode, config: FilterConfig) -> bool:
-    return mode.spread_translation < config.refine_translation and mode.spread_rotation < config.refine_rotation
 
 
 def peak_rss_mb() -> float:

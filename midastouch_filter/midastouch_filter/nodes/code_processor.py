@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,7 +32,8 @@ _JUMP_NS = 500_000_000
 class CodeProcessor:
     """Listens to codes and transforms from when it is made until `close`; the node destroys its subscriptions.
 
-    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. Attributes:
+    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. on_estimate: told the
+    stamp [ns] of each frame once it is answered. Attributes:
     transforms; network_id, of the newest code; report, what was said of the frames.
     """
 
@@ -43,8 +45,9 @@ class CodeProcessor:
         clock: NodeClock,
         maps: bool,
         subscribe: bool,
+        on_estimate: Callable[[int], None],
     ):
-        self._node, self._localiser, self._clock = node, localiser, clock
+        self._node, self._localiser, self._clock, self._on_estimate = node, localiser, clock, on_estimate
         self._parameters, self._problem = node.parameters, node.diagnostics.problem
         self.network_id = ""
         self._newest: int | None = None
@@ -161,6 +164,7 @@ class CodeProcessor:
             self.report.say(stamp, UNINITIALISED, self._localiser.waiting_for)
             return
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
+        self._on_estimate(stamp)
         self._localiser.reflect()
 
     def _on_transforms_jump(self, stamp: int) -> None:

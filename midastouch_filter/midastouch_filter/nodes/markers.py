@@ -96,6 +96,55 @@ def hypotheses(modes: Sequence, header: Header, lifetime: float) -> MarkerArray:
     return MarkerArray(markers=markers)
 
 
+def suggested(suggestions: Sequence, header: Header) -> MarkerArray:
+    """Suggestions (path (n, 4, 4), lift, reason), best first, in place of the last ones.
+
+    `suggestions`: arrows along the predicted ways, the best one green, a lift as an arch; `suggestion_reasons`: in
+    words, beside their ends.
+    """
+    markers = [Marker(ns=name, action=Marker.DELETEALL) for name in ("suggestions", "suggestion_reasons")]
+    for i, each in enumerate(suggestions):
+        way = each.path[:, :3, 3]
+        if each.lift:
+            way = np.insert(way, 1, way.mean(axis=0) + _AXIS_LENGTH * each.path[:, :3, 2].mean(axis=0), axis=0)
+        markers += [_way(i, way), _tip(i, way), _reason(i, each, way[-1])]
+    for marker in markers:
+        marker.header = header
+    return MarkerArray(markers=markers)
+
+
+def _way(index: int, way: np.ndarray) -> Marker:
+    marker = Marker(ns="suggestions", id=2 * index, type=Marker.LINE_STRIP, scale=Vector3(x=0.0015))
+    marker.pose.orientation.w, marker.color = 1.0, _rank_colour(index)
+    marker.points = [_point(xyz) for xyz in way]
+    return marker
+
+
+def _tip(index: int, way: np.ndarray) -> Marker:
+    marker = Marker(ns="suggestions", id=2 * index + 1, type=Marker.ARROW, scale=Vector3(x=0.0015, y=0.005, z=0.006))
+    marker.pose.orientation.w, marker.color = 1.0, _rank_colour(index)
+    marker.points = [_point(xyz) for xyz in way[-2:]]
+    return marker
+
+
+def _reason(index: int, suggestion, tip: np.ndarray) -> Marker:
+    marker = Marker(
+        ns="suggestion_reasons",
+        id=index,
+        type=Marker.TEXT_VIEW_FACING,
+        text=suggestion.reason,
+        scale=Vector3(z=0.004),
+        color=ColorRGBA(r=1.0, g=1.0, b=1.0, a=1.0),
+    )
+    marker.pose.position = _point(tip + _AXIS_LENGTH * suggestion.path[-1, :3, 2])
+    marker.pose.orientation.w = 1.0
+    return marker
+
+
+def _rank_colour(index: int) -> ColorRGBA:
+    return ColorRGBA(r=0.1, g=0.75, b=0.2, a=1.0) if index == 0 else ColorRGBA(r=0.95, g=0.6, b=0.1, a=0.6)
+
+
 def _ellipsoid(index: int, mode) -> Marker:
     variances, directions = np.linalg.eigh(mode.covariance[:3, :3])
     if np.linalg.det(directions) < 0:

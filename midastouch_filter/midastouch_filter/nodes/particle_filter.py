@@ -18,6 +18,7 @@ from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
 from .filter_services import FilterServices
 from .finger_topics import fingers_of
+from .motion_advice import MotionAdvice
 from .node_clock import NodeClock
 from .object_source import NewObject, ObjectSource
 from .start_topics import StartTopics
@@ -32,6 +33,8 @@ class ParticleFilterNode(ManagedNode):
     stage in the same process.
     """
 
+    _advice: MotionAdvice | None = None  # which `destroy_node` may not find yet
+
     def __init__(
         self,
         load: Callable[..., LoadedObject] = load_object,
@@ -45,7 +48,10 @@ class ParticleFilterNode(ManagedNode):
         self._codes: CodeProcessor | None = None  # of the active node
         self._time = NodeClock(self)
         self._out = EstimatePublisher(self, self.parameters, self._time.now)
-        FilterServices(self, lambda: self._localiser if self.active else None, self._change_object)
+        FilterServices(self, self._active_localiser, self._change_object)
+        self._advice = MotionAdvice(
+            self, self._active_localiser, self.parameters, self._time.steady_now, self._time.stamp
+        )
         self.autostart()
 
     def say(self, doing: str) -> None:
@@ -87,8 +93,11 @@ class ParticleFilterNode(ManagedNode):
         self._localiser = self._objects = None
 
     def destroy_node(self) -> None:
-        """As rclpy's, once the codebook grows no more."""
+        """As rclpy's, which leaves actions alone, once the codebook grows no more."""
         self._end_growth()
+        if self._advice is not None:
+            self._advice.close()
+            self._advice = None
         super().destroy_node()
 
     def _end_growth(self) -> None:
@@ -100,13 +109,15 @@ class ParticleFilterNode(ManagedNode):
         if not self._localiser.untouched:  # what was felt counts no more: the object may have been moved meanwhile
             self._localiser.restart()
         self._codes = CodeProcessor(
-            self, self._localiser, self._out, self._time, self._config.refinement, self._subscribe
+            self, self._localiser, self._out, self._time, self._config.refinement, self._subscribe, self._advice.changed
         )
         StartTopics(self, self.parameters, self._localiser, self._codes.transforms, self.diagnostics.problem)
         self._codes.report.say(self._time.stamp(), UNINITIALISED, self._codes.waits_for)
 
     def disconnect(self) -> None:
-        """Stop reading transforms."""
+        """Stop reading transforms, and advising."""
+        if self._advice is not None:
+            self._advice.stop("the node was deactivated")
         if self._codes is not None:
             self._codes.close()
             self._codes = None
@@ -124,6 +135,9 @@ class ParticleFilterNode(ManagedNode):
         """Take one code, stamp in ns; what comes while the node is not active is dropped."""
         if self.active:
             self._codes.on_code(stamp, measurement)
+
+    def _active_localiser(self) -> Localiser | None:
+        return self._localiser if self.active else None
 
     def _change_object(self, mesh: str, codebook: str) -> None:
         stamp, report = self._time.stamp, self._codes.report

@@ -14,6 +14,7 @@ from midastouch_filter.arm_errors import Calibration
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.state import AMBIGUOUS, Status
+from midastouch_filter.suggestion import Advice, Suggestion, Wanted
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -38,8 +39,9 @@ def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
-    Attributes: starts, odometry, measurements, others and elapsed are what it was asked; state and calibration are what
-    it answers; reflections, how many measurements had come each time it was asked to reflect on them.
+    Attributes: starts, odometry, measurements, others, elapsed and wanted are what it was asked; state, calibration and
+    alike, whether places cannot be told apart, are what it answers; reflections, how many measurements had come each
+    time it was asked to reflect on them.
     """
 
     def __init__(self):
@@ -52,6 +54,8 @@ class FakeFilter:
         self.calibration: Calibration | None = None
         self.forced = 0
         self.state = AMBIGUOUS
+        self.alike = False
+        self.wanted: list[Wanted] = []
         self.spoil = False
         self._pose = np.eye(4)
 
@@ -83,6 +87,13 @@ class FakeFilter:
 
     def reflect(self) -> None:
         self.reflections.append(len(self.measurements))
+
+    def advise(self, wanted) -> Advice:
+        self.wanted.append(wanted)
+        path = np.stack([translation(x) for x in (0.0, 0.01, 0.02)])
+        slide = Suggestion(0.5, 0.02, False, 0.6, 0.02, "after 20 mm two places feel unlike", path)
+        lift = Suggestion(-0.5, 0.04, True, 0.1, 0.06, "touched again 40 mm away", path[[0, 2]])
+        return Advice([slide, lift][: wanted.count], self.alike, "two places compete")
 
     @property
     def poses(self) -> np.ndarray:

@@ -10,7 +10,8 @@ from .. import se3
 from ..errors import InputError
 from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
-from .contact_poses import Reachability, pose_from_contact
+from .contact_poses import Reachability
+from .surface_walk import MIN_PROGRESS, Grip, place, random_tangent, somewhere, straight_on
 
 _TRIES = 64
 _AROUND = 20_000  # surface points among which a leap looks for its goal
@@ -67,48 +68,32 @@ class _Walk:
     """The sensor on its way over a surface."""
 
     def __init__(self, mesh, sensor, rng, step, press, max_tilt):
-        self._mesh, self._rng, self._step, self._press, self._max_tilt = mesh, rng, step, press, max_tilt
+        self._mesh, self._rng, self._step = mesh, rng, step
         self._reachability = Reachability(mesh, sensor)
-        self._position = self._somewhere()
-        self._depth, self._tilt, self._yaw = rng.uniform(*press), np.zeros(2), rng.uniform(0, 2 * np.pi)
+        self._position = somewhere(mesh, self._reachability, press[0], rng)
+        self._grip, self._yaw = Grip(rng, press, max_tilt), rng.uniform(0, 2 * np.pi)
         self._heading, self._turn, self._left = np.zeros(3), 1.0, 0.0
         self._frames = 0
 
-    def _somewhere(self) -> np.ndarray:
-        """A place (3,) to start at."""
-        for _ in range(_TRIES):
-            start, _, _ = self._mesh.sample_surface(1, self._rng)
-            normal = self._mesh.smooth_normals(start)
-            if _place(self._reachability, start, normal, 0.0, np.zeros(2), self._press[0])[1]:
-                return start[0]
-        raise InputError(f"{self._mesh.name}: no reachable place to start a slide; is the mesh closed and in metres?")
-
     def advance(self) -> np.ndarray:
         """The pose (4, 4) one step on."""
-        rng, mesh, press = self._rng, self._mesh, self._press
-        self._depth = _reflect(self._depth + rng.uniform(-1, 1) * (press[1] - press[0]) / 10, *press)
-        tilt = 0.97 * self._tilt + rng.normal(0, 0.08 * self._max_tilt, 2)
-        self._tilt = tilt * min(1.0, self._max_tilt / max(np.linalg.norm(tilt), 1e-12))
+        rng, mesh, grip = self._rng, self._mesh, self._grip
+        grip.shake()
         for _ in range(_TRIES):
             if self._left <= 0 or not self._heading.any():
-                self._heading = _random_tangent(mesh.smooth_normals(self._position[None])[0], rng)
+                self._heading = random_tangent(mesh.smooth_normals(self._position[None])[0], rng)
                 self._turn, self._left = rng.choice([-1.0, 1.0]), 0.25 * mesh.diagonal * rng.uniform(0.4, 1)
-            ahead, _, _ = mesh.closest_points((self._position + self._step * self._heading)[None])
-            normal = mesh.smooth_normals(ahead)
-            moved = ahead[0] - self._position
+            ahead = straight_on(mesh, self._position, self._heading, self._step)
             yaw = self._yaw + self._turn * np.radians(1)
-            pose, reachable = _place(self._reachability, ahead, normal, yaw, self._tilt, self._depth)
-            # a fold or rim can make the closest point fall back to where the sensor already is
-            if reachable and np.linalg.norm(moved) > 0.3 * self._step:
+            pose, reachable = place(self._reachability, ahead.point, ahead.normal, yaw, grip.tilt, grip.depth)
+            if reachable and ahead.moved > MIN_PROGRESS * self._step:
                 break
             self._left = 0.0
         else:
             raise InputError(f"{mesh.name}: the slide got stuck after {self._frames} frames; try another seed")
         self._yaw = yaw
-        self._left -= np.linalg.norm(moved)
-        heading = moved - (moved @ normal[0]) * normal[0]
-        self._heading = heading / max(np.linalg.norm(heading), 1e-12)
-        self._position = ahead[0]
+        self._left -= ahead.moved
+        self._heading, self._position = ahead.heading, ahead.point
         self._frames += 1
         return pose
 
@@ -122,11 +107,10 @@ class _Walk:
             order = np.argsort(normals @ last[:3, 2], kind="stable")
             yaws = _yaws(normals, last[:3, :3], leap.angle)
         for k in order:
-            pose, reachable = _place(
-                self._reachability, goals[k : k + 1], normals[k : k + 1], yaws[k], np.zeros(2), self._depth
-            )
+            pose, reachable = place(self._reachability, goals[k], normals[k], yaws[k], np.zeros(2), self._grip.depth)
             if reachable:
-                self._position, self._yaw, self._tilt, self._left = goals[k], yaws[k], np.zeros(2), 0.0
+                self._position, self._yaw, self._left = goals[k], yaws[k], 0.0
+                self._grip.tilt = np.zeros(2)
                 self._frames += 1
                 return pose
         raise InputError(f"{self._mesh.name}: no reachable place {1e3 * leap.distance:.0f} mm away; try another seed")
@@ -153,20 +137,3 @@ def measure_poses(
     """Poses as a noisy tracker sees them: independent N(0, sigma_t m), N(0, sigma_r rad) per axis (paper section 5)."""
     noise = rng.standard_normal((len(poses), 6)) * np.repeat([sigma_t, sigma_r], 3)
     return poses @ se3.exp(noise)
-
-
-def _place(reachability, point, normal, yaw, tilt, depth):
-    angle, azimuth = np.linalg.norm(tilt), np.arctan2(tilt[1], tilt[0])
-    as_array = [np.array([value]) for value in (yaw, angle, azimuth, depth)]
-    poses, reachable = reachability.settle(pose_from_contact(point, normal, *as_array), as_array[3])
-    return poses[0], bool(reachable[0])
-
-
-def _random_tangent(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    direction = rng.standard_normal(3)
-    direction -= (direction @ normal) * normal
-    return direction / np.linalg.norm(direction)
-
-
-def _reflect(value: float, low: float, high: float) -> float:
-    return low + abs(value - low) if value < high else high - (value - high)

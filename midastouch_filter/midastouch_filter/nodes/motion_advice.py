@@ -1,0 +1,177 @@
+"""Where to touch next: the service and the action `suggest_motion`, and the topic `suggestions` that shows both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.node import Node
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_msgs import action
+from midastouch_msgs.msg import Suggestion as SuggestionMsg
+from midastouch_msgs.srv import SuggestMotion
+from midastouch_perception.errors import InputError
+from midastouch_perception.ros import qos
+from midastouch_perception.ros.conversions import poses_to_msgs, stamp_from_ns
+from midastouch_perception.ros.parameters import Parameters
+
+from ..localiser import Localiser
+from ..state import CONVERGED, NO_CONTACT
+from ..suggestion import Advice, Suggestion, Wanted
+from . import markers
+
+_INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
+_LONGEST = 2.0  # m; no object is larger
+
+
+class MotionAdvice:
+    """Answers for a node's localiser, None while the node is not active.
+
+    A goal of the action is not executed until it ends: what it waits for is the next touch, and an executor would ask
+    a coroutine that waits again and again. clock: seconds.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        localiser: Callable[[], Localiser | None],
+        parameters: Parameters,
+        clock: Callable[[], float],
+        stamp: Callable[[], int],
+    ):
+        self._node, self._localiser, self._parameters = node, localiser, parameters
+        self._clock, self._stamp = clock, stamp
+        self._goals: list[ServerGoalHandle] = []
+        self._last = -math.inf
+        self._shown = node.create_publisher(MarkerArray, "suggestions", qos.stream_publisher(parameters["queue_depth"]))
+        node.create_service(SuggestMotion, "suggest_motion", self._on_service)
+        self._server = ActionServer(
+            node,
+            action.SuggestMotion,
+            "suggest_motion",
+            execute_callback=lambda goal: None,  # `_end` names another one
+            handle_accepted_callback=self._on_goal,
+            cancel_callback=self._on_cancel,
+        )
+
+    def close(self) -> None:
+        """Take the action away: the node is destroyed, and nobody would execute the end of a goal."""
+        self._goals = []
+        self._server.destroy()
+
+    def stop(self, reason: str) -> None:
+        """End all goals: the node stops being active."""
+        for goal in self._goals:
+            self._end(goal, False, reason)
+
+    def changed(self, stamp: int) -> None:
+        """A frame of `stamp` [ns] was answered: tell whoever follows, and end what has come to its end."""
+        rate, now = self._parameters["suggestion_rate"], self._clock()
+        if not self._converged() and rate > 0 and now - self._last < 1.0 / rate:
+            return
+        self._last = now
+        for goal in self._goals:
+            self._answer(goal, stamp)
+
+    def _converged(self) -> bool:
+        return self._localiser().estimate.status.state == CONVERGED
+
+    # --- the service
+
+    def _on_service(self, request: SuggestMotion.Request, response: SuggestMotion.Response) -> SuggestMotion.Response:
+        try:
+            advice = self._advise(self._wanted(request))
+        except InputError as error:
+            response.message = str(error)
+            return response
+        response.success, response.message = True, advice.message
+        response.indistinguishable, response.suggestions = advice.indistinguishable, self._told(advice, self._stamp())
+        return response
+
+    # --- the action
+
+    def _on_goal(self, goal: ServerGoalHandle) -> None:
+        self._goals.append(goal)
+        try:
+            self._advise(self._wanted(goal.request))
+        except InputError as error:
+            self._end(goal, False, str(error))
+            return
+        self._answer(goal, self._stamp())
+
+    def _on_cancel(self, goal: ServerGoalHandle) -> CancelResponse:
+        # it is being cancelled only once this has returned
+        self._node.executor.create_task(lambda: self._end(goal, False, "cancelled"))
+        return CancelResponse.ACCEPT
+
+    def _answer(self, goal: ServerGoalHandle, stamp: int) -> None:
+        try:
+            advice = self._advise(self._wanted(goal.request))
+        except InputError:  # lifted on the way: the next touch is waited for
+            return
+        header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
+        goal.publish_feedback(action.SuggestMotion.Feedback(header=header, suggestions=self._told(advice, stamp)))
+        if advice.indistinguishable or self._converged():
+            self._end(goal, True, advice.message, advice.indistinguishable)
+
+    def _end(self, goal: ServerGoalHandle, success: bool, message: str, indistinguishable: bool = False) -> None:
+        if goal not in self._goals:
+            return
+        self._goals = [each for each in self._goals if each is not goal]
+
+        def finish(goal: ServerGoalHandle) -> action.SuggestMotion.Result:
+            if goal.is_cancel_requested:
+                goal.canceled()
+            elif success:
+                goal.succeed()
+            else:
+                goal.abort()
+            return action.SuggestMotion.Result(success=success, message=message, indistinguishable=indistinguishable)
+
+        goal.execute(finish)
+
+    # --- both
+
+    def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
+        """InputError on a request that nobody can mean."""
+        length = request.max_length or self._parameters["suggestion_length"]
+        if not 0 <= length <= _LONGEST:
+            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST:g} m; 0 is the default")
+        return Wanted(length or None, request.lifts, request.count or self._parameters["suggestion_count"])
+
+    def _advise(self, wanted: Wanted) -> Advice:
+        """InputError saying why there is none."""
+        localiser = self._localiser()
+        if localiser is None:
+            raise InputError(_INACTIVE)
+        if localiser.filter is None:
+            raise InputError(localiser.waiting_for)
+        estimate = localiser.estimate
+        if estimate is None or not estimate.modes:
+            raise InputError("nothing was felt yet: touch the object first")
+        if estimate.status.state == NO_CONTACT:
+            raise InputError("the sensor touches nothing: touch the object first")
+        if estimate.status.state == CONVERGED:
+            return Advice([], False, f"nothing is left to find out: {estimate.status.reason}")
+        return localiser.advise(wanted)
+
+    def _told(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
+        header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
+        self._shown.publish(markers.suggested(advice.suggestions, header))
+        return [_to_msg(each) for each in advice.suggestions]
+
+
+def _to_msg(suggestion: Suggestion) -> SuggestionMsg:
+    return SuggestionMsg(
+        heading=suggestion.heading,
+        length=suggestion.length,
+        lift=suggestion.lift,
+        information=suggestion.information,
+        cost=suggestion.cost,
+        reason=suggestion.reason,
+        path=poses_to_msgs(suggestion.path),
+    )

@@ -1,0 +1,169 @@
+"""Service and action `suggest_motion` of the node."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from action_msgs.msg import GoalStatus
+from filter_bench import OBJECT, T_BASE_OBJ, Bench
+from filter_fakes import SECOND, all_finite, translation
+from rclpy.action import ActionClient
+from visualization_msgs.msg import Marker, MarkerArray
+
+from midastouch_msgs import action
+from midastouch_msgs.srv import SuggestMotion
+from midastouch_perception.message_arrays import stamp_ns
+
+pytestmark = pytest.mark.dds
+
+
+def ask(graph, **wanted) -> SuggestMotion.Response:
+    return graph.call(SuggestMotion, "suggest_motion", SuggestMotion.Request(**wanted))
+
+
+class Follower:
+    """Asks the action, and keeps what it hears."""
+
+    def __init__(self, graph, **wanted):
+        self.graph, self.feedback = graph, []
+        client = ActionClient(graph.companion, action.SuggestMotion, "suggest_motion")
+        graph.spin_until(client.server_is_ready, "the action")
+        asked = client.send_goal_async(
+            action.SuggestMotion.Goal(**wanted), lambda message: self.feedback.append(message.feedback)
+        )
+        graph.spin_until(asked.done, "the goal's acceptance")
+        self.goal = asked.result()
+        self._result = self.goal.get_result_async()
+
+    @property
+    def ended(self) -> bool:
+        return self._result.done()
+
+    def result(self):
+        """Status and result of the goal, once it has ended."""
+        self.graph.spin_until(self._result.done, "the end of the goal")
+        return self._result.result().status, self._result.result().result
+
+
+def test_suggestions_come_as_they_were_made(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(SECOND, T_BASE_OBJ)
+    shown = graph.listen(MarkerArray, "suggestions")
+    answer = ask(graph, max_length=0.1, lifts=True, count=2)
+    assert (answer.success, answer.message, answer.indistinguishable) == (True, "two places compete", False)
+    wanted = bench.filter.wanted[-1]
+    assert (wanted.max_length, wanted.lifts, wanted.count) == (0.1, True, 2)
+    slide, lift = answer.suggestions
+    assert (slide.heading, slide.length, slide.lift, slide.information, slide.cost) == (0.5, 0.02, False, 0.6, 0.02)
+    assert [pose.position.x for pose in slide.path] == [0.0, 0.01, 0.02]
+    assert lift.lift
+    assert len(lift.path) == 2
+    graph.spin_until(lambda: shown, "the arrows")
+    assert all_finite(shown[0])
+    assert {marker.text for marker in shown[0].markers} == {"", slide.reason, lift.reason}
+    assert [m.action for m in shown[0].markers[:2]] == [Marker.DELETEALL] * 2
+
+
+def test_parameters_stand_for_what_is_not_said(graph):
+    bench = Bench(graph, **OBJECT, suggestion_length=0.07, suggestion_count=1)
+    bench.frame(SECOND, T_BASE_OBJ)
+    assert len(ask(graph).suggestions) == 1
+    assert bench.filter.wanted[-1].max_length == 0.07
+
+
+def test_who_asks_too_early_hears_why(graph):
+    Bench(graph)
+    refused = ask(graph)
+    assert not refused.success
+    assert "set_object" in refused.message
+    assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
+
+
+def test_convergence_is_told_however_slow_the_answers(graph):
+    bench = Bench(graph, **OBJECT, suggestion_rate=0.001)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph)
+    bench.filter.state = "converged"
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.02))
+    assert follower.result()[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_before_a_touch_there_is_no_advice(graph):
+    bench = Bench(graph, **OBJECT)
+    assert "nothing was felt" in ask(graph).message
+    bench.filter.state = "no_contact"
+    bench.frame(SECOND, T_BASE_OBJ)
+    refused = ask(graph)
+    assert not refused.success
+    assert "touches nothing" in refused.message
+    status, result = Follower(graph).result()
+    assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert "touches nothing" in result.message
+
+
+@pytest.mark.parametrize("length", [-0.1, 3.0, math.nan, math.inf])
+def test_a_length_that_nobody_can_mean_is_refused(graph, length):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(SECOND, T_BASE_OBJ)
+    refused = ask(graph, max_length=length)
+    assert not refused.success
+    assert "max_length" in refused.message
+    assert not bench.filter.wanted
+
+
+def test_the_action_follows_the_belief_until_it_has_converged(graph):
+    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph, count=1)
+    graph.spin_until(lambda: follower.feedback, "what is suggested at once")
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
+    graph.spin_until(lambda: stamp_ns(follower.feedback[-1].header.stamp) == 2 * SECOND, "what follows from the touch")
+    assert follower.feedback[-1].header.frame_id == "object"
+    assert [each.length for each in follower.feedback[-1].suggestions] == [0.02]
+    assert not follower.ended
+    bench.filter.state = "converged"
+    bench.frame(3 * SECOND, T_BASE_OBJ @ translation(0.02))
+    status, result = follower.result()
+    assert (status, result.success, result.indistinguishable) == (GoalStatus.STATUS_SUCCEEDED, True, False)
+
+
+def test_the_action_ends_where_nothing_can_be_told_apart(graph):
+    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph)
+    bench.filter.alike = True
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
+    status, result = follower.result()
+    assert (status, result.success, result.indistinguishable) == (GoalStatus.STATUS_SUCCEEDED, True, True)
+
+
+def test_a_lift_on_the_way_does_not_end_the_action(graph):
+    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph)
+    bench.filter.state = "no_contact"
+    bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
+    bench.filter.state = "ambiguous"
+    bench.frame(3 * SECOND, T_BASE_OBJ @ translation(0.02))
+    graph.spin_until(lambda: stamp_ns(follower.feedback[-1].header.stamp) == 3 * SECOND, "the next suggestion")
+    assert not follower.ended
+
+
+def test_the_action_can_be_cancelled(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph)
+    cancelled = follower.goal.cancel_goal_async()
+    graph.spin_until(cancelled.done, "the answer to the cancellation")
+    assert follower.result()[0] == GoalStatus.STATUS_CANCELED
+
+
+def test_a_node_that_is_deactivated_ends_the_action(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(SECOND, T_BASE_OBJ)
+    follower = Follower(graph)
+    assert graph.change_state("particle_filter", "deactivate")
+    status, result = follower.result()
+    assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert "not active" in ask(graph).message
