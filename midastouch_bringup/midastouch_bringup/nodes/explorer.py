@@ -45,14 +45,14 @@ PARAMETERS = (
     Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
     Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
     Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
-    Parameter("patience", 60.0, "It gives up when nobody has answered for so long", "s", minimum=1.0, maximum=3600.0),
+    Parameter("patience", 120.0, "It gives up when nobody has answered for so long", "s", minimum=1.0, maximum=3600.0),
 )
 
 _IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
 _AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
 _SUGGESTION_S = 10.0  # patience with an answer that takes a tenth of a second
 _LAST_WORD_S = 2.0
-_SUGGESTIONS = 5  # asked for: the first ones may not be carried out
+_SUGGESTIONS = 24  # asked for: all that are offered
 
 
 class Explorer(PipelineNode):
@@ -169,7 +169,8 @@ class Explorer(PipelineNode):
             self._move(self._exploration.hopeless(response.message), "elsewhere, as nothing within reach would tell")
         else:
             self._exploration.accepted()
-            self._follow(response.suggestions)
+            # the best by metre are mere steps; each motion is awaited, so that one that tells much is worth its way
+            self._follow(sorted(response.suggestions, key=lambda each: -each.information))
 
     def _refused(self, why: str) -> None:
         self._diagnostics.problem("refused_suggestions", f"suggest_motion: {why}")

@@ -85,12 +85,16 @@ def test_it_explores_until_the_filter_knows(rig):
 def test_it_follows_suggestions_and_says_why(rig):
     def advise(response):
         response.success = True
-        response.suggestions = [Suggestion(heading=0.0, length=0.02, reason="the rim is there")]
+        response.suggestions = [
+            Suggestion(heading=1.0, length=0.005, information=0.1, reason="a step"),
+            Suggestion(heading=0.0, length=0.02, information=0.3, reason="the rim is there"),
+        ]
 
     rig.advise(advise)
     rig.until("exploring", "the rim is there")
     rig.graph.spin_until(lambda: len(rig.asked) >= 3, "it to ask again after each motion")
     assert rig.asked[0].lifts
+    assert not [one for one in rig.statuses if one.reason == "a step"]
     rig.state = "converged"
     assert rig.until("known").slides >= 2
 

@@ -1,6 +1,13 @@
 """An exploration at a small size: real nodes as processes, over DDS."""
 
+import fcntl
 import json
+import os
+import pty
+import re
+import struct
+import sys
+import termios
 
 import pytest
 import yaml
@@ -42,6 +49,26 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
         with Image.open(out / name) as picture:
             assert picture.width > 300
         assert name in (out / "index.html").read_text()
+
+
+def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path):
+    run, terminal = pty.fork()
+    if run == 0:  # in a terminal of its own, 150 columns wide
+        fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
+        os.execv(sys.executable, [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:2]])
+    shown, keys = "", [("exploring", "p"), ("paused", "q")]
+    while True:
+        try:
+            shown += os.read(terminal, 4096).decode(errors="replace")
+        except OSError:  # the run has ended
+            break
+        if keys and re.search(rf"{keys[0][0]} .* particles", shown):
+            os.write(terminal, keys.pop(0)[1].encode())
+    assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0, shown
+    assert "p: push the object" in shown
+    result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
+    assert result["by_hand"]
+    assert "ended by hand" in (tmp_path / "out" / "explore" / "index.html").read_text()
 
 
 def test_a_node_that_dies_ends_it(short, tmp_path, capsys):
