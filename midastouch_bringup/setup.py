@@ -55,6 +55,7 @@ setup(
             "all_in_one = midastouch_bringup.executables:all_in_one",
             "detection_prior = midastouch_bringup.executables:detection_prior",
             "digit_sim = midastouch_bringup.executables:digit_sim",
+            "explorer = midastouch_bringup.executables:explorer",
             "midastouch = midastouch_bringup.cli:main",
             "mount_tf = midastouch_bringup.executables:mount_tf",
             "recorder = midastouch_bringup.executables:recorder",

@@ -34,6 +34,10 @@ def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -
         from midastouch_bringup.nodes.digit_sim import DigitSim
 
         return DigitSim(**options)
+    if name == "explorer":
+        from midastouch_bringup.nodes.explorer import Explorer
+
+        return Explorer(**options)
     if name == "tdn":
         from midastouch_perception.nodes.tdn import TdnNode
 
@@ -82,7 +86,7 @@ def _needed(name: str, tmp_path: Path) -> dict:
     """Parameters without which the node does not start here."""
     if name == "digit_driver":
         return {"autostart": False}
-    if name == "digit_sim":
+    if name in ("digit_sim", "explorer"):
         return {"mesh": str(bundled_objects()["ball"])}
     if name == "ur_tf":
         return {"robot_ip": "the.arm"}

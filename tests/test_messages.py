@@ -13,6 +13,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_msgs import action
 from midastouch_msgs.msg import (
     ArmCalibration,
+    ExplorerStatus,
     FilterStatus,
     PoseMode,
     PoseModes,
@@ -58,6 +59,14 @@ FIELDS = {
         "skipped_counts": "sequence<uint64>",
         "stage_names": "sequence<string>",
         "stage_ms": "sequence<double>",
+    },
+    ExplorerStatus: {
+        "header": "std_msgs/Header",
+        "state": "string",
+        "reason": "string",
+        "path_length": "double",
+        "slides": "uint32",
+        "lifts": "uint32",
     },
     SetObject.Request: {"mesh_path": "string", "codebook_path": "string"},
     SetObject.Response: {"success": "boolean", "message": "string"},

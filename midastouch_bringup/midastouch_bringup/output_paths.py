@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+QUICK_POSES = 20_000
+"""Of a codebook: built within a minute on two cores."""
+
 
 def codebook_path(object_name: str) -> Path:
     """The codebook of an object, of `midastouch build-codebook`."""
@@ -16,3 +19,13 @@ def codebook_path(object_name: str) -> Path:
 def demo_slide(object_name: str) -> Path:
     """The slide over an object that `midastouch run demo` and the demo's launch file play."""
     return Path("out/slides") / object_name
+
+
+def quick_codebook(object_name: str) -> Path:
+    """A codebook of `QUICK_POSES` poses, kept by the commands that build one by the way."""
+    return Path("out/cache/codebooks") / f"{object_name}_{QUICK_POSES}.npz"
+
+
+def exploration() -> Path:
+    """Page and recording of `midastouch run explore`."""
+    return Path("out/explore")

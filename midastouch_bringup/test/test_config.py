@@ -15,13 +15,13 @@ def declared(node):
     return {one.name: one.default for one in TABLES[node]}
 
 
-@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml"])
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
 def test_keys_are_nodes_and_parameters_that_exist(name):
     for node, values in read_parameters(CONFIG / name).items():
         assert set(values) <= set(declared(node)), node
 
 
-@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml"])
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
 def test_types_are_those_declared(name):
     """rclpy refuses 1 where it declared 1.0."""
     for node, values in read_parameters(CONFIG / name).items():
@@ -31,14 +31,16 @@ def test_types_are_those_declared(name):
 
 def test_the_live_file_holds_defaults():
     nodes = read_parameters(CONFIG / "midastouch.yaml")
-    assert set(nodes) == set(TABLES) - {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior"}
+    elsewhere = {"calibrate", "replay", "recorder", "view", "mount_tf", "detection_prior", "explorer"}
+    assert set(nodes) == set(TABLES) - elsewhere
     for node, values in nodes.items():
         for parameter, value in values.items():
             assert value == declared(node)[parameter], f"{node}: {parameter}"
 
 
-def test_the_overlay_changes_something_and_drops_nothing():
-    live, overlay = read_parameters(CONFIG / "midastouch.yaml"), read_parameters(CONFIG / "replay.yaml")
+@pytest.mark.parametrize("name", ["replay.yaml", "explore.yaml"])
+def test_an_overlay_changes_something_and_drops_nothing(name):
+    live, overlay = read_parameters(CONFIG / "midastouch.yaml"), read_parameters(CONFIG / name)
     for node, values in overlay.items():
         defaults = declared(node)
         assert all(defaults[parameter] != value for parameter, value in values.items()), node
@@ -52,3 +54,7 @@ def test_the_overlay_changes_something_and_drops_nothing():
 def test_every_parameter_is_described(node):
     for one in TABLES[node]:
         assert len(one.description) > 3, one.name
+
+
+def test_finger_and_simulated_camera_have_one_time():
+    assert read_parameters(CONFIG / "explore.yaml")["digit_sim"]["fps"] == declared("explorer")["fps"]

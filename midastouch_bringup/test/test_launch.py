@@ -282,6 +282,28 @@ def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
 
 
 @pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize(
+    ("given", "mesh", "codebook"),
+    [
+        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_20000.npz"),
+        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_20000.npz"),
+        ({"mesh": "/data/cup.ply", "codebook": "/data/cup.npz"}, "/data/cup.ply", "/data/cup.npz"),
+    ],
+    ids=["bundled", "mesh", "codebook"],
+)
+def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
+    launched = Launched()
+    started = launched.carry_out("explore", use_rviz="false", **given)
+    assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
+    assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "explorer"}
+    own = {executable: parameters(kwargs)[f"/{executable}"] for (_, executable), kwargs in started.items()}
+    meshes = {Path(own[node]["mesh"]).name for node in ("digit_sim", "explorer", "particle_filter")}
+    assert meshes == {Path(mesh).name}
+    assert own["particle_filter"]["codebook"] == str(Path(codebook).resolve())
+    assert own["tdn"]["reliable"]
+
+
+@pytest.mark.usefixtures("stand_ins")
 def test_a_failed_preparation_ends_the_launch():
     (_, prepare) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
     context = types.SimpleNamespace(launch_configurations={"object": "handle_tool"}, is_shutdown=False)
@@ -388,8 +410,8 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
                 on_exit(ended(2), running)
     if name not in ("rviz", "demo"):
         for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
-            # not the replay, which would play twice, nor RViz, which the user has closed
-            again = executable not in ("replay", "rviz2")
+            # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
+            again = executable not in ("replay", "explorer", "rviz2")
             assert (kwargs.get("respawn", False), kwargs["on_exit"] is None) == (again, again)
 
 
@@ -479,7 +501,8 @@ def test_loads_with_the_real_launch(name):
 
 
 @pytest.mark.usefixtures("stand_ins")
-def test_the_demo_stays_on_this_machine():
-    (first, *_) = load("demo").args[0]
-    name, value = first.args
-    assert (name, value.kwargs["default_value"]) == ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+@pytest.mark.parametrize("name", ["demo", "explore"])
+def test_what_is_simulated_stays_on_this_machine(name):
+    (first, *_) = load(name).args[0]
+    variable, value = first.args
+    assert (variable, value.kwargs["default_value"]) == ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -34,6 +34,12 @@ class RunRecord:
     filter_ms: list[float]
     node_ms: dict[str, float]
 
+    def last(self, seconds: float) -> RunRecord:
+        """The end of it, so long."""
+        begin = next(i for i, one in enumerate(self.snapshots) if one.time >= self.snapshots[-1].time - seconds)
+        of_frames = (self.snapshots[begin:], self.n_particles[begin:], self.filter_ms[begin:])
+        return RunRecord(*of_frames, self.node_ms)
+
 
 def read_run(path: str | Path) -> RunRecord:
     """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.

@@ -38,6 +38,11 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
     }
 
 
+def is_found(error: dict) -> bool:
+    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right place."""
+    return error["trans_mm"] <= _FOUND_MM and error["rot_deg"] <= _FOUND_DEG
+
+
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     """Header and rows of the table of a result."""
     rows = [
@@ -49,9 +54,8 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
         for name, ms in result["stage_ms"].items()
         if ms > 0
     ]
-    closest = result["final"]["closest mode"]
-    found = closest["trans_mm"] <= _FOUND_MM and closest["rot_deg"] <= _FOUND_DEG
-    rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", "yes" if found else "no"])
+    found = "yes" if is_found(result["final"]["closest mode"]) else "no"
+    rows.append([f"found (closest mode within {_FOUND_MM} mm, {_FOUND_DEG} deg)", found])
     rows.append(["frames over DDS", f"{result['frames']} at {number(result['hz'])} Hz"])
     rows.append(["state", f"{result['state']}, {result['n_particles']} particles, {result['n_modes']} modes"])
     return [result["object"], ""], rows

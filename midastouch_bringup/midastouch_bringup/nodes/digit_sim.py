@@ -15,6 +15,8 @@ from midastouch_filter.nodes.resources import resolve
 from midastouch_filter.nodes.transform_source import TransformSource, Wait
 from midastouch_filter.transforms import SECOND, TransformError
 from midastouch_msgs.msg import TactileContact
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros import diagnostics, qos, spin
 from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
@@ -65,22 +67,25 @@ class DigitSim(ManagedNode):
         out = qos.stream_publisher()
         self._penetration = self.create_publisher(Image, "ground_truth/penetration", out)
         self._contact = self.create_publisher(TactileContact, "ground_truth/contact", out)
+        self.create_service(SetObject, "~/set_object", self._on_set_object)
         self._rate = diagnostics.Rate()
         self._transforms: TransformSource | None = None
         self.autostart()
 
     def configure(self) -> None:
         """Load the mesh and make the sensor."""
-        sensor = SensorModel.load(self.parameters["sensor_model"])
-        path = resolve(self.parameters["mesh"], "mesh")
-        self.say(f"loading the mesh {path}")
-        mesh, seed = ObjectMesh.load(path), self.parameters["seed"]
+        self._sensor = sensor = SensorModel.load(self.parameters["sensor_model"])
         if given := self.parameters["background"]:
-            background = read_background(resolve(given, "background"), sensor.height, sensor.width)
+            self._background = read_background(resolve(given, "background"), sensor.height, sensor.width)
         else:
-            background = no_contact_image(sensor, np.random.default_rng(seed))
-        self._digit = SimulatedDigit(mesh, sensor, background, seed)
+            self._background = no_contact_image(sensor, np.random.default_rng(self.parameters["seed"]))
+        self._digit = self._looking_at(self.parameters["mesh"])
         self._calibration = _calibration(sensor)
+
+    def _looking_at(self, mesh: str) -> SimulatedDigit:
+        path = resolve(mesh, "mesh")
+        self.say(f"loading the mesh {path}")
+        return SimulatedDigit(ObjectMesh.load(path), self._sensor, self._background, self.parameters["seed"])
 
     def unload(self) -> None:
         """Forget both."""
@@ -117,6 +122,20 @@ class DigitSim(ManagedNode):
             "transform_source": self._transforms.name,
         }
         return diagnostics.ERROR if self._lacks else diagnostics.OK, self._lacks, values
+
+    def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
+        """Another object is where the one before was; the sensor is the same."""
+        if not self.active:
+            response.message = "the node is not active; activate it (ros2 lifecycle set)"
+            return response
+        try:
+            self._digit = self._looking_at(request.mesh_path)
+        except InputError as error:
+            response.message = str(error)
+            return response
+        self._watch.restart()
+        response.success = True
+        return response
 
     def _look(self) -> None:
         """Take the image that is due, if one is."""

@@ -20,7 +20,7 @@ from ament_index_python.packages import get_package_share_directory
 from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
 
-from ..output_paths import codebook_path
+from ..output_paths import codebook_path, quick_codebook
 from ..processes.parameter_files import merged, read_parameters
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -79,7 +79,7 @@ ARGUMENTS = {
     ),
     "mesh": Argument(
         "Mesh of the object, metres: a path or package://...",
-        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh")),
+        sets=(("particle_filter", "mesh"), ("digit_sim", "mesh"), ("explorer", "mesh")),
     ),
     "codebook": Argument(
         "Codebook of that mesh; empty: a coarse one is built", sets=(("particle_filter", "codebook"),)
@@ -97,7 +97,11 @@ ARGUMENTS = {
         "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',', e.g. /right:right_digit_gel_frame",
         sets=(("particle_filter", "fingers"),),
     ),
-    "seed": Argument("Seed of the filter", sets=(("particle_filter", "seed"),), kind=int),
+    "seed": Argument(
+        "Seed of the filter; in an exploration also of sensor and finger",
+        sets=(("particle_filter", "seed"), ("digit_sim", "seed"), ("explorer", "seed")),
+        kind=int,
+    ),
     # arm
     "arm": Argument(
         "Where TF of the arm comes from: already running, the UR ROS driver started here, or ur_tf over RTDE",
@@ -168,7 +172,8 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
         found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
-        overrides["digit_sim"].setdefault("mesh", bundled_mesh(given["object"]))
+        for node in ("digit_sim", "explorer"):
+            overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("objects"):
         objects = ",".join(map(_named, given["objects"].split(",")))
         # what else names an object then is the one that digit_sim simulates
@@ -176,12 +181,13 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("bag") and not given.get("background"):
         overrides["tdn"] |= _background_of(Path(given["bag"]))
     if given.get("tf_prefix"):
-        overrides["particle_filter"]["base_frame_id"] = f"{given['tf_prefix']}base_link"
+        for node in ("particle_filter", "explorer"):
+            overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
     if prefix := given.get("sensor_prefix"):
         for node in ("digit_driver", "digit_sim"):
             overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
-        for node in ("digit_sim", "tdn", "particle_filter"):
-            overrides[node]["sensor_frame_id"] = f"{prefix}digit_gel_frame"
+        for node in ("digit_sim", "tdn", "particle_filter", "explorer"):
+            overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
     nodes = merged([*files, overrides])
     _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))
     return nodes
@@ -204,6 +210,12 @@ def _named(one: str) -> str:
         return name
     codebook = codebook_path(name).resolve()
     return str(codebook) if codebook.is_file() else bundled_mesh(name)
+
+
+def explored(given: Mapping[str, str]) -> dict[str, str]:
+    """Mesh and codebook of an exploration: what is given, else those of the bundled object."""
+    mesh = given["mesh"] or bundled_mesh(given["object"])
+    return {"mesh": mesh, "codebook": given["codebook"] or str(quick_codebook(Path(mesh).stem).resolve())}
 
 
 def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:

@@ -12,12 +12,13 @@ from pathlib import Path
 import launch.logging
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, LogInfo, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import Command, EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
+from launch_ros.substitutions import ExecutableInPackage
 
 from midastouch_perception.errors import InputError
 
@@ -76,6 +77,26 @@ def start(setup: str, **arguments: str) -> list[LaunchDescriptionEntity]:
     return [
         include(part, **arguments) if isinstance(part, Include) else _processes(part) for part in SETUPS[setup].parts
     ]
+
+
+def start_prepared(setup: str, made: Callable[[Mapping[str, str]], Mapping[str, str]]) -> OpaqueFunction:
+    """As `start`, once `midastouch run SETUP --prepare` has made what is missing; `made` names it as arguments."""
+
+    def prepare_and_start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+        given, failed = context.launch_configurations, ends_the_launch()
+        about = [f"{name}:={given[name]}" for name in ("object", "mesh", "codebook") if given.get(name)]
+
+        def go_on(event: ProcessExited, context: LaunchContext) -> object:
+            # a lifecycle node that is launched once the shutdown has begun keeps launch from ending
+            if event.returncode != 0 or context.is_shutdown:
+                return failed(event, context)
+            return start(setup, **made(given))
+
+        # a process of its own: the libraries for it may be missing in the Python of launch
+        midastouch = ExecutableInPackage("midastouch", "midastouch_bringup")
+        return [ExecuteProcess(cmd=[midastouch, "run", setup, *about, "--prepare"], output="screen", on_exit=go_on)]
+
+    return OpaqueFunction(function=prepare_and_start)
 
 
 def include(part: Include, **arguments: str) -> IncludeLaunchDescription:

@@ -9,12 +9,13 @@ from pathlib import Path
 
 from midastouch_perception.errors import InputError
 
-from ..output_paths import demo_slide
+from ..output_paths import demo_slide, exploration
 from ..processes.back_off import BackOff
 from ..processes.foreground import run_in_foreground
+from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
 from ..processes.program import Program, node_program
-from .launch_arguments import ARGUMENTS, bundled_mesh, parameters
+from .launch_arguments import ARGUMENTS, bundled_mesh, explored, parameters
 from .setups import SETUPS, executables
 
 
@@ -27,6 +28,8 @@ def run_setup(name: str, words: Sequence[str]) -> int:
     given = values(name, words)
     environment = dict(os.environ)
     prepare(name, given)
+    if name == "explore":
+        return _explore(given)
     if name == "demo":
         given["bag"] = str(demo_slide(given["object"]))
         # nobody else on the network sees the demo's nodes, unless the user has said so
@@ -38,13 +41,31 @@ def run_setup(name: str, words: Sequence[str]) -> int:
         return run_in_foreground(_programs(name, given, path), environment, respawn)
 
 
+def _explore(given: dict[str, str]) -> int:
+    """The exploration, recorded, with a person's keys, and its page."""
+    from .explore import run_exploration
+
+    if given["namespace"]:
+        raise InputError("namespace: midastouch run explore draws without one; ros2 launch takes it")
+    given |= explored(given)
+    out = exploration()
+    out.mkdir(parents=True, exist_ok=True)
+    nodes, path = parameters(given), out / "parameters.yaml"
+    path.write_text(written(nodes, ""))
+    return run_exploration(_programs("explore", given, path), nodes, out, own_domain())
+
+
 def prepare(name: str, given: Mapping[str, str]) -> None:
-    """Make what a set-up still lacks in the present folder; only `demo` needs anything."""
+    """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything."""
+    # here: `--show-args` does without the libraries behind it
     if name == "demo":
-        # here: `--show-args` does without the libraries behind it
         from ..demo import preparation
 
         preparation.prepare(given["object"], bundled_mesh(given["object"]))
+    elif name == "explore" and not given["codebook"]:
+        from ..explore import preparation
+
+        preparation.prepare(**explored(given))
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:

@@ -117,6 +117,18 @@ SETUPS = {
         ),
         _OF_RECORDINGS,
     ),
+    "explore": Setup(
+        "a simulated finger that explores an object by itself until the filter knows where it is",
+        tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop")),
+        (
+            Include("digit_sim"),
+            Include("localization"),
+            Include("rviz", when=("use_rviz", "true")),
+            Executable("midastouch_bringup", "explorer", ends=True),
+        ),
+        # a beginning from which it knows soon; from others it may give up
+        {"object": "handle_tool", "seed": "1", "params_overlay": str(SHARE / "config" / "explore.yaml")},
+    ),
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",
         tuple(name for name in _RECORDING if name != "bag"),

@@ -14,6 +14,7 @@ from digit_driver.nodes.image_publisher import IMAGE_QOS
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_bringup.nodes.digit_sim import DigitSim
 from midastouch_msgs.msg import TactileContact
+from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.message_arrays import ENCODINGS, rgb_from_msg, stamp_ns
@@ -193,6 +194,21 @@ def test_a_mesh_is_mended_and_configured_again(graph):
     assert graph.change_state("digit_sim", "activate")
     assert graph.change_state("digit_sim", "deactivate")
     assert graph.change_state("digit_sim", "cleanup")
+
+
+def test_another_object_is_put_in_the_place_of_the_first(graph, engine):
+    contacts = graph.listen(TactileContact, "ground_truth/contact")
+    engine.place(above(-1e-3))
+    graph.spin_until(lambda: contacts, "the ball to be felt")
+    eyebolt = str(bundled_objects()["eyebolt"])
+    assert not graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path="/nowhere.ply")).success
+    assert graph.call(SetObject, "digit_sim/set_object", SetObject.Request(mesh_path=eyebolt)).success
+    for _ in range(2):  # the first may still have been taken of the ball
+        wanted = len(contacts) + 1
+        engine.place(above(-1e-3), PERIOD)
+        graph.spin_until(lambda wanted=wanted: len(contacts) >= wanted, "another image")
+    # the eyebolt does not reach so far up
+    assert [contacts[0].in_contact, contacts[-1].in_contact] == [True, False]
 
 
 def test_over_dds_the_depth_network_feels_what_the_simulator_says_is_there(graph, tmp_path):

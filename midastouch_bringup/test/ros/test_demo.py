@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from midastouch_bringup import cli
-from midastouch_bringup.demo import page
+from midastouch_bringup.report import run_pictures
 from midastouch_bringup.ros import demo
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
@@ -21,7 +21,7 @@ def small(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(demo, "CODEBOOK_SIZES", (400, 400))
     monkeypatch.setattr(demo, "SLIDE_LENGTH", 0.015)
-    monkeypatch.setattr(page, "GIF_FRAMES", 3)
+    monkeypatch.setattr(run_pictures, "GIF_FRAMES", 3)
 
 
 def test_the_demo_leaves_a_table_a_bag_and_pictures(tmp_path, capsys):

@@ -11,7 +11,8 @@ import yaml
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.demo import preparation
-from midastouch_bringup.ros import run
+from midastouch_bringup.explore import preparation as explore_preparation
+from midastouch_bringup.ros import explore, run
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
 from midastouch_bringup.ros.setups import SETUPS
@@ -116,6 +117,46 @@ def test_a_failed_preparation_ends_the_demo(supervised, monkeypatch):
     with pytest.raises(InputError, match="sofa: not bundled"):
         run_setup("demo", ["object:=sofa"])
     assert supervised == {}
+
+
+@pytest.fixture
+def explored(monkeypatch, tmp_path):
+    """What would be explored: codebooks built, programs and parameters."""
+    seen = {"built": []}
+
+    def run_exploration(programs, parameters, out, domain):
+        seen.update(names=[p.name for p in programs], parameters=parameters, out=out, domain=domain)
+        return 7
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(explore, "run_exploration", run_exploration)
+    monkeypatch.setattr(explore_preparation, "prepare", lambda mesh, codebook: seen["built"].append((mesh, codebook)))
+    monkeypatch.setattr("midastouch_bringup.processes.program.find_executable", lambda name: f"/bin/{name}")
+    return seen
+
+
+def test_an_exploration_is_prepared_and_has_one_object_and_seed(explored, tmp_path):
+    assert run_setup("explore", ["object:=ball", "seed:=4"]) == 7
+    ((mesh, codebook),) = explored["built"]
+    assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_20000.npz")
+    nodes = explored["parameters"]
+    assert {nodes[node]["mesh"] for node in ("digit_sim", "explorer", "particle_filter")} == {mesh}
+    assert {nodes[node]["seed"] for node in ("digit_sim", "explorer", "particle_filter")} == {4}
+    assert nodes["particle_filter"]["codebook"] == codebook
+    assert explored["names"] == ["digit_sim", "tdn", "tcn", "particle_filter", "explorer"]
+    assert explored["domain"] == int(os.environ["ROS_DOMAIN_ID"])
+
+
+def test_a_codebook_that_is_given_is_not_built(explored):
+    run_setup("explore", ["mesh:=cup.ply", "codebook:=cup.npz"])
+    assert explored["built"] == []
+    assert explored["parameters"]["particle_filter"]["codebook"] == "cup.npz"
+
+
+def test_an_exploration_has_no_namespace_as_its_page_has_none(explored):
+    with pytest.raises(InputError, match="namespace"):
+        run_setup("explore", ["namespace:=left"])
+    assert "names" not in explored
 
 
 @pytest.mark.dds

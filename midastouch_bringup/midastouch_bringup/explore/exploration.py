@@ -1,0 +1,125 @@
+"""What the exploring finger does next, and when it is over."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .world import World
+
+_TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
+_LEAPS = 0.25  # share of the motions at random: slides alone stay for long where they began
+_PATIENCE = 3  # motions that feel nothing, refused or hopeless suggestions: so many in a row are too many
+_SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
+_SHARES = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
+
+Poses = Iterator[np.ndarray]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A slide, or with `lift` a leap, in direction `heading` [rad] of the gel's plane, over `length` [m]."""
+
+    heading: float
+    length: float
+    lift: bool = False
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How an exploration ended: whether the place is `known`, and why in words."""
+
+    known: bool
+    words: str
+
+
+class Exploration:
+    """Moves the finger of a world; its motions yield poses T_obj_gel (4, 4), one per image.
+
+    Attributes: path [m] on the surface; slides and lifts, how many; verdict, once it is over.
+    Args: max_path [m], after which it gives up.
+    """
+
+    def __init__(self, world: World, rng: np.random.Generator, max_path: float):
+        self.world, self._rng, self._max_path = world, rng, max_path
+        self.restart()
+
+    def restart(self) -> None:
+        """From the beginning, as after a change of the object."""
+        self.path, self.slides, self.lifts = 0.0, 0, 0
+        self.verdict: Verdict | None = None
+        self._unfelt = self._refused = self._hopeless = self._sure = 0
+
+    def touch(self) -> Poses:
+        """Down onto the surface."""
+        if not (yield from self._carry_out(Motion(0.0, 0.0, lift=True))):
+            self.verdict = Verdict(False, f"the finger does not reach {self.world.mesh.name} below it")
+
+    def go(self, suggested: Sequence[Motion]) -> Poses:
+        """The first of these motions that can be carried out; without one of them one at random."""
+        slides = [self.random_slide() for _ in range(_TRIES)]
+        leaps = [self.random_leap() for _ in range(_TRIES)]
+        at_random = [*leaps, *slides] if self._rng.random() < _LEAPS else [*slides, *leaps]
+        for motion in [*suggested, *at_random]:
+            if (yield from self._carry_out(motion)):
+                return
+        name = self.world.mesh.name
+        self.verdict = Verdict(False, f"the finger is stuck: it can neither slide on nor lift over {name}")
+
+    def random_slide(self) -> Motion:
+        """Somewhere, straight on."""
+        length = self.world.mesh.diagonal * self._rng.uniform(*_SHARES)
+        return Motion(self._rng.uniform(0, 2 * np.pi), length)
+
+    def random_leap(self) -> Motion:
+        """Somewhere else, up to half of the object away."""
+        slide = self.random_slide()
+        return Motion(slide.heading, 2 * slide.length, lift=True)
+
+    def judge(self, state: str, felt: bool) -> None:
+        """Look at the filter's state after a motion, and whether it has `felt` what the finger touches."""
+        self._unfelt = 0 if felt or not self.world.finger.touching else self._unfelt + 1
+        self._sure = self._sure + 1 if state == "converged" else 0
+        if self._sure >= _SURE:
+            self.verdict = Verdict(True, "the filter knows the place")
+        elif self._unfelt >= _PATIENCE:
+            words = f"the filter has felt nothing for {_PATIENCE} motions: has it the simulator's images and object?"
+            self.verdict = Verdict(False, words)
+        elif self.path > self._max_path:
+            self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m")
+
+    def refused(self, why: str) -> None:
+        """There is no suggestion, for this reason."""
+        self._refused += 1
+        if self._refused >= _PATIENCE:
+            self.verdict = Verdict(False, f"no suggestion where to touch next: {why}")
+
+    def hopeless(self, why: str) -> Sequence[Motion]:
+        """Nothing within reach tells the places apart, for this reason. Motions to where something else is in reach."""
+        self._hopeless += 1
+        if self._hopeless >= _PATIENCE:
+            self.verdict = Verdict(False, f"nothing tells the places apart: {why}")
+        return [self.random_leap() for _ in range(_TRIES)]
+
+    def accepted(self) -> None:
+        """There are suggestions again."""
+        self._refused = self._hopeless = 0
+
+    def obey(self, motion: Motion) -> Poses:
+        """This very motion, as far as it can be carried out."""
+        yield from self._carry_out(motion)
+
+    def _carry_out(self, motion: Motion) -> Generator[np.ndarray, None, bool]:
+        """Whether it went anywhere."""
+        finger, went = self.world.finger, False
+        last = finger.pose[:3, 3]
+        for pose in (finger.leap if motion.lift else finger.slide)(motion.heading, motion.length):
+            if not motion.lift:
+                self.path += float(np.linalg.norm(pose[:3, 3] - last))
+            last, went = pose[:3, 3], True
+            yield pose
+        self.lifts += went and motion.lift
+        self.slides += went and not motion.lift
+        return went

@@ -1,0 +1,22 @@
+"""The page of an exploration: table, animation and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+from ..report.page import Page
+from ..report.run_pictures import add_run
+from ..report.snapshot import Snapshot
+from .result import result_rows
+
+
+def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
+    """Draw the frames of a run into the folder `out`; returns its `index.html`."""
+    page = Page(f"A finger explores: {mesh.name}")
+    page.table(*result_rows(result))
+    add_run(page, run, mesh, codebook, out)
+    page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
+    return page.write(out / "index.html")

@@ -1,0 +1,60 @@
+"""What an exploration came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..bags.run_record import RunRecord
+from ..demo.result import demo_result, is_found
+from ..demo.result import result_rows as rows_of_run
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How it ended: the explorer's state and reason, way on the surface [m], motions; whether a person ended it."""
+
+    state: str
+    reason: str
+    path_length: float
+    slides: int
+    lifts: int
+    by_hand: bool = False
+
+    @staticmethod
+    def of(status: Any, by_hand: bool = False) -> Ended:
+        """From an `ExplorerStatus`."""
+        fields = (status.state, status.reason, status.path_length, status.slides, status.lifts)
+        return Ended(*fields, by_hand=by_hand)
+
+
+def exploration_result(record: RunRecord, object_name: str, ended: Ended, answering: float, seconds: float) -> dict:
+    """The content of `result.json`; seconds: of the whole run, from the start of the nodes on, and of these from the
+    first answer to the last."""
+    result = demo_result(record, object_name, answering)
+    right = result["state"] == "converged" and is_found(result["final"]["published pose"])
+    return {
+        "right": right,
+        "ended": ended.state,
+        "reason": ended.reason,
+        "by_hand": ended.by_hand,
+        "path_m": ended.path_length,
+        "slides": ended.slides,
+        "lifts": ended.lifts,
+        "seconds": seconds,
+        **result,
+    }
+
+
+def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
+    """Header and rows of the table of a result."""
+    header, rows = rows_of_run(result)
+    motions = f"{result['slides']} slides, {result['lifts']} lifts"
+    ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
+    own = [
+        ["exploration", ended],
+        ["says that it knows, and is right", "yes" if result["right"] else "no"],
+        ["way on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
+        ["time from the start of the nodes", f"{result['seconds']:.0f} s"],
+    ]
+    return header, own + rows

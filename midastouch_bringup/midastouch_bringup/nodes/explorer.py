@@ -1,0 +1,273 @@
+"""Node `explorer`: a simulated arm whose finger explores an object until the filter knows the place."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.task import Future
+from std_msgs.msg import Header
+
+from midastouch_filter.nodes.resources import resolve
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_msgs.srv import SetObject, SuggestMotion
+from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
+from midastouch_perception.ros import diagnostics, qos, spin
+from midastouch_perception.ros.conversions import stamp_from_ns
+from midastouch_perception.ros.node import PipelineNode
+from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.sensor_model import SensorModel
+
+from ..bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
+from ..explore.exploration import Exploration, Motion, Poses
+from ..explore.world import World
+from .explorer_control import ExplorerControl, Order, motion_of
+from .finger_tf import FingerTf
+from .object_change import ObjectChange
+
+PARAMETERS = (
+    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
+    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of digit_sim"),
+    Parameter("seed", 0, "Of where the finger begins, and of its motions", minimum=0, maximum=2**31 - 1),
+    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
+    Parameter("speed", 0.05, "Of the finger on the surface", "m/s", minimum=1e-3, maximum=0.3),
+    Parameter(
+        "max_motion", 0.0, "Longest motion that is asked for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0
+    ),
+    Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
+    Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
+    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
+    Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
+    Parameter("patience", 120.0, "It gives up when nobody has answered for so long", "s", minimum=1.0, maximum=3600.0),
+)
+
+_IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
+_AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
+_SUGGESTION_S = 10.0  # patience with an answer that takes a tenth of a second
+_LAST_WORD_S = 2.0
+_SUGGESTIONS = 24  # asked for: all that are offered
+
+
+class Explorer(PipelineNode):
+    """Moves a simulated finger, one image's time after the other, as fast as the filter follows.
+
+    It asks `suggest_motion` where to touch next, and moves at random while nobody offers that. `on_end` is called once
+    the exploration is over; `gave_up` is set if it ended without knowing the place. A person who calls one of its
+    services has the finger from then on, until `~/resume`.
+    """
+
+    def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
+        super().__init__("explorer", **kwargs)
+        settings = self._settings = Parameters(self, PARAMETERS)
+        rng = np.random.default_rng(settings["seed"])
+        sensor = SensorModel.load(settings["sensor_model"])
+        self._world = World(_load(settings["mesh"]), sensor, rng, settings["speed"] / settings["fps"])
+        self._exploration = Exploration(self._world, rng, settings["max_path"])
+
+        self._on_end, self.gave_up = on_end, False
+        self._state, self._reason = ExplorerStatus.STATE_WAITING, "for the filter to see that nothing touches"
+        self._heard_at = self._asked_at = time.monotonic()
+        self._filter_state, self._felt = "", False
+        self._poses: Poses | None = None
+        self._orders: deque[Order] = deque()
+        self._suggestions: Future | None = None
+
+        frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
+        self._tf = FingerTf(self, self._world, settings["fps"], frames)
+        self._status = self.create_publisher(ExplorerStatus, "~/status", qos.latched())
+        self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+        self._suggest = self.create_client(SuggestMotion, "suggest_motion")
+        self._change = ObjectChange(self, self._on_object_changed)
+        ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
+        self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._diagnostics = diagnostics.Diagnostics(self, self._describe)
+        self._tell()
+
+    # --- the next pose, once the filter has answered
+
+    def _look(self) -> None:
+        """Keep images coming while nothing moves, and an answer that does not come from being awaited for ever."""
+        now = time.monotonic()
+        if self._over:
+            return
+        if (silent := now - self._heard_at) > self._settings["patience"]:
+            whose = "of set_object" if self._change.pending else "on filter_status"
+            self._end(False, f"no answer {whose} for {silent:.0f} s: do digit_sim and the localisation run?")
+            return
+        at_rest = self._state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > _AT_REST_S
+        if at_rest and not self._change.pending:
+            self._tf.publish()
+        if self._suggestions is not None and now - self._asked_at > _SUGGESTION_S:
+            self._suggest.remove_pending_request(self._suggestions)
+            self._suggestions = None
+            self._refused(f"no answer of suggest_motion for {_SUGGESTION_S:g} s")
+
+    def _on_filter(self, status: FilterStatus) -> None:
+        ours = status.state != FilterStatus.STATE_WAITING and self._tf.answered(stamp_ns(status.header.stamp))
+        if not ours or self._over:
+            return
+        self._heard_at = time.monotonic()
+        touches = status.state != FilterStatus.STATE_NO_CONTACT
+        self._filter_state, self._felt = status.state, self._felt or touches
+        if self._state == ExplorerStatus.STATE_WAITING:
+            if touches:
+                return  # it has not seen yet what the sensor looks like untouched
+            self._say(ExplorerStatus.STATE_EXPLORING, "touching")
+            self._poses = self._exploration.touch()
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """The next poses, as far as the filter has followed; after the last one the next motion."""
+        if self._change.pending:
+            return
+        while self._poses is not None and len(self._tf.awaited) < _IN_FLIGHT:
+            if next(self._poses, None) is None:
+                self._poses = None
+                self._tell()
+            else:
+                self._tf.publish()
+        if self._poses is None and self._suggestions is None and not self._tf.awaited:
+            self._decide()
+
+    # --- the next motion
+
+    def _decide(self) -> None:
+        if self._orders:
+            self._poses = self._orders.popleft()()
+            self._go_on()
+        elif self._state == ExplorerStatus.STATE_EXPLORING:
+            self._exploration.judge(self._filter_state, self._felt)
+            self._felt = False
+            if not self._ended() and self._suggest.service_is_ready():
+                self._ask()
+            elif not self._over:
+                self._follow([])
+
+    def _ask(self) -> None:
+        self._asked_at = time.monotonic()
+        longest = self._settings["max_motion"]
+        request = SuggestMotion.Request(max_length=longest, lifts=True, count=_SUGGESTIONS)
+        self._suggestions = self._suggest.call_async(request)
+        self._suggestions.add_done_callback(self._on_suggestions)
+
+    def _on_suggestions(self, future: Future) -> None:
+        if future is not self._suggestions or self._over:
+            return  # too late
+        self._suggestions, response = None, future.result()
+        if self._state != ExplorerStatus.STATE_EXPLORING:  # a person has the finger by now
+            self._go_on()
+        elif not response.success:
+            self._refused(response.message)
+        elif response.indistinguishable:
+            self._move(self._exploration.hopeless(response.message), "elsewhere, as nothing within reach would tell")
+        else:
+            self._exploration.accepted()
+            # the best by metre are mere steps; each motion is awaited, so that one that tells much is worth its way
+            self._follow(sorted(response.suggestions, key=lambda each: -each.information))
+
+    def _refused(self, why: str) -> None:
+        self._diagnostics.problem("refused_suggestions", f"suggest_motion: {why}")
+        self._exploration.refused(why)
+        self._follow([])
+
+    def _follow(self, suggestions: Sequence[Suggestion]) -> None:
+        reason = suggestions[0].reason if suggestions else "somewhere, as nothing better is known"
+        self._move([motion_of(each) for each in suggestions], reason)
+
+    def _move(self, motions: Sequence[Motion], reason: str) -> None:
+        if self._ended():
+            return
+        self._say(self._state, reason)
+        self._poses = self._exploration.go(motions)
+        self._go_on()
+
+    # --- a person
+
+    def _take(self, order: Order | None, reason: str) -> str:
+        if self._over or self._state == ExplorerStatus.STATE_WAITING:
+            return f"not while {self._state}: {self._reason}"
+        if order is not None:
+            self._orders.append(order)
+        self._say(ExplorerStatus.STATE_PAUSED, reason)
+        self._go_on()
+        return ""
+
+    def _resume(self) -> None:
+        if self._state == ExplorerStatus.STATE_PAUSED:
+            self._say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
+            self._go_on()
+
+    def _exchange(self, request: SetObject.Request) -> Poses:
+        self._heard_at = time.monotonic()
+        self._change.begin(request)
+        return iter(())
+
+    def _on_object_changed(self, mesh_path: str, why_not: str) -> None:
+        """Explore the new object; or leave the finger to the person who wanted one."""
+        if why_not:
+            self._say(ExplorerStatus.STATE_PAUSED, f"the object was not changed: {why_not}")
+            return
+        try:
+            self._world.put(_load(mesh_path))
+        except InputError as error:
+            self._end(False, str(error))
+            return
+        self._exploration.restart()
+        self._poses = self._exploration.touch()
+        self._say(ExplorerStatus.STATE_EXPLORING, f"there is another object: {self._world.mesh.name}")
+        self._go_on()
+
+    # --- what it says
+
+    @property
+    def _over(self) -> bool:
+        return self._state in (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+
+    def _ended(self) -> bool:
+        """Whether the exploration has come to a verdict; it is told then."""
+        if (verdict := self._exploration.verdict) is not None:
+            self._end(verdict.known, verdict.words)
+        return verdict is not None
+
+    def _end(self, known: bool, words: str) -> None:
+        self._say(ExplorerStatus.STATE_KNOWN if known else ExplorerStatus.STATE_GAVE_UP, words)
+        self._status.wait_for_all_acked(Duration(seconds=_LAST_WORD_S))  # the process may end now
+        self.gave_up = not known
+        self._on_end()
+
+    def _say(self, state: str, reason: str) -> None:
+        self._state, self._reason = state, reason
+        self.get_logger().info(f"{state}: {reason}")
+        self._tell()
+
+    def _tell(self) -> None:
+        did = self._exploration
+        header = Header(stamp=stamp_from_ns(self._tf.stamp), frame_id=self._settings["base_frame_id"])
+        status = ExplorerStatus(header=header, state=self._state, reason=self._reason)
+        status.path_length, status.slides, status.lifts = did.path, did.slides, did.lifts
+        self._status.publish(status)
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        did, level = self._exploration, diagnostics.ERROR if self.gave_up else diagnostics.OK
+        values = {"path_m": f"{did.path:.3f}", "slides": did.slides, "lifts": did.lifts}
+        return level, f"{self._state}: {self._reason}", values
+
+
+def _load(mesh: str) -> ObjectMesh:
+    return ObjectMesh.load(resolve(mesh, "mesh"))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Entry point of the executable; exit code 1: the exploration ended without knowing the place."""
+    return spin.run(lambda: [Explorer(on_end=spin.stop)], args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,242 @@
+"""`midastouch run explore`: the nodes as processes, the run recorded, a person's keys carried on, and its page."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import numpy as np
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from midastouch_filter.nodes.resources import resolve
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.files import atomic_path
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.message_arrays import stamp_ns
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.ros import qos
+
+from ..bags.messages import IMAGE_TYPE, Topic
+from ..bags.run_record import PENETRATION, read_run
+from ..evaluation.result_file import write_json
+from ..evaluation.table import text_table
+from ..explore.page import write_page
+from ..explore.preparation import prepare
+from ..explore.result import Ended, exploration_result, result_rows
+from ..nodes.recorder import TOPICS, Recorder
+from ..output_paths import quick_codebook
+from ..processes.local_domain import LogFolder, local_environment
+from ..processes.program import Program
+from ..processes.supervisor import NodeFailed, Supervisor
+from ..progress import progress_bar
+from ..replay.keyboard import Keyboard
+from .launch_arguments import explored
+from .local_context import local_context
+
+KEYS_HELP = (
+    "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
+    "space: take over, or let it go on; q: end"
+)
+_NUDGE = 0.01  # m
+_HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
+_LAST_WORDS_S = 2.0  # of the explorer, still on their way when it has ended
+_ENDED = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+
+
+def run_exploration(programs: Sequence[Program], parameters: Mapping[str, dict], out: Path, domain: int) -> int:
+    """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
+
+    programs: the nodes, `explorer` among them; parameters: theirs, by node. domain: ROS_DOMAIN_ID, on this machine
+    alone. 0: the place is known and right, or a person has ended it; 1: not, or a node died.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    given = {name: parameters["particle_filter"][name] for name in ("mesh", "codebook")}
+    given["mesh"] = _path_of(given["mesh"])
+    bag, started = out / "run.mcap", time.monotonic()
+    print(f"a simulated finger explores '{Path(given['mesh']).stem}'")
+    print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
+    try:
+        with atomic_path(bag) as temporary:
+            seat = _explore(programs, given["mesh"], temporary, out / "log", domain)
+    except NodeFailed as error:
+        print(f"midastouch: error: {error}", file=sys.stderr)
+        return 1
+    seconds, record = time.monotonic() - started, read_run(bag)
+    if seat.mesh != given["mesh"]:  # a person has changed it: what came before was about another one
+        record = record.last(1e-9 * seat.since_change_ns)
+        given = explored({"mesh": seat.mesh, "codebook": ""})
+        prepare(**given)
+    mesh = ObjectMesh.load(given["mesh"])
+    result = exploration_result(record, mesh.name, seat.ended, seat.answering, seconds)
+    write_json(out / "result.json", result)
+    print(f"\n{text_table(*result_rows(result))}\n", flush=True)
+    page = write_page(record.snapshots, mesh, Codebook.load(given["codebook"], mesh), result, out)
+    print(f"pictures and table: {page}\nrecording: {bag}")
+    return 0 if result["right"] or seat.ended.by_hand else 1
+
+
+def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> _Seat:
+    """Returns who has seen how it ended."""
+    environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
+    nodes: list[Node] = []
+    with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
+        executor = SingleThreadedExecutor(context=context)
+        try:
+            nodes += [_recorder(bag, mesh, context), seat := _Seat(mesh, context)]
+            for node in nodes:
+                executor.add_node(node)
+            for program in programs:
+                supervisor.start(program)
+            with Keyboard(seat.keys()) as keyboard:
+                if keyboard.active:
+                    print(KEYS_HELP, flush=True)
+                _follow(executor, supervisor, seat)
+            return seat
+        finally:
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
+
+
+def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
+    topics = (
+        *TOPICS,
+        Topic(PENETRATION, IMAGE_TYPE),
+        Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
+    )
+    overrides = [Parameter("path", value=str(bag))]
+    return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
+
+
+def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, seat: _Seat) -> None:
+    """Spin until the exploration is over."""
+    try:
+        while seat.ended is None:
+            executor.spin_once(timeout_sec=0.1)
+            seat.carry_out_keys()
+            supervisor.look_after()
+    except NodeFailed:
+        # the explorer ends like that when it gives up
+        deadline = time.monotonic() + _LAST_WORDS_S
+        while seat.ended is None and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.1)
+        if seat.ended is None:
+            raise
+    # what the nodes had sent before may still be on its way to the recorder
+    quiet_until = time.monotonic() + 0.5
+    while time.monotonic() < quiet_until:
+        executor.spin_once(timeout_sec=0.05)
+
+
+class _Seat(Node):
+    """Where a person sits: sees how it goes, and has keys.
+
+    Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
+    that of the object; since_change_ns, how long it has been that, in the finger's time.
+    """
+
+    def __init__(self, mesh: str, context: rclpy.Context):
+        super().__init__("explore", context=context)
+        self.mesh, self._newest, self._changed = mesh, 0, 0
+        self.ended: Ended | None = None
+        self._first_at: float | None = None
+        self.answering = 0.0
+        self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self._explorer, self._filter, self._bar = ExplorerStatus(), "", progress_bar(unit="image")
+        self._move = self.create_publisher(Suggestion, "explorer/move", qos.COMMAND)
+        self._callable = {
+            name: self.create_client(Trigger, f"explorer/{name}") for name in ("pause", "resume", "push", "lift")
+        }
+        self._set_object = self.create_client(SetObject, "explorer/set_object")
+        self.create_subscription(MarkerArray, "object_mesh", self._on_mesh, qos.latched())
+        self.create_subscription(ExplorerStatus, "explorer/status", self._on_explorer, qos.latched())
+        self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+
+    def keys(self) -> dict[str, Callable[[], None]]:
+        """What the keys of `Keyboard` do; it is done by `carry_out_keys`."""
+        does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
+        does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
+        does |= {"o": self._change_object, " ": self._turn_over, "q": self._quit}
+        return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
+
+    def carry_out_keys(self) -> None:
+        """Do what the pressed keys mean, in the thread that spins."""
+        try:
+            while True:
+                self._pressed.get_nowait()()
+        except Empty:
+            return
+
+    def destroy_node(self) -> None:
+        """Leave the progress as it is."""
+        self._bar.close()
+        super().destroy_node()
+
+    def _nudge(self, heading: float) -> None:
+        self._move.publish(Suggestion(heading=heading, length=_NUDGE))
+
+    def _call(self, name: str) -> None:
+        if self._callable[name].service_is_ready():
+            self._callable[name].call_async(Trigger.Request())
+
+    def _change_object(self) -> None:
+        """Ask for the bundled object after this one."""
+        objects = {name: str(path) for name, path in sorted(bundled_objects().items())}
+        names, now = list(objects), Path(self.mesh).stem
+        following = names[(names.index(now) + 1) % len(names) if now in names else 0]
+        codebook = quick_codebook(following).resolve()
+        request = SetObject.Request(mesh_path=objects[following])
+        request.codebook_path = str(codebook) if codebook.is_file() else ""
+        if self._set_object.service_is_ready():
+            self._set_object.call_async(request)
+
+    def _turn_over(self) -> None:
+        self._call("resume" if self._explorer.state == ExplorerStatus.STATE_PAUSED else "pause")
+
+    def _quit(self) -> None:
+        self.ended = Ended.of(self._explorer, by_hand=True)
+
+    @property
+    def since_change_ns(self) -> int:
+        return self._newest - self._changed
+
+    def _on_mesh(self, markers: MarkerArray) -> None:
+        for marker in markers.markers:
+            address = marker.mesh_resource
+            if marker.action == Marker.ADD and address and (path := _path_of(address)) != self.mesh:
+                self.mesh, self._changed = path, self._newest
+
+    def _on_filter(self, status: FilterStatus) -> None:
+        if status.state == FilterStatus.STATE_WAITING:
+            return
+        self._newest = stamp_ns(status.header.stamp)
+        self._first_at = self._first_at or time.monotonic()
+        self.answering = time.monotonic() - self._first_at
+        self._filter = f"{status.state}, {status.n_particles} particles"
+        self._bar.update()
+        self._show()
+
+    def _on_explorer(self, status: ExplorerStatus) -> None:
+        self._explorer = status
+        self._show()
+        if status.state in _ENDED and self.ended is None:
+            self.ended = Ended.of(status)
+
+    def _show(self) -> None:
+        path = f"{1e3 * self._explorer.path_length:.0f} mm"
+        self._bar.set_postfix_str(f"{self._explorer.state} {path} | {self._filter}")
+
+
+def _path_of(address: str) -> str:
+    """The file that the address of a mesh means."""
+    return str(resolve(address, "mesh").resolve())

@@ -1,0 +1,136 @@
+import types
+
+import numpy as np
+import pytest
+
+from midastouch_bringup.explore.exploration import Exploration, Motion
+from midastouch_bringup.explore.world import PUSH, World
+from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+
+STEP = 1.5e-3
+
+
+@pytest.fixture
+def world():
+    """A finger over the ball."""
+    mesh, sensor = ObjectMesh.load(bundled_objects()["ball"]), SensorModel.load("digit_tacto")
+    return World(mesh, sensor, np.random.default_rng(3), STEP)
+
+
+@pytest.fixture
+def exploration(world):
+    """One that has touched, with half a metre to go."""
+    exploration = Exploration(world, np.random.default_rng(4), max_path=0.5)
+    list(exploration.touch())
+    return exploration
+
+
+class NailedFinger:
+    """It goes nowhere."""
+
+    touching = True
+    pose = np.eye(4)
+
+    def slide(self, heading, length):
+        return iter(())
+
+    leap = slide
+
+
+@pytest.fixture
+def stuck():
+    mesh = types.SimpleNamespace(name="wall", diagonal=0.1)
+    return Exploration(types.SimpleNamespace(finger=NailedFinger(), mesh=mesh), np.random.default_rng(0), 1.0)
+
+
+def test_it_does_what_is_suggested_first(exploration):
+    poses = list(exploration.go([Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True)]))
+    assert len(poses) == 20
+    assert exploration.path == pytest.approx(0.03, abs=3e-3)
+    assert (exploration.slides, exploration.lifts) == (1, 1)  # the lift is the first touch
+
+
+def test_without_a_suggestion_it_goes_somewhere(exploration):
+    assert list(exploration.go([]))
+    assert exploration.verdict is None
+
+
+def test_it_knows_once_the_filter_is_sure_after_two_motions(exploration):
+    for state in ("converged", "ambiguous", "converged"):
+        exploration.judge(state, felt=True)
+        assert exploration.verdict is None
+    exploration.judge("converged", felt=True)
+    assert exploration.verdict.known
+
+
+@pytest.mark.parametrize(
+    ("happens", "words"),
+    [
+        (lambda it: it.judge("no_contact", felt=False), "felt nothing for 3 motions"),
+        (lambda it: it.refused("not in contact"), "no suggestion where to touch next: not in contact"),
+        (lambda it: it.hopeless("(1, 2, 3) mm"), "nothing tells the places apart: (1, 2, 3) mm"),
+    ],
+    ids=["unfelt", "refused", "hopeless"],
+)
+def test_it_gives_up_after_the_third_time_in_a_row(exploration, happens, words):
+    for _ in range(2):
+        happens(exploration)
+        assert exploration.verdict is None
+    happens(exploration)
+    assert not exploration.verdict.known
+    assert words in exploration.verdict.words
+
+
+def test_what_goes_well_in_between_starts_the_count_anew(exploration):
+    for _ in range(3):
+        exploration.refused("why")
+        exploration.hopeless("why")
+        exploration.judge("no_contact", felt=False)
+        exploration.judge("ambiguous", felt=True)
+        exploration.accepted()
+    assert exploration.verdict is None
+
+
+def test_without_suggestions_that_help_it_looks_for_others_elsewhere(exploration):
+    assert all(motion.lift for motion in exploration.hopeless("why"))
+
+
+def test_it_gives_up_after_the_longest_way(exploration):
+    while exploration.path <= 0.5:
+        assert list(exploration.go([Motion(0.3, 0.1)]))
+    exploration.judge("ambiguous", felt=True)
+    assert exploration.verdict.words.startswith("still ambiguous after 0.5")
+
+
+def test_a_finger_that_cannot_move_or_touch_is_no_loop(stuck):
+    assert list(stuck.go([Motion(0.0, 0.1)])) == []
+    assert stuck.verdict.words == "the finger is stuck: it can neither slide on nor lift over wall"
+    stuck.restart()
+    assert list(stuck.touch()) == []
+    assert stuck.verdict.words == "the finger does not reach wall below it"
+
+
+def test_another_object_begins_anew(exploration):
+    list(exploration.go([]))
+    exploration.judge("converged", felt=True)
+    exploration.restart()
+    exploration.judge("converged", felt=True)
+    assert (exploration.path, exploration.slides, exploration.lifts) == (0.0, 0, 0)
+    assert exploration.verdict is None
+
+
+def test_a_push_moves_the_object_and_not_the_finger(world):
+    exploration = Exploration(world, np.random.default_rng(4), max_path=0.5)
+    list(exploration.touch())
+    before, gel = world.base_from_object, world.base_from_gel
+    on_object = world.finger.pose
+    assert list(world.push())
+    moved = se3.inverse(before) @ world.base_from_object
+    assert np.degrees(se3.rotation_angle(moved[:3, :3])) == pytest.approx(np.degrees(PUSH[1]), abs=0.1)
+    assert np.linalg.norm(world.base_from_gel[:3, 3] - gel[:3, 3]) < 1e-3
+    shift = np.linalg.norm(world.finger.pose[:3, 3] - on_object[:3, 3])
+    assert shift == pytest.approx(PUSH[0], rel=0.3)
+    assert world.finger.touching

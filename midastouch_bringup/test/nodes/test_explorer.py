@@ -1,0 +1,222 @@
+"""The explorer with a stand-in for the filter, which answers each pose as an image of it."""
+
+import numpy as np
+import pytest
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from midastouch_bringup.bags.messages import GEL_FRAME, TRUTH_FRAME
+from midastouch_bringup.nodes.explorer import Explorer
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_msgs.srv import SetObject, SuggestMotion
+from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.ros import qos
+
+pytestmark = pytest.mark.dds
+BALL, TOOL = (str(bundled_objects()[name]) for name in ("ball", "handle_tool"))
+RADIUS = 0.03  # m
+TOUCHING = RADIUS + 1e-3  # of the gel's apex from the centre
+
+
+class Rig:
+    """An explorer over the ball, and a filter that answers with `state` where the finger touches."""
+
+    def __init__(self, graph, **parameters):
+        self.graph, self.state, self.silent, self.ended = graph, "ambiguous", False, []
+        self.poses, self.objects, self.asked = [], [], []
+        self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
+        graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
+        given = {"mesh": BALL, "seed": 1, **parameters}
+        self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), given)
+        self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
+
+    def _on_tf(self, message):
+        frames = {one.child_frame_id: transform_from_msg(one.transform) for one in message.transforms}
+        stamp = message.transforms[0].header.stamp
+        self.poses.append(np.linalg.inv(frames[TRUTH_FRAME]) @ frames[GEL_FRAME])
+        self.objects.append(frames[TRUTH_FRAME])
+        touches = np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
+        if not self.silent:
+            status = FilterStatus(state=self.state if touches else FilterStatus.STATE_NO_CONTACT)
+            status.header.stamp = stamp
+            self._answers.publish(status)
+
+    def advise(self, answer):
+        """Offer suggestions."""
+
+        def on_request(request, response):
+            self.asked.append(request)
+            answer(response)
+            return response
+
+        self.graph.companion.create_service(SuggestMotion, "suggest_motion", on_request)
+
+    def until(self, state, words=""):
+        statuses = self.statuses
+
+        def is_there():
+            return any(one.state == state and words in one.reason for one in statuses)
+
+        self.graph.spin_until(is_there, f"explorer {state}: {words}")
+        return next(one for one in statuses if one.state == state and words in one.reason)
+
+    def call(self, name):
+        return self.graph.call(Trigger, f"explorer/{name}", Trigger.Request())
+
+
+@pytest.fixture
+def rig(graph):
+    return Rig(graph)
+
+
+def test_it_explores_until_the_filter_knows(rig):
+    rig.until("exploring", "somewhere")
+    rig.state = "converged"
+    status = rig.until("known")
+    assert rig.ended
+    assert not rig.node.gave_up
+    assert status.slides >= 1
+    assert status.path_length > 0.01
+    steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
+    assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
+
+
+def test_it_follows_suggestions_and_says_why(rig):
+    def advise(response):
+        response.success = True
+        response.suggestions = [
+            Suggestion(heading=1.0, length=0.005, information=0.1, reason="a step"),
+            Suggestion(heading=0.0, length=0.02, information=0.3, reason="the rim is there"),
+        ]
+
+    rig.advise(advise)
+    rig.until("exploring", "the rim is there")
+    rig.graph.spin_until(lambda: len(rig.asked) >= 3, "it to ask again after each motion")
+    assert rig.asked[0].lifts
+    assert not [one for one in rig.statuses if one.reason == "a step"]
+    rig.state = "converged"
+    assert rig.until("known").slides >= 2
+
+
+def test_refused_suggestions_end_it_and_say_so(rig):
+    def refuse(response):
+        response.message = "nothing was felt yet"
+
+    rig.advise(refuse)
+    assert rig.until("gave_up").reason == "no suggestion where to touch next: nothing was felt yet"
+    assert rig.node.gave_up
+    assert len(rig.asked) == 3
+
+
+def test_places_that_nothing_tells_apart_end_it(rig):
+    def hopeless(response):
+        response.success = response.indistinguishable = True
+        response.message = "four sides are alike"
+
+    rig.advise(hopeless)
+    status = rig.until("gave_up", "four sides are alike")
+    assert status.lifts >= 3  # it went to look elsewhere
+
+
+def test_a_filter_that_says_nothing_is_not_awaited_for_ever(graph):
+    rig = Rig(graph, patience=1.0)
+    rig.silent = True
+    assert "no answer on filter_status" in rig.until("gave_up").reason
+    assert rig.node.gave_up
+
+
+def test_an_answer_that_is_lost_is_asked_for_again(rig):
+    rig.until("exploring", "somewhere")
+    rig.silent = True
+    before = len(rig.poses)
+    rig.graph.spin_until(lambda: len(rig.poses) > before + 4, "more images while no answer comes")
+    rig.silent, rig.state = False, "converged"
+    rig.until("known")
+
+
+def test_statuses_that_answer_no_image_are_none(rig):
+    """The filter says on its own clock that an object was changed, or that nothing comes."""
+    rig.until("exploring", "somewhere")
+    rig.silent = True
+    at = rig.poses[-1]
+    foreign = FilterStatus(state=FilterStatus.STATE_CONVERGED)
+    foreign.header.stamp.sec = 2_000_000_000
+    answers = rig.graph.publisher(FilterStatus, "filter_status", latched=True)
+    for _ in range(10):
+        answers.publish(foreign)
+    rig.graph.spin_for(0.3)
+    assert np.linalg.norm(rig.poses[-1][:3, 3] - at[:3, 3]) < 0.02
+    assert not rig.ended
+
+
+def test_a_person_takes_the_finger_pushes_the_object_and_gives_it_back(rig):
+    assert not rig.call("push").success  # nobody has touched anything
+    rig.until("exploring", "somewhere")
+    assert rig.call("push").success
+    before = rig.objects[0]
+    moved = lambda: np.linalg.norm(rig.objects[-1][:3, :3] - before[:3, :3])  # noqa: E731
+    rig.graph.spin_until(lambda: moved() > 0.05, "the object to move")
+    rig.until("paused", "pushed")
+    orders = rig.graph.publisher(Suggestion, "explorer/move", qos.COMMAND)
+    slides = rig.statuses[-1].slides
+    orders.publish(Suggestion(heading=np.nan, length=0.02))
+    orders.publish(Suggestion(heading=0.3, length=0.02))
+    rig.graph.spin_until(lambda: rig.statuses[-1].slides > slides, "the person's slide")
+    rig.state = "converged"
+    rig.graph.spin_for(0.2)
+    assert not rig.ended  # a person has it
+    assert rig.call("resume").success
+    rig.until("known")
+    assert not rig.call("lift").success
+
+
+class TestAnotherObject:
+    """Put there by a person: the simulator has to take it, and the filter."""
+
+    @staticmethod
+    def offer(rig, name, message=""):
+        taken = []
+
+        def on_request(request, response):
+            taken.append(request.mesh_path)
+            response.success, response.message = not message, message
+            return response
+
+        rig.graph.companion.create_service(SetObject, name, on_request)
+        return taken
+
+    @staticmethod
+    def ask(rig, path):
+        return rig.graph.call(SetObject, "explorer/set_object", SetObject.Request(mesh_path=path))
+
+    def test_both_get_it_and_it_is_explored(self, rig):
+        taken = [self.offer(rig, name) for name in ("digit_sim/set_object", "set_object")]
+        rig.until("exploring", "somewhere")
+        assert self.ask(rig, TOOL).success
+        status = rig.until("exploring", "another object: handle_tool")
+        assert taken == [[TOOL], [TOOL]]
+        assert status.path_length == 0
+
+    def test_one_that_the_filter_refuses_leaves_the_finger_to_the_person(self, rig):
+        self.offer(rig, "digit_sim/set_object")
+        self.offer(rig, "set_object", "no codebook fits")
+        rig.until("exploring", "somewhere")
+        assert self.ask(rig, TOOL).success
+        rig.until("paused", "not changed: no codebook fits")
+
+    def test_one_that_is_no_mesh_is_refused_at_once(self, rig):
+        rig.until("exploring", "somewhere")
+        response = self.ask(rig, "/nowhere/cup.ply")
+        assert not response.success
+        assert "/nowhere/cup.ply" in response.message
+        assert rig.statuses[-1].state == "exploring"
+
+
+def test_stamps_are_evenly_spaced(rig):
+    stamps = []
+    rig.graph.companion.create_subscription(
+        TFMessage, "/tf", lambda m: stamps.append(stamp_ns(m.transforms[0].header.stamp)), qos.TF
+    )
+    rig.graph.spin_until(lambda: len(stamps) > 30, "thirty images")
+    assert set(np.diff(stamps)) == {round(1e9 / 30)}

@@ -1,0 +1,81 @@
+"""An exploration at a small size: real nodes as processes, over DDS."""
+
+import fcntl
+import json
+import os
+import pty
+import re
+import struct
+import sys
+import termios
+
+import pytest
+import yaml
+from PIL import Image
+
+from midastouch_bringup import cli
+from midastouch_bringup.report import run_pictures
+from midastouch_bringup.ros.launch_arguments import SHARE
+
+pytestmark = [pytest.mark.dds, pytest.mark.slow]
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch):
+    """A short way and a small codebook, in a folder of its own; the words for the command."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "keys").touch()
+    monkeypatch.setattr("sys.stdin", (tmp_path / "keys").open())  # no terminal; that of the tests is not to be read
+    monkeypatch.setattr(run_pictures, "GIF_FRAMES", 3)
+    assert cli.main(["build-codebook", "eyebolt", "--size", "400"]) == 0
+    overlay = yaml.safe_load((SHARE / "config" / "explore.yaml").read_text())
+    overlay["explorer"] = {"ros__parameters": {"max_path": 0.01, "max_motion": 0.02}}
+    (tmp_path / "short.yaml").write_text(yaml.safe_dump(overlay))
+    return ["object:=eyebolt", "codebook:=out/codebooks/eyebolt.npz", "params_overlay:=short.yaml"]
+
+
+def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsys):
+    assert cli.main(["run", "explore", *short]) == 1  # so short a way tells nobody where it is
+    output = capsys.readouterr().out
+    assert "still" in output
+    assert "after 0.0" in output
+    out = tmp_path / "out" / "explore"
+    result = json.loads((out / "result.json").read_text())
+    assert (result["ended"], result["right"], result["by_hand"]) == ("gave_up", False, False)
+    assert result["path_m"] > 0.01
+    assert result["lifts"] >= 1
+    assert result["frames"] > 5
+    for name in ("run.png", "final.png", "errors.png", "run.gif"):
+        with Image.open(out / name) as picture:
+            assert picture.width > 300
+        assert name in (out / "index.html").read_text()
+
+
+def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path):
+    run, terminal = pty.fork()
+    if run == 0:  # in a terminal of its own, 150 columns wide
+        fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
+        os.execv(sys.executable, [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:2]])
+    shown, keys = "", [("exploring", "p"), ("paused", "q")]
+    while True:
+        try:
+            shown += os.read(terminal, 4096).decode(errors="replace")
+        except OSError:  # the run has ended
+            break
+        if keys and re.search(rf"{keys[0][0]} .* particles", shown):
+            os.write(terminal, keys.pop(0)[1].encode())
+    assert os.waitstatus_to_exitcode(os.waitpid(run, 0)[1]) == 0, shown
+    assert "p: push the object" in shown
+    result = json.loads((tmp_path / "out" / "explore" / "result.json").read_text())
+    assert result["by_hand"]
+    assert "ended by hand" in (tmp_path / "out" / "explore" / "index.html").read_text()
+
+
+def test_a_node_that_dies_ends_it(short, tmp_path, capsys):
+    (tmp_path / "broken.npz").write_bytes(b"no codebook")
+    words = [word.replace("out/codebooks/eyebolt.npz", "broken.npz") for word in short]
+    assert cli.main(["run", "explore", *words]) == 1
+    error = capsys.readouterr().err
+    assert "particle_filter died" in error
+    assert "broken.npz" in error
+    assert not (tmp_path / "out" / "explore" / "index.html").exists()
