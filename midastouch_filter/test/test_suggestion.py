@@ -108,7 +108,7 @@ def test_what_was_felt_already_is_no_news(world, handed):
 
 
 def test_a_slide_goes_where_it_is_headed_and_stays_on_the_surface(alike):
-    starts = alike.poses[:20]
+    starts = alike.lookup.poses[:20]
     headings = np.array([0.0, math.pi / 2])
     tracks, touchable = predict_slides(alike, starts, headings, np.array([0.01, 0.02]))
     assert tracks.shape == (20, 2, 3, 4, 4)
