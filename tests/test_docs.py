@@ -211,7 +211,7 @@ def test_trust_is_claimed_by_whole_intervals_only(load_tool, monkeypatch):
     none = {"share": None, "interval": None}
     report |= {"right_if_converged_at_end": none, "right_if_converged_modulo_symmetry_at_end": none, "regions": {}}
     monkeypatch.setattr(tool, "reported", lambda: ["kidnap"])
-    monkeypatch.setattr(tool, "_benchmark", lambda name: {"trust": report})
+    monkeypatch.setattr(tool, "benchmark_summary", lambda name: {"trust": report})
 
     def cells() -> list[str]:
         (row,) = (row for row in tool.converged()[1] if row[0] == tool.PROTOCOLS["kidnap"])

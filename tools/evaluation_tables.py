@@ -11,8 +11,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
+from midastouch_bringup.evaluation.calibration import WEIGHTS
 from midastouch_bringup.evaluation.paired import error_ratio
 from midastouch_filter.config import FilterConfig
 
@@ -82,6 +84,7 @@ COMMANDS = {
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak",
 }
+_WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved untold"}
 ENOUGH = 100
 """Fewer trials than this claim nothing."""
 UNMEASURED = "*not measured yet*"
@@ -135,7 +138,7 @@ def _percent(share: float, digits: int = 0) -> str:
     return f"{100 * share:.{digits}f} %"
 
 
-def _benchmark(name: str) -> dict:
+def benchmark_summary(name: str) -> dict:
     """Summary of a benchmark of the filter as shipped, in its only way to start."""
     (summary,) = report(name)["summary"]["default"].values()
     return summary
@@ -143,7 +146,7 @@ def _benchmark(name: str) -> dict:
 
 def paper() -> Table:
     """What the README shows."""
-    known, unknown, bench = _benchmark("accuracy"), _benchmark("accuracy_uniform"), report("bench")
+    known, unknown, bench = benchmark_summary("accuracy"), benchmark_summary("accuracy_uniform"), report("bench")
     step = bench["filter_ms"]
     rows = [
         [
@@ -188,7 +191,7 @@ def localisation() -> Table:
     for name, what in (STARTS | PROTOCOLS | _held_out()).items():
         if name not in reported():
             continue
-        one = _benchmark(name)
+        one = benchmark_summary(name)
         cells = [f"too few ({one['trials']})"] * 7 if one["trials"] < ENOUGH else _localisation(one)
         rows.append([what, *cells, f"[{name}]"])
     rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "2.8 mm, 2.0 deg", *["-"] * 6])
@@ -251,7 +254,7 @@ def conditions() -> dict[str, str]:
 
 def trusted(name: str) -> dict | None:
     """What a report says of trust; None where there is none, or none with intervals (before 2026-11-22)."""
-    one = _benchmark(name).get("trust") if name in reported() else None
+    one = benchmark_summary(name).get("trust") if name in reported() else None
     if one and "regions" not in one:
         mend = "run its command again; with the same --out it takes seconds"
         raise KeyError(f"{report_path(name).relative_to(ROOT)}: has no regions; {mend}")
@@ -282,6 +285,17 @@ def converged() -> Table:
     header = ["conditions", "of converged frames, wrong", f"at most {_percent(PROMISED_WRONG)}"]
     header += ["of trials that end `converged`, right", "the same, counting a symmetric twin as right", "report"]
     return header, _trust_rows(conditions(), cells, 4)
+
+
+def weights() -> Table:
+    """How often a published pose is right, by the weight of its mode."""
+    shown = {name: benchmark_summary(name)["trust"] for name in _WEIGHED if name in reported()}
+    shown = {name: trust["weights"] for name, trust in shown.items() if trust["enough"] and "weights" in trust}
+    rows = []
+    for k, (low, high) in enumerate(pairwise([0.0, *WEIGHTS, 1.0])):
+        bins = [weights[k] for weights in shown.values()]
+        rows.append([f"{low:.0%} to {high:.0%}", *(_share(one["right"]) if one["frames"] else "-" for one in bins)])
+    return ["weight of the published mode", *(f"right, {_WEIGHED[name]}" for name in shown)], rows
 
 
 def regions() -> Table:
@@ -409,8 +423,10 @@ def exploration() -> Table:
         if one["enough"]:
             path, ratio = one["path_m"], one["path_ratio"]
             value = "never" if path["value"] is None else f"{1e3 * path['value']:.0f}"
-            until = "-" if path["interval"] is None else "...".join(
-                "never" if bound is None else f"{1e3 * bound:.0f}" for bound in path["interval"]
+            until = (
+                "-"
+                if path["interval"] is None
+                else "...".join("never" if bound is None else f"{1e3 * bound:.0f}" for bound in path["interval"])
             )
             cells = [_share(one[key]) for key in ("right", "wrong", "alike")]
             cells += [f"{value} mm ({until})", "-" if ratio is None else f"{ratio:.2f}"]
@@ -427,7 +443,7 @@ def real() -> Table:
         if name not in reported():
             rows.append([what, *[UNMEASURED] * 5, "-"])
             continue
-        one = _benchmark(name)
+        one = benchmark_summary(name)
         cells = [f"too few ({one['trials']})"] * 5
         if one["trials"] >= ENOUGH:
             ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"])
@@ -695,8 +711,9 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, converged, regions, events, identification, exploration, real, grasps, peers, variants,
-        slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak, commands,
+        paper, localisation, converged, weights, regions, events, identification, exploration, real, grasps, peers,
+        variants, slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak,
+        commands,
     )
 }  # fmt: skip
 

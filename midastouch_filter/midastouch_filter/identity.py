@@ -126,12 +126,8 @@ class Identification:
         self._unknown = unknown
         self._scores = CodeScores(catalogue.codes, catalogue.calibration, config, Workers(config.threads))
         pace = Pace(effort.lookups_per_step)
-        self._searches = [
-            RivalSearch(entry.lookup, noise, effort, pace) for entry in catalogue.entries
-        ]
-        self._window = KeyframeWindow(
-            _TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist
-        )
+        self._searches = [RivalSearch(entry.lookup, noise, effort, pace) for entry in catalogue.entries]
+        self._window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 

@@ -97,9 +97,7 @@ class RivalSearch:
     Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
     """
 
-    def __init__(
-        self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: Pace | None = None
-    ):
+    def __init__(self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: Pace | None = None):
         self._lookup = lookup
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or Pace(effort.lookups_per_step)

@@ -165,4 +165,3 @@ def test_it_may_be_taken_before_a_start(world, slide):
     running.initialise_uniform()
     running.step(None, slide[2][0])
     assert running.codebook_indices.max() > 1500
-

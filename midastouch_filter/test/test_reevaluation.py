@@ -57,9 +57,7 @@ class Slide:
 
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
-        self.reevaluation = reevaluation = Reevaluation(
-            self.lookup, self.alignment, PLACES, CONFIG, NOISE, self.effort
-        )
+        self.reevaluation = reevaluation = Reevaluation(self.lookup, self.alignment, PLACES, CONFIG, NOISE, self.effort)
         reevaluation.restart(prior)
         self.answered = 0
         for k, penetration in enumerate(self.penetrations):
