@@ -71,8 +71,11 @@ class Symmetry:
 
         Nearest by the distance d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2, r = 10 mm (`ROTATION_SCALE`), for which
         the best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G' over the turns R that are free.
+        The poses as they are where there is no truth (nan).
         """
         poses = np.asarray(poses, float)
+        if not np.isfinite(truth).all():
+            return poses
         best, least = poses, np.full(len(poses), np.inf)
         goal = truth[:3, 3] - self.centre
         for transform in self.transforms:

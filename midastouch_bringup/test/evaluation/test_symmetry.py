@@ -96,6 +96,12 @@ def test_the_nearest_equivalent_is_nearest_over_all_turns(free):
         assert squared(nearest) == pytest.approx(best, abs=3e-5)
 
 
+@pytest.mark.parametrize("free", ["axis", "all"])
+def test_without_a_truth_none_is_nearer(free):
+    symmetry, pose = Symmetry(np.eye(4)[None], free, np.zeros(3), np.array([0.0, 0, 1])), np.eye(4)[None]
+    np.testing.assert_array_equal(symmetry.nearest(pose, np.full((4, 4), np.nan)), pose)
+
+
 def test_an_equivalent_pose_has_no_error():
     truth = MOVED
     turned = se3.make(Rotation.from_rotvec(2.0 * AXIS.axis).as_matrix(), np.zeros(3))
