@@ -19,6 +19,8 @@ from ..touch import reduced_penetration
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 PATIENCE = 0.25
+"""s of waiting where messages may be lost."""
+_RELIABLE_PATIENCE = 5.0  # s; where none is lost, a busy machine is all that is waited for
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
 _KEPT = 256
 
@@ -40,6 +42,7 @@ class MapSource:
         topic: str = "tactile/points",
     ):
         self._topic = topic
+        self._patience = _RELIABLE_PATIENCE if reliable else PATIENCE
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
         # Live a code waits alone, but the clouds of its successors may already be there.
@@ -51,7 +54,7 @@ class MapSource:
 
         Clouds come in order: one whose successor is there was lost.
         """
-        if waited >= PATIENCE or stamp in self._clouds:
+        if waited >= self._patience or stamp in self._clouds:
             return False
         if self._clouds and next(reversed(self._clouds)) > stamp:
             return False
