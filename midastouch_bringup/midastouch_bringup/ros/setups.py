@@ -127,7 +127,7 @@ SETUPS = {
             Executable("midastouch_bringup", "explorer", ends=True),
         ),
         # a beginning from which it knows soon; from others it may give up
-        {"object": "handle_tool", "seed": "1", "params_overlay": str(SHARE / "config" / "explore.yaml")},
+        {"object": "handle_tool", "seed": "0", "params_overlay": str(SHARE / "config" / "explore.yaml")},
     ),
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",
