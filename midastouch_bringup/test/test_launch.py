@@ -293,7 +293,7 @@ def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
 )
 def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
     launched = Launched()
-    started = launched.carry_out("explore", use_rviz="false", **given)
+    started = launched.carry_out("explore", use_rviz="false", **given, objects="")
     assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
     assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "explorer"}
     own = {executable: parameters(kwargs)[f"/{executable}"] for (_, executable), kwargs in started.items()}
