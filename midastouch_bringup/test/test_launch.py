@@ -285,8 +285,8 @@ def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
 @pytest.mark.parametrize(
     ("given", "mesh", "codebook"),
     [
-        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_20000.npz"),
-        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_20000.npz"),
+        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_10000.npz"),
+        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_10000.npz"),
         ({"mesh": "/data/cup.ply", "codebook": "/data/cup.npz"}, "/data/cup.ply", "/data/cup.npz"),
     ],
     ids=["bundled", "mesh", "codebook"],

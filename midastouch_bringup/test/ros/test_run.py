@@ -141,7 +141,7 @@ def explored(monkeypatch, tmp_path):
 def test_an_exploration_of_a_known_object_is_prepared_and_has_one_object_and_seed(explored, tmp_path):
     assert run_setup("explore", ["object:=ball", "objects:=", "seed:=4"]) == 7
     ((codebook, mesh),) = explored["built"].items()
-    assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_20000.npz")
+    assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_10000.npz")
     nodes = explored["parameters"]
     assert {nodes[node]["mesh"] for node in ("digit_sim", "explorer", "particle_filter")} == {mesh}
     assert {nodes[node]["seed"] for node in ("digit_sim", "explorer", "particle_filter")} == {4}
