@@ -1,6 +1,6 @@
 """A simulated finger explores an object by itself, until the filter knows the place. No hardware, no data.
 
-The codebook is made by the first run, under out/ of the present folder, and kept. `midastouch run explore` does the
+The codebooks are made by the first run, under out/ of the present folder, and kept. `midastouch run explore` does the
 same, takes keys, and ends with a page.
 """
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-QUICK_POSES = 20_000
-"""Of a codebook: built within a minute on two cores."""
+QUICK_POSES = 10_000
+"""Of a codebook: built within half a minute on two cores."""
 
 
 def codebook_path(object_name: str) -> Path:

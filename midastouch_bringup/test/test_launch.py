@@ -285,15 +285,15 @@ def test_the_demo_has_midastouch_make_what_is_missing_then_plays_it():
 @pytest.mark.parametrize(
     ("given", "mesh", "codebook"),
     [
-        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_20000.npz"),
-        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_20000.npz"),
+        ({"object": "eyebolt"}, "eyebolt.ply", "out/cache/codebooks/eyebolt_10000.npz"),
+        ({"mesh": "/data/cup.ply"}, "/data/cup.ply", "out/cache/codebooks/cup_10000.npz"),
         ({"mesh": "/data/cup.ply", "codebook": "/data/cup.npz"}, "/data/cup.ply", "/data/cup.npz"),
     ],
     ids=["bundled", "mesh", "codebook"],
 )
 def test_an_exploration_gives_all_nodes_one_object(given, mesh, codebook):
     launched = Launched()
-    started = launched.carry_out("explore", use_rviz="false", **given)
+    started = launched.carry_out("explore", use_rviz="false", **given, objects="")
     assert [words[:2] + words[-1:] for words in launched.ran] == [["run", "explore", "--prepare"]]
     assert names(started) == {"digit_sim", "tdn", "tcn", "particle_filter", "explorer"}
     own = {executable: parameters(kwargs)[f"/{executable}"] for (_, executable), kwargs in started.items()}

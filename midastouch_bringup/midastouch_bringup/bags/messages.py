@@ -82,13 +82,14 @@ SEQUENCE_TOPICS = (
 
 @functools.cache
 def typestore() -> Typestore:
-    """The message types of ROS 2 Jazzy and those of `midastouch_msgs`.
+    """The message types of ROS 2 Jazzy and those of `midastouch_msgs` and `vision_msgs`.
 
-    Raises InputError if `midastouch_msgs` is not installed.
+    Raises InputError if one of these is not installed.
     """
     store = get_typestore(Stores.ROS2_JAZZY)
-    for file in sorted(_message_folder("midastouch_msgs").glob("*.msg")):
-        store.register(get_types_from_msg(file.read_text(), f"midastouch_msgs/msg/{file.stem}"))
+    for package in "midastouch_msgs", "vision_msgs":
+        for file in sorted(_message_folder(package).glob("*.msg")):
+            store.register(get_types_from_msg(file.read_text(), f"{package}/msg/{file.stem}"))
     return store
 
 

@@ -22,6 +22,7 @@ from .messages import header_stamp_ns, typestore
 from .reader import bag_messages, bag_topics
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
+OBJECTS = "/object_hypotheses"
 CODE, PENETRATION, DIAGNOSTICS = "/tactile/code", "/tactile/penetration", "/diagnostics"
 
 
@@ -40,6 +41,10 @@ class RunRecord:
         of_frames = (self.snapshots[begin:], self.n_particles[begin:], self.filter_ms[begin:])
         return RunRecord(*of_frames, self.node_ms)
 
+    def told(self) -> RunRecord:
+        """The same, as somebody had told the filter which object it is."""
+        return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
+
 
 def read_run(path: str | Path) -> RunRecord:
     """Read a bag with the inputs and the results of a run; ground truth, poses, codes and penetration may be missing.
@@ -48,17 +53,19 @@ def read_run(path: str | Path) -> RunRecord:
     """
     recorded = {topic.name for topic in bag_topics(path)}
     results = {topic: dict(by_stamp(path, topic)) for topic in (MODES, PARTICLES)}
-    for topic in (POSE, CODE, PENETRATION):
+    for topic in (POSE, CODE, PENETRATION, OBJECTS):
         results[topic] = dict(by_stamp(path, topic)) if topic in recorded else {}
     results[STATUS] = answers(path)
     snapshots, n_particles, filter_ms = [], [], []
-    start, seen = None, set()
+    start, seen, objects = None, set(), {}
     for frame in read_bag(path):
         start = frame.stamp_ns if start is None else start
         stamp = frame.stamp_ns
         if stamp in seen:  # recorded twice
             continue
         seen.add(stamp)
+        if (detections := results[OBJECTS].get(stamp)) is not None:
+            objects = _probabilities(detections)
         if not all(stamp in results[topic] for topic in (STATUS, MODES, PARTICLES)):
             continue
         status, pose = results[STATUS][stamp], results[POSE].get(stamp)
@@ -74,6 +81,7 @@ def read_run(path: str | Path) -> RunRecord:
                 penetration=None if (image := results[PENETRATION].get(stamp)) is None else image_from_msg(image),
                 code=_code(results[CODE].get(stamp)),
                 state=status.state,
+                objects=objects,
             )
         )
         n_particles.append(int(status.n_particles))
@@ -100,6 +108,11 @@ def answers(path: str | Path) -> dict[int, object]:
 def _hypothesis(mode: object) -> Hypothesis:
     pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
     return Hypothesis(float(mode.weight), pose, covariance)
+
+
+def _probabilities(detections: object) -> dict[str, float]:
+    found = [each.results[0].hypothesis for each in detections.detections]
+    return {each.class_id: float(each.score) for each in found}
 
 
 def _code(message: object | None) -> np.ndarray | None:

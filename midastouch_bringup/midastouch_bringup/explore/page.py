@@ -7,6 +7,7 @@ from pathlib import Path
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 
+from ..report.figures import identity_figure, save
 from ..report.page import Page
 from ..report.run_pictures import add_run
 from ..report.snapshot import Snapshot
@@ -14,9 +15,16 @@ from .result import result_rows
 
 
 def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
-    """Draw the frames of a run into the folder `out`; returns its `index.html`."""
+    """Draw the frames of a run into the folder `out`; returns its `index.html`.
+
+    Frames whose penetration was not recorded, as the first may not be, are left out.
+    """
+    run = [one for one in run if one.penetration is not None]
     page = Page(f"A finger explores: {mesh.name}")
     page.table(*result_rows(result))
+    if any(one.objects for one in run):
+        page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")
+        page.note("While another object leads, the particles below are places on that one.")
     add_run(page, run, mesh, codebook, out)
     page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     return page.write(out / "index.html")

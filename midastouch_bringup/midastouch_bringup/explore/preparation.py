@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from midastouch_filter.nodes.resources import resolve
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
@@ -11,7 +13,9 @@ from ..codebooks import ensure_codebook
 from ..output_paths import QUICK_POSES
 
 
-def prepare(mesh: str, codebook: str) -> None:
-    """Build the codebook at that path unless it is there; mesh: its path, or package://NAME/..."""
+def prepare(codebooks: Mapping[str, str]) -> None:
+    """Build the codebooks at these paths unless they are there; of the mesh that each names, a path or package://..."""
     sensor = SensorModel.load("digit_tacto")
-    ensure_codebook(codebook, ObjectMesh.load(resolve(mesh, "mesh")), load_tcn("fast", sensor), sensor, QUICK_POSES)
+    tcn = load_tcn("fast", sensor)
+    for codebook, mesh in codebooks.items():
+        ensure_codebook(codebook, ObjectMesh.load(resolve(mesh, "mesh")), tcn, sensor, QUICK_POSES)

@@ -32,7 +32,11 @@ def exploration_result(record: RunRecord, object_name: str, ended: Ended, answer
     """The content of `result.json`; seconds: of the whole run, from the start of the nodes on, and of these from the
     first answer to the last."""
     result = demo_result(record, object_name, answering)
-    right = result["state"] == "converged" and is_found(result["final"]["published pose"])
+    # one that was told is known
+    objects = record.snapshots[-1].objects or {object_name: 1.0}
+    answer = max(objects, key=objects.get)
+    known = result["state"] == "converged" and answer == object_name
+    right = known and is_found(result["final"]["published pose"])
     return {
         "right": right,
         "ended": ended.state,
@@ -42,6 +46,8 @@ def exploration_result(record: RunRecord, object_name: str, ended: Ended, answer
         "slides": ended.slides,
         "lifts": ended.lifts,
         "seconds": seconds,
+        "answer": answer,
+        "object_probability": objects[answer],
         **result,
     }
 
@@ -53,6 +59,7 @@ def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
     own = [
         ["exploration", ended],
+        ["object for the filter", f"{result['answer']}, {result['object_probability']:.1%}"],
         ["says that it knows, and is right", "yes" if result["right"] else "no"],
         ["way on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
         ["time from the start of the nodes", f"{result['seconds']:.0f} s"],

@@ -12,7 +12,9 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.task import Future
 from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
 
+from midastouch_filter.nodes.markers import object_mesh
 from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
@@ -83,11 +85,13 @@ class Explorer(PipelineNode):
         self._tf = FingerTf(self, self._world, settings["fps"], frames)
         self._status = self.create_publisher(ExplorerStatus, "~/status", qos.latched())
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+        self._mesh = self.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
         self._suggest = self.create_client(SuggestMotion, "suggest_motion")
         self._change = ObjectChange(self, self._on_object_changed)
         ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = diagnostics.Diagnostics(self, self._describe)
+        self._show_object()
         self._tell()
 
     # --- the next pose, once the filter has answered
@@ -114,10 +118,11 @@ class Explorer(PipelineNode):
         if not ours or self._over:
             return
         self._heard_at = time.monotonic()
+        # one that does not know yet which object it is says nothing of contact
         touches = status.state != FilterStatus.STATE_NO_CONTACT
         self._filter_state, self._felt = status.state, self._felt or touches
         if self._state == ExplorerStatus.STATE_WAITING:
-            if touches:
+            if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return  # it has not seen yet what the sensor looks like untouched
             self._say(ExplorerStatus.STATE_EXPLORING, "touching")
             self._poses = self._exploration.touch()
@@ -145,9 +150,11 @@ class Explorer(PipelineNode):
         elif self._state == ExplorerStatus.STATE_EXPLORING:
             self._exploration.judge(self._filter_state, self._felt)
             self._felt = False
-            if not self._ended() and self._suggest.service_is_ready():
+            if self._ended():
+                return
+            if self._suggest.service_is_ready() and self._filter_state != FilterStatus.STATE_UNINITIALISED:
                 self._ask()
-            elif not self._over:
+            else:
                 self._follow([])
 
     def _ask(self) -> None:
@@ -219,6 +226,7 @@ class Explorer(PipelineNode):
         except InputError as error:
             self._end(False, str(error))
             return
+        self._show_object()
         self._exploration.restart()
         self._poses = self._exploration.touch()
         self._say(ExplorerStatus.STATE_EXPLORING, f"there is another object: {self._world.mesh.name}")
@@ -253,6 +261,11 @@ class Explorer(PipelineNode):
         status = ExplorerStatus(header=header, state=self._state, reason=self._reason)
         status.path_length, status.slides, status.lifts = did.path, did.slides, did.lifts
         self._status.publish(status)
+
+    def _show_object(self) -> None:
+        """What is really there, where it is; the filter shows what it takes it for."""
+        header = Header(frame_id=self._settings["object_frame_id"])
+        self._mesh.publish(object_mesh(self._world.mesh.path.resolve().as_uri(), header))
 
     def _describe(self) -> tuple[bytes, str, dict]:
         did, level = self._exploration, diagnostics.ERROR if self.gave_up else diagnostics.OK

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from midastouch_filter.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.files import atomic_path
 from midastouch_perception.pose_metric import pose_errors
@@ -73,6 +74,26 @@ def error_figure(run: list[Snapshot]) -> Figure:
     return figure
 
 
+def identity_figure(run: list[Snapshot]) -> Figure:
+    """Probability of each object that may be touched, over time."""
+    figure = Figure(figsize=(10, 2.6), layout="constrained")
+    axes = figure.subplots()
+    for name in dict.fromkeys(name for snapshot in run for name in snapshot.objects):
+        shares = [100 * snapshot.objects.get(name, 0.0) for snapshot in run]
+        axes.step(
+            [s.time for s in run],
+            shares,
+            where="post",
+            lw=1.6,
+            label=name,
+            color="#7a7f87" if name == UNKNOWN else None,
+        )
+    style_axes(axes, "probability [%]")
+    axes.set_ylim(-3, 103)
+    axes.legend(frameon=False, fontsize=9)
+    return figure
+
+
 def _row(subfigure, columns: int) -> list:
     axes = np.atleast_1d(subfigure.subplots(1, columns))
     for one in axes:
@@ -129,6 +150,11 @@ def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
+    style_axes(axes, label, x_label)
+
+
+def style_axes(axes, label: str, x_label: str = "time [s]") -> None:
+    """Light grid, no box."""
     axes.set_xlabel(x_label, fontsize=9)
     axes.set_ylabel(label, fontsize=9)
     axes.tick_params(labelsize=8)

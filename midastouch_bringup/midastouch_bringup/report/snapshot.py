@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -26,7 +27,8 @@ class Snapshot:
     frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`, None where it is not known;
     particles (N, 4, 4), drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before
     the first; image (H, W, 3) uint8; penetration (h, w) m, None if it was not recorded; code (D,) or None without
-    contact; state, of the filter. Pictures of the report need the truth and the penetration, as every demo has them.
+    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where that was told.
+    Pictures of the report need the truth and the penetration, as every demo has them.
     """
 
     frame: int
@@ -39,6 +41,7 @@ class Snapshot:
     penetration: np.ndarray | None
     code: np.ndarray | None
     state: str
+    objects: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 def moments(run: list[Snapshot], count: int) -> list[Snapshot]:

@@ -27,7 +27,7 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import qos
 
 from ..bags.messages import IMAGE_TYPE, Topic
-from ..bags.run_record import PENETRATION, read_run
+from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..evaluation.result_file import write_json
 from ..evaluation.table import text_table
 from ..explore.page import write_page
@@ -40,7 +40,7 @@ from ..processes.program import Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
-from .launch_arguments import explored
+from .launch_arguments import explored, quick_codebooks
 from .local_context import local_context
 
 KEYS_HELP = (
@@ -53,34 +53,36 @@ _LAST_WORDS_S = 2.0  # of the explorer, still on their way when it has ended
 _ENDED = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
-def run_exploration(programs: Sequence[Program], parameters: Mapping[str, dict], out: Path, domain: int) -> int:
+def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
-    programs: the nodes, `explorer` among them; parameters: theirs, by node. domain: ROS_DOMAIN_ID, on this machine
-    alone. 0: the place is known and right, or a person has ended it; 1: not, or a node died.
+    programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as of `explored`. domain:
+    ROS_DOMAIN_ID, on this machine alone. 0: object and place are known and right, or a person has ended it; 1: not, or
+    a node died.
     """
     out.mkdir(parents=True, exist_ok=True)
-    given = {name: parameters["particle_filter"][name] for name in ("mesh", "codebook")}
-    given["mesh"] = _path_of(given["mesh"])
+    touched, codebook, objects = _path_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / "run.mcap", time.monotonic()
-    print(f"a simulated finger explores '{Path(given['mesh']).stem}'")
+    untold = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
+    print(f"a simulated finger explores '{Path(touched).stem}'{untold}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     try:
         with atomic_path(bag) as temporary:
-            seat = _explore(programs, given["mesh"], temporary, out / "log", domain)
+            seat = _explore(programs, touched, temporary, out / "log", domain)
     except NodeFailed as error:
         print(f"midastouch: error: {error}", file=sys.stderr)
         return 1
     seconds, record = time.monotonic() - started, read_run(bag)
-    if seat.mesh != given["mesh"]:  # a person has changed it: what came before was about another one
-        record = record.last(1e-9 * seat.since_change_ns)
-        given = explored({"mesh": seat.mesh, "codebook": ""})
-        prepare(**given)
-    mesh = ObjectMesh.load(given["mesh"])
+    if seat.mesh != touched:  # a person has changed it, and told: what came before was about another one
+        record = record.last(1e-9 * seat.since_change_ns).told()
+        changed = {"mesh": seat.mesh, "codebook": "", "objects": ""}
+        prepare(quick_codebooks(changed))
+        touched, codebook = seat.mesh, explored(changed)["codebook"]
+    mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, seat.ended, seat.answering, seconds)
     write_json(out / "result.json", result)
     print(f"\n{text_table(*result_rows(result))}\n", flush=True)
-    page = write_page(record.snapshots, mesh, Codebook.load(given["codebook"], mesh), result, out)
+    page = write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
     print(f"pictures and table: {page}\nrecording: {bag}")
     return 0 if result["right"] or seat.ended.by_hand else 1
 
@@ -112,6 +114,7 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
     topics = (
         *TOPICS,
         Topic(PENETRATION, IMAGE_TYPE),
+        Topic(OBJECTS, "vision_msgs/msg/Detection3DArray", latched=True),
         Topic("/explorer/status", "midastouch_msgs/msg/ExplorerStatus", latched=True),
     )
     overrides = [Parameter("path", value=str(bag))]
@@ -158,7 +161,7 @@ class _Seat(Node):
             name: self.create_client(Trigger, f"explorer/{name}") for name in ("pause", "resume", "push", "lift")
         }
         self._set_object = self.create_client(SetObject, "explorer/set_object")
-        self.create_subscription(MarkerArray, "object_mesh", self._on_mesh, qos.latched())
+        self.create_subscription(MarkerArray, "explorer/object_mesh", self._on_mesh, qos.latched())
         self.create_subscription(ExplorerStatus, "explorer/status", self._on_explorer, qos.latched())
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
 

@@ -86,7 +86,7 @@ ARGUMENTS = {
     ),
     "objects": Argument(
         "In place of object, where nobody knows which one it is: names of bundled objects, codebooks, folders of "
-        "codebooks and meshes, separated by ','",
+        "codebooks and meshes, separated by ','; an exploration adds the object that is touched",
     ),
     "init_mode": Argument(
         "Start: over the whole surface, at initial_pose, or once a pose is given",
@@ -213,9 +213,26 @@ def _named(one: str) -> str:
 
 
 def explored(given: Mapping[str, str]) -> dict[str, str]:
-    """Mesh and codebook of an exploration: what is given, else those of the bundled object."""
+    """Mesh and codebook of the object of an exploration: what is given, else those of the bundled object; and the
+    `objects` that it may be for the filter, itself among them, empty if there is no other."""
     mesh = given["mesh"] or bundled_mesh(given["object"])
-    return {"mesh": mesh, "codebook": given["codebook"] or str(quick_codebook(Path(mesh).stem).resolve())}
+    codebook = given["codebook"] or _quick(Path(mesh).stem)
+    names = [name.strip() for name in given["objects"].split(",")]
+    others = [name for name in names if name and name != Path(mesh).stem]
+    books = [_quick(name) if name in bundled_objects() else name for name in others]
+    return {"mesh": mesh, "codebook": codebook, "objects": ",".join([*books, codebook]) if books else ""}
+
+
+def quick_codebooks(given: Mapping[str, str]) -> dict[str, str]:
+    """Meshes by the paths of the codebooks of an exploration that are built where they are missing."""
+    what = explored(given)
+    meshes = {_quick(name): str(path) for name, path in bundled_objects().items()}
+    books = {path: meshes[path] for path in what["objects"].split(",") if path in meshes}
+    return books if given["codebook"] else {**books, what["codebook"]: what["mesh"]}
+
+
+def _quick(name: str) -> str:
+    return str(quick_codebook(name).resolve())
 
 
 def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:

@@ -84,7 +84,7 @@ def start_prepared(setup: str, made: Callable[[Mapping[str, str]], Mapping[str, 
 
     def prepare_and_start(context: LaunchContext) -> list[LaunchDescriptionEntity]:
         given, failed = context.launch_configurations, ends_the_launch()
-        about = [f"{name}:={given[name]}" for name in ("object", "mesh", "codebook") if given.get(name)]
+        about = [f"{name}:={given[name]}" for name in ("object", "mesh", "codebook", "objects") if given.get(name)]
 
         def go_on(event: ProcessExited, context: LaunchContext) -> object:
             # a lifecycle node that is launched once the shutdown has begun keeps launch from ending

@@ -15,7 +15,7 @@ from ..processes.foreground import run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
 from ..processes.program import Program, node_program
-from .launch_arguments import ARGUMENTS, bundled_mesh, explored, parameters
+from .launch_arguments import ARGUMENTS, bundled_mesh, explored, parameters, quick_codebooks
 from .setups import SETUPS, executables
 
 
@@ -50,9 +50,9 @@ def _explore(given: dict[str, str]) -> int:
     given |= explored(given)
     out = exploration()
     out.mkdir(parents=True, exist_ok=True)
-    nodes, path = parameters(given), out / "parameters.yaml"
-    path.write_text(written(nodes, ""))
-    return run_exploration(_programs("explore", given, path), nodes, out, own_domain())
+    path = out / "parameters.yaml"
+    path.write_text(written(parameters(given), ""))
+    return run_exploration(_programs("explore", given, path), given, out, own_domain())
 
 
 def prepare(name: str, given: Mapping[str, str]) -> None:
@@ -62,10 +62,10 @@ def prepare(name: str, given: Mapping[str, str]) -> None:
         from ..demo import preparation
 
         preparation.prepare(given["object"], bundled_mesh(given["object"]))
-    elif name == "explore" and not given["codebook"]:
+    elif name == "explore":
         from ..explore import preparation
 
-        preparation.prepare(**explored(given))
+        preparation.prepare(quick_codebooks(given))
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:

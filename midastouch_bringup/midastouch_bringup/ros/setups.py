@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from midastouch_perception.objects import bundled_objects
+
 from .launch_arguments import ARGUMENTS, SHARE
 
 
@@ -127,7 +129,12 @@ SETUPS = {
             Executable("midastouch_bringup", "explorer", ends=True),
         ),
         # a beginning from which it knows soon; from others it may give up
-        {"object": "handle_tool", "seed": "1", "params_overlay": str(SHARE / "config" / "explore.yaml")},
+        {
+            "object": "handle_tool",
+            "objects": ",".join(bundled_objects()),
+            "seed": "2",
+            "params_overlay": str(SHARE / "config" / "explore.yaml"),
+        },
     ),
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",

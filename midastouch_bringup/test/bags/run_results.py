@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -88,6 +88,24 @@ class Results:
         }
         return [self.message(topic, content, stamp) for topic, content in contents.items()]
 
+    def objects(self, stamp: int, probabilities: Mapping[str, float]) -> Message:
+        """What `particle_filter` says of which object it is, without poses."""
+        header = self.header(stamp)
+        at = self.new("geometry_msgs/msg/PoseWithCovariance", pose=self.pose(np.eye(4)), covariance=np.zeros(36))
+        box = self.new(
+            "vision_msgs/msg/BoundingBox3D",
+            center=at.pose,
+            size=self.new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0),
+        )
+        detections = []
+        for name, score in probabilities.items():
+            hypothesis = self.new("vision_msgs/msg/ObjectHypothesis", class_id=name, score=score)
+            result = self.new("vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=hypothesis, pose=at)
+            one = self.new("vision_msgs/msg/Detection3D", header=header, results=[result], bbox=box, id="")
+            detections.append(one)
+        array = self.new("vision_msgs/msg/Detection3DArray", header=header, detections=detections)
+        return self.message("/object_hypotheses", array, stamp)
+
     def other(self, stamp: int, state: str) -> Message:
         """A status beside the answer of a frame."""
         kind = "midastouch_msgs/msg/FilterStatus"
@@ -128,13 +146,19 @@ def write_run(
     waited: Collection[int] = (),
     refused: Collection[int] = (),
     without: Collection[str] = (),
+    objects: Mapping[int, Mapping[str, float]] | None = None,
 ) -> Path:
-    """Write a bag of a sequence: results of `answered` frames only, nothing on topics `without`."""
+    """Write a bag of a sequence: results of `answered` frames only, nothing on topics `without`.
+
+    objects: probabilities that come with a frame.
+    """
     results = Results()
     messages = list(sequence_messages(sequence))
     images = [m for m in messages if m.topic == "/image_raw"]
     for i in repeated:
         messages.append(images[i])
+    for i, probabilities in (objects or {}).items():
+        messages.append(results.objects(int(sequence.stamps_ns[i]), probabilities))
     for i in waited:
         messages.append(results.other(int(sequence.stamps_ns[i]), "waiting"))
     for i in answered:

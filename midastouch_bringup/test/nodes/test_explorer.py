@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
@@ -24,6 +25,7 @@ class Rig:
 
     def __init__(self, graph, **parameters):
         self.graph, self.state, self.silent, self.ended = graph, "ambiguous", False, []
+        self.untouched = FilterStatus.STATE_NO_CONTACT
         self.poses, self.objects, self.asked = [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
@@ -38,7 +40,7 @@ class Rig:
         self.objects.append(frames[TRUTH_FRAME])
         touches = np.linalg.norm(self.poses[-1][:3, 3]) < TOUCHING
         if not self.silent:
-            status = FilterStatus(state=self.state if touches else FilterStatus.STATE_NO_CONTACT)
+            status = FilterStatus(state=self.state if touches else self.untouched)
             status.header.stamp = stamp
             self._answers.publish(status)
 
@@ -80,6 +82,25 @@ def test_it_explores_until_the_filter_knows(rig):
     assert status.path_length > 0.01
     steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
     assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
+
+
+def test_while_the_filter_does_not_know_the_object_it_is_not_asked(rig):
+    rig.advise(lambda response: None)
+    rig.state = "uninitialised"
+    rig.untouched = "uninitialised"
+    rig.graph.spin_until(lambda: rig.statuses and rig.statuses[-1].slides >= 4, "slides")
+    assert not rig.asked
+    assert rig.statuses[-1].state == "exploring"
+    rig.state = "converged"
+    rig.until("known")
+
+
+def test_it_shows_what_is_really_there(rig):
+    meshes = rig.graph.listen(MarkerArray, "explorer/object_mesh", latched=True)
+    rig.graph.spin_until(lambda: meshes, "the mesh")
+    marker = meshes[-1].markers[-1]
+    assert marker.mesh_resource.endswith("/ball.ply")
+    assert marker.header.frame_id == TRUTH_FRAME
 
 
 def test_it_follows_suggestions_and_says_why(rig):

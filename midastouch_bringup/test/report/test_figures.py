@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -28,6 +30,18 @@ def test_a_run_becomes_a_picture(view, run, book, tmp_path):
         assert picture.width > 900
         assert len(picture.convert("RGB").getcolors(1 << 24)) > 1000
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_probabilities_of_objects_are_drawn_over_time(run):
+    said = [
+        dataclasses.replace(one, objects={"mug": 0.1 * i, "unknown": 1 - 0.1 * i} if i else {})
+        for i, one in enumerate(run[:4])
+    ]
+    (axes,) = figures.identity_figure(said).axes
+    mug, unknown = axes.lines
+    assert (mug.get_label(), unknown.get_label()) == ("mug", "unknown")
+    assert mug.get_ydata() == pytest.approx([0, 10, 20, 30])
+    assert unknown.get_ydata() == pytest.approx([0, 90, 80, 70])
 
 
 def test_a_run_becomes_an_animation(view, run, tmp_path):

@@ -31,7 +31,7 @@ def short(tmp_path, monkeypatch):
     overlay = yaml.safe_load((SHARE / "config" / "explore.yaml").read_text())
     overlay["explorer"] = {"ros__parameters": {"max_path": 0.01, "max_motion": 0.02}}
     (tmp_path / "short.yaml").write_text(yaml.safe_dump(overlay))
-    return ["object:=eyebolt", "codebook:=out/codebooks/eyebolt.npz", "params_overlay:=short.yaml"]
+    return ["object:=eyebolt", "codebook:=out/codebooks/eyebolt.npz", "objects:=", "params_overlay:=short.yaml"]
 
 
 def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsys):
@@ -42,6 +42,7 @@ def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsy
     out = tmp_path / "out" / "explore"
     result = json.loads((out / "result.json").read_text())
     assert (result["ended"], result["right"], result["by_hand"]) == ("gave_up", False, False)
+    assert (result["object"], result["answer"], result["object_probability"]) == ("eyebolt", "eyebolt", 1.0)
     assert result["path_m"] > 0.01
     assert result["lifts"] >= 1
     assert result["frames"] > 5
@@ -55,7 +56,7 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path)
     run, terminal = pty.fork()
     if run == 0:  # in a terminal of its own, 150 columns wide
         fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 40, 150, 0, 0))
-        os.execv(sys.executable, [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:2]])
+        os.execv(sys.executable, [sys.executable, "-m", "midastouch_bringup.cli", "run", "explore", *short[:3]])
     shown, keys = "", [("exploring", "p"), ("paused", "q")]
     while True:
         try:

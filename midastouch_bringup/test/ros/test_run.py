@@ -17,6 +17,7 @@ from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
 from midastouch_bringup.ros.setups import SETUPS
 from midastouch_perception.errors import InputError
+from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros.testing import open_graph
 
 STARTED = [name for name, setup in SETUPS.items() if not setup.launch_only]
@@ -122,35 +123,55 @@ def test_a_failed_preparation_ends_the_demo(supervised, monkeypatch):
 @pytest.fixture
 def explored(monkeypatch, tmp_path):
     """What would be explored: codebooks built, programs and parameters."""
-    seen = {"built": []}
+    seen = {"built": {}}
 
-    def run_exploration(programs, parameters, out, domain):
-        seen.update(names=[p.name for p in programs], parameters=parameters, out=out, domain=domain)
+    def run_exploration(programs, given, out, domain):
+        nodes = yaml.safe_load((out / "parameters.yaml").read_text())
+        seen.update(names=[p.name for p in programs], given=given, domain=domain)
+        seen["parameters"] = {name.strip("/"): node["ros__parameters"] for name, node in nodes.items()}
         return 7
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(explore, "run_exploration", run_exploration)
-    monkeypatch.setattr(explore_preparation, "prepare", lambda mesh, codebook: seen["built"].append((mesh, codebook)))
+    monkeypatch.setattr(explore_preparation, "prepare", seen["built"].update)
     monkeypatch.setattr("midastouch_bringup.processes.program.find_executable", lambda name: f"/bin/{name}")
     return seen
 
 
-def test_an_exploration_is_prepared_and_has_one_object_and_seed(explored, tmp_path):
-    assert run_setup("explore", ["object:=ball", "seed:=4"]) == 7
-    ((mesh, codebook),) = explored["built"]
-    assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_20000.npz")
+def test_an_exploration_of_a_known_object_is_prepared_and_has_one_object_and_seed(explored, tmp_path):
+    assert run_setup("explore", ["object:=ball", "objects:=", "seed:=4"]) == 7
+    ((codebook, mesh),) = explored["built"].items()
+    assert codebook == str(tmp_path / "out" / "cache" / "codebooks" / "ball_10000.npz")
     nodes = explored["parameters"]
     assert {nodes[node]["mesh"] for node in ("digit_sim", "explorer", "particle_filter")} == {mesh}
     assert {nodes[node]["seed"] for node in ("digit_sim", "explorer", "particle_filter")} == {4}
     assert nodes["particle_filter"]["codebook"] == codebook
+    assert not nodes["particle_filter"].get("objects")
     assert explored["names"] == ["digit_sim", "tdn", "tcn", "particle_filter", "explorer"]
     assert explored["domain"] == int(os.environ["ROS_DOMAIN_ID"])
 
 
 def test_a_codebook_that_is_given_is_not_built(explored):
-    run_setup("explore", ["mesh:=cup.ply", "codebook:=cup.npz"])
-    assert explored["built"] == []
+    run_setup("explore", ["mesh:=cup.ply", "codebook:=cup.npz", "objects:="])
+    assert explored["built"] == {}
     assert explored["parameters"]["particle_filter"]["codebook"] == "cup.npz"
+
+
+def test_the_filter_is_not_told_which_object_is_explored(explored):
+    run_setup("explore", ["mesh:=cup.ply", "objects:=ball, own.npz"])
+    ball, cup = explored["built"]
+    assert [Path(mesh).name for mesh in explored["built"].values()] == ["ball.ply", "cup.ply"]
+    nodes = explored["parameters"]
+    assert {nodes[node]["mesh"] for node in ("digit_sim", "explorer")} == {"cup.ply"}
+    assert nodes["particle_filter"]["objects"] == f"{ball},own.npz,{cup}"
+    assert not nodes["particle_filter"]["mesh"]
+    assert not nodes["particle_filter"]["codebook"]
+
+
+def test_by_default_it_may_be_any_bundled_object(explored):
+    run_setup("explore", ["object:=ball"])
+    assert sorted(Path(mesh).stem for mesh in explored["built"].values()) == sorted(bundled_objects())
+    assert sorted(explored["parameters"]["particle_filter"]["objects"].split(",")) == sorted(explored["built"])
 
 
 def test_an_exploration_has_no_namespace_as_its_page_has_none(explored):

@@ -1,0 +1,43 @@
+"""When an exploration counts as right."""
+
+import numpy as np
+import pytest
+
+from midastouch_bringup.bags.run_record import RunRecord
+from midastouch_bringup.explore.result import Ended, exploration_result
+from midastouch_bringup.report.snapshot import Hypothesis, Snapshot
+from midastouch_perception import se3
+
+ENDED = Ended("known", "the filter knows the place", 0.2, 3, 1)
+
+
+def result(objects, off=0.0, state="converged"):
+    pose = se3.exp([off, 0, 0, 0, 0, 0])
+    mode = Hypothesis(1.0, pose, np.eye(6))
+    truth, image = np.eye(4), np.zeros((2, 2, 3), np.uint8)
+    last = Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects)
+    return exploration_result(RunRecord([last], [1], [1.0], {}), "mug", ENDED, 1.0, 2.0)
+
+
+def test_object_and_place_must_be_right():
+    found = result({"mug": 0.97, "bowl": 0.03})
+    assert (found["object"], found["answer"], found["object_probability"], found["right"]) == ("mug", "mug", 0.97, True)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"objects": {"mug": 0.03, "bowl": 0.97}},
+        {"objects": {"mug": 0.2, "unknown": 0.8}},
+        {"objects": {"mug": 1.0}, "off": 0.02},
+        {"objects": {"mug": 1.0}, "state": "ambiguous"},
+    ],
+    ids=["object", "unknown", "place", "not sure"],
+)
+def test_else_it_is_wrong(wrong):
+    assert not result(**wrong)["right"]
+
+
+def test_an_object_that_was_told_is_known():
+    found = result({})
+    assert (found["answer"], found["object_probability"], found["right"]) == ("mug", 1.0, True)
