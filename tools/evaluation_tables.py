@@ -80,7 +80,8 @@ COMMANDS = {
     "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
     "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
-    "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --policy suggested random",
+    "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
+    "--policy suggested random",
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak",
 }
