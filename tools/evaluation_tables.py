@@ -221,7 +221,7 @@ def _localisation(one: dict) -> list[str]:
         return [*errors, _of(one["right"], one["trials"]), "-", "-", _percent(one["wrong_converged"], 1), "-"]
     event = trust["right_after_event"]["share"] is not None
     errors = [
-        f"{error} ({_between(trust[key][statistic]['interval'], '{:.1f}')} mm)"
+        error if error == "-" else f"{error} ({_between(trust[key][statistic]['interval'], '{:.1f}')} mm)"
         for error, key, statistic in zip(
             errors, ("e_trans_mm", "closest_mode_trans_mm"), ("mean", "median"), strict=True
         )
