@@ -55,16 +55,12 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--config", metavar="YAML", help="filter settings of the default, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help="start no trial after this time")
-    arguments.add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    arguments.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
-    import time
     from contextlib import ExitStack
     from pathlib import Path
 
@@ -105,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
+    deadline = arguments.deadline_of(args)
     with ExitStack() as opened:
 
         def start_progress(total: int):
@@ -140,6 +136,5 @@ def run(args: argparse.Namespace) -> int:
     print(accuracy_text(result))
     for name, reason in skipped.items():
         print(f"--variant {name}: skipped, {reason}")
-    if missing:
-        print(f"{missing} trials are left; the same command goes on with them")
+    arguments.say_what_is_left(missing, "trial")
     return 0

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -68,6 +70,25 @@ def add_cluster_options(parser: argparse.ArgumentParser) -> None:
         help="at a time on this machine (default: one per core)",
     )
     parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786")
+
+
+def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
+    """--jobs, --cluster, --minutes, networks and --json, of a campaign of trials that are called `unit`."""
+    add_cluster_options(parser)
+    parser.add_argument("--minutes", type=positive, help=f"start no {unit} after this time")
+    add_network_options(parser)
+    parser.add_argument("--json", metavar="OUT", help="write the results here")
+
+
+def deadline_of(args: argparse.Namespace) -> float:
+    """When --minutes are over, in seconds of `time.monotonic`; infinite without them."""
+    return time.monotonic() + 60 * args.minutes if args.minutes else math.inf
+
+
+def say_what_is_left(missing: int, unit: str) -> None:
+    """Print how a campaign that its deadline has ended goes on."""
+    if missing:
+        print(f"{missing} {unit}s are left; the same command goes on with them")
 
 
 def positive_int(text: str) -> int:

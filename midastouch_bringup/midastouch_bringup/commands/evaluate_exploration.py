@@ -27,16 +27,12 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
     parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help="start no trial after this time")
-    arguments.add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    arguments.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
-    import time
     from contextlib import ExitStack
     from pathlib import Path
 
@@ -56,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     config = dataclasses.replace(load_filter_config(args.config), threads=1)
     plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
     meshes = arguments.chosen_meshes(args.meshes, args.objects)
-    deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
+    deadline = arguments.deadline_of(args)
     with ExitStack() as opened:
         bar = opened.enter_context(progress_bar(total=plan.trials * len(plan.policies) * len(meshes), unit="trial"))
         cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
@@ -75,6 +71,5 @@ def run(args: argparse.Namespace) -> int:
         }
         write_compact_json(args.json, result)
     print(text_table(*exploration_table(summary), left=2))
-    if missing:
-        print(f"{missing} trials are left; the same command goes on with them")
+    arguments.say_what_is_left(missing, "trial")
     return 0

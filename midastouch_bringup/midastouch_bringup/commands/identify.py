@@ -27,15 +27,11 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--codebook-size", type=arguments.positive_int, default=50_000, help="poses of an object (default 50000)"
     )
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help="start no slide after this time")
-    arguments.add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    arguments.add_campaign_options(parser, "slide")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    import time
     from contextlib import ExitStack
     from pathlib import Path
 
@@ -55,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     plan = IdentityPlan(stock, load_filter_config(args.config), tuple(range(args.slides)))
     meshes = arguments.chosen_meshes(args.meshes, args.objects)
     machine = machine_info()
-    deadline = time.monotonic() + 60 * args.minutes if args.minutes else float("inf")
+    deadline = arguments.deadline_of(args)
     with ExitStack() as opened:
 
         def start_progress(total: int):
@@ -80,6 +76,5 @@ def run(args: argparse.Namespace) -> int:
         print(text_table(*identification_table(summary)))
         for wrong, times in summary["answers"].items():
             print(f"{wrong}: {times}")
-    if missing:
-        print(f"{missing} slides are left; the same command goes on with them")
+    arguments.say_what_is_left(missing, "slide")
     return 0
