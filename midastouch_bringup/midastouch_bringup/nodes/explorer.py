@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.task import Future
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
@@ -24,35 +23,19 @@ from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import diagnostics, qos, spin
 from midastouch_perception.ros.conversions import stamp_from_ns
 from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.sensor_model import SensorModel
 
-from ..bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from ..explore.exploration import Exploration, Motion, Poses
 from ..explore.world import World
 from .explorer_control import ExplorerControl, Order, motion_of
+from .explorer_parameters import PARAMETERS
 from .finger_tf import FingerTf
 from .object_change import ObjectChange
-
-PARAMETERS = (
-    Parameter("mesh", "", "Mesh of the object, metres: a path or package://NAME/...; must be given"),
-    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of digit_sim"),
-    Parameter("seed", 0, "Of where the finger begins, and of its motions", minimum=0, maximum=2**31 - 1),
-    Parameter("fps", 30.0, "As of digit_sim: one pose per image", minimum=1.0, maximum=240.0),
-    Parameter("speed", 0.05, "Of the finger on the surface", "m/s", minimum=1e-3, maximum=0.3),
-    Parameter(
-        "max_motion", 0.0, "Longest motion that is asked for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0
-    ),
-    Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
-    Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
-    Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
-    Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),
-    Parameter("patience", 120.0, "It gives up when nobody has answered for so long", "s", minimum=1.0, maximum=3600.0),
-)
+from .suggestion_client import SuggestionClient
 
 _IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
 _AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
-_SUGGESTION_S = 10.0  # patience with an answer that takes a tenth of a second
 _LAST_WORD_S = 2.0
 _SUGGESTIONS = 24  # asked for: all that are offered
 
@@ -75,18 +58,17 @@ class Explorer(PipelineNode):
 
         self._on_end, self.gave_up = on_end, False
         self._state, self._reason = ExplorerStatus.STATE_WAITING, "for the filter to see that nothing touches"
-        self._heard_at = self._asked_at = time.monotonic()
+        self._heard_at = time.monotonic()
         self._filter_state, self._felt = "", False
         self._poses: Poses | None = None
         self._orders: deque[Order] = deque()
-        self._suggestions: Future | None = None
 
         frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
         self._tf = FingerTf(self, self._world, settings["fps"], frames)
         self._status = self.create_publisher(ExplorerStatus, "~/status", qos.latched())
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
         self._mesh = self.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
-        self._suggest = self.create_client(SuggestMotion, "suggest_motion")
+        self._suggestions = SuggestionClient(self, self._on_suggestions, self._refused)
         self._change = ObjectChange(self, self._on_object_changed)
         ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -108,10 +90,7 @@ class Explorer(PipelineNode):
         at_rest = self._state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > _AT_REST_S
         if at_rest and not self._change.pending:
             self._tf.publish()
-        if self._suggestions is not None and now - self._asked_at > _SUGGESTION_S:
-            self._suggest.remove_pending_request(self._suggestions)
-            self._suggestions = None
-            self._refused(f"no answer of suggest_motion for {_SUGGESTION_S:g} s")
+        self._suggestions.look()
 
     def _on_filter(self, status: FilterStatus) -> None:
         ours = status.state != FilterStatus.STATE_WAITING and self._tf.answered(stamp_ns(status.header.stamp))
@@ -138,7 +117,7 @@ class Explorer(PipelineNode):
                 self._tell()
             else:
                 self._tf.publish()
-        if self._poses is None and self._suggestions is None and not self._tf.awaited:
+        if self._poses is None and not self._suggestions.pending and not self._tf.awaited:
             self._decide()
 
     # --- the next motion
@@ -152,22 +131,15 @@ class Explorer(PipelineNode):
             self._felt = False
             if self._ended():
                 return
-            if self._suggest.service_is_ready() and self._filter_state != FilterStatus.STATE_UNINITIALISED:
-                self._ask()
+            if self._suggestions.ready and self._filter_state != FilterStatus.STATE_UNINITIALISED:
+                longest = self._settings["max_motion"]
+                self._suggestions.ask(SuggestMotion.Request(max_length=longest, lifts=True, count=_SUGGESTIONS))
             else:
                 self._follow([])
 
-    def _ask(self) -> None:
-        self._asked_at = time.monotonic()
-        longest = self._settings["max_motion"]
-        request = SuggestMotion.Request(max_length=longest, lifts=True, count=_SUGGESTIONS)
-        self._suggestions = self._suggest.call_async(request)
-        self._suggestions.add_done_callback(self._on_suggestions)
-
-    def _on_suggestions(self, future: Future) -> None:
-        if future is not self._suggestions or self._over:
-            return  # too late
-        self._suggestions, response = None, future.result()
+    def _on_suggestions(self, response: SuggestMotion.Response) -> None:
+        if self._over:
+            return
         if self._state != ExplorerStatus.STATE_EXPLORING:  # a person has the finger by now
             self._go_on()
         elif not response.success:

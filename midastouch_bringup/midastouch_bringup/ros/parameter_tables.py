@@ -13,7 +13,7 @@ from midastouch_perception.nodes.tdn import PARAMETERS as TDN
 
 from ..nodes.detection_prior import PARAMETERS as DETECTION_PRIOR
 from ..nodes.digit_sim import PARAMETERS as DIGIT_SIM
-from ..nodes.explorer import PARAMETERS as EXPLORER
+from ..nodes.explorer_parameters import PARAMETERS as EXPLORER
 from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
 from ..nodes.recorder import PARAMETERS as RECORDER
 from ..nodes.replay_parameters import PARAMETERS as REPLAY
