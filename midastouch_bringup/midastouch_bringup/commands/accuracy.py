@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, campaigns, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -34,8 +34,6 @@ def add_parser(subparsers) -> None:
         "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
         "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
     )
-    arguments.add_object_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: as the protocol needs)")
     parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per slide (default 10)")
@@ -53,30 +51,25 @@ def add_parser(subparsers) -> None:
         metavar="NAME",
         help="what is done to the slides, and how trials start; see above (default plain)",
     )
-    parser.add_argument("--config", metavar="YAML", help="filter settings of the default, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
-    arguments.add_campaign_options(parser, "trial")
+    campaigns.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
-    from contextlib import ExitStack
     from pathlib import Path
 
-    from ..cluster import open_cluster
     from ..evaluation.accuracy import accuracy_text, compact_trials, summarise_accuracy
     from ..evaluation.calibration import LEVELS
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
     from ..evaluation.comparison import compare_variants
     from ..evaluation.machine import machine_info
     from ..evaluation.protocols import chosen_protocol
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
     from ..evaluation.small_parts import small_parts
     from ..evaluation.trial_log import TrialLog
     from ..evaluation.variants import VARIANTS, chosen_variants
-    from ..progress import progress_bar
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     protocol = chosen_protocol(args.protocol)
@@ -97,21 +90,14 @@ def run(args: argparse.Namespace) -> int:
         args.protocol,
     )
     meshes = (
-        small_parts(folder / "meshes") if protocol.small_parts else arguments.chosen_meshes(args.meshes, args.objects)
+        small_parts(folder / "meshes") if protocol.small_parts else campaigns.chosen_meshes(args.meshes, args.objects)
     )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    deadline = arguments.deadline_of(args)
-    with ExitStack() as opened:
-
-        def start_progress(total: int):
-            return opened.enter_context(progress_bar(total=total, unit="trial")).update
-
-        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
-        trials, missing = run_campaign(plan, meshes, log, cluster, deadline, start_progress)
+    with campaigns.campaign(args, "trial") as means:
+        trials, missing = run_campaign(plan, meshes, log, *means)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
-        "command": args.command_line,
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [
@@ -131,10 +117,5 @@ def run(args: argparse.Namespace) -> int:
         "comparison": compare_variants(trials),
         "trials": compact_trials(trials),
     }
-    if args.json:
-        write_compact_json(args.json, result)
-    print(accuracy_text(result))
-    for name, reason in skipped.items():
-        print(f"--variant {name}: skipped, {reason}")
-    arguments.say_what_is_left(missing, "trial")
-    return 0
+    left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
+    return outcome.conclude(args, result, accuracy_text(result), *left_out, *campaigns.left(missing, "trial"))

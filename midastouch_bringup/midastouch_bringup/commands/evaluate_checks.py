@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -27,7 +27,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.diameter_checks import diameter_checks
     from ..evaluation.machine import machine_info
     from ..evaluation.real_checks import real_checks
-    from ..evaluation.result_file import to_json, write_json
+    from ..evaluation.result_file import to_json
     from ..evaluation.table import text_table
     from ..progress import progress_bar
 
@@ -83,7 +83,4 @@ def run(args: argparse.Namespace) -> int:
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )
-    if args.json:
-        write_json(args.json, result)
-    print("\n\n".join(text_table(*table) for table in check_tables(result)))
-    return 0
+    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -44,7 +44,7 @@ def add_parser(subparsers) -> None:
         help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
     )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.held_out_calibrations import calibrations_of
     from ..evaluation.machine import machine_info
     from ..evaluation.press_quality import measure_presses
-    from ..evaluation.result_file import to_json, write_json
+    from ..evaluation.result_file import to_json
     from ..progress import progress_bar
 
     presses = load_ball_presses(args.folder)
@@ -76,23 +76,21 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(total=len(presses.images), unit="press") as bar:
         rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
     checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
-    result = {
-        "folder": str(Path(args.folder).resolve()),
-        **settings,
-        "px_per_mm": args.px_per_mm,
-        "tdn": args.tdn,
-        "network": tdn.network_id,
-        "sensor": args.sensor,
-        "machine": machine_info(),
-        "presses": rows,
-        "summary": summary,
-        **checked,
-    }
-    result = to_json(result)
-    if args.json:
-        write_json(args.json, result)
-    print(_table(result))
-    return 0
+    result = to_json(
+        {
+            "folder": str(Path(args.folder).resolve()),
+            **settings,
+            "px_per_mm": args.px_per_mm,
+            "tdn": args.tdn,
+            "network": tdn.network_id,
+            "sensor": args.sensor,
+            "machine": machine_info(),
+            "presses": rows,
+            "summary": summary,
+            **checked,
+        }
+    )
+    return outcome.conclude(args, result, _table(result))
 
 
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -22,7 +22,7 @@ def add_parser(subparsers) -> None:
         "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's)"
     )
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -38,7 +38,6 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.sequence import read_image
     from ..evaluation.depth_quality import DepthQuality
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_json
     from ..evaluation.setup import sequence_background
     from ..evaluation.table import number, text_table
     from ..evaluation.timing import Stopwatch
@@ -74,16 +73,9 @@ def run(args: argparse.Namespace) -> int:
                 }
             )
     summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
-    if args.json:
-        content = {
-            "network": tdn.network_id,
-            "machine": machine_info(),
-            "sequences": results,
-            "summary": summary,
-        }
-        write_json(args.json, content)
+    result = {"network": tdn.network_id, "machine": machine_info(), "sequences": results, "summary": summary}
     keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
     rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
     rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])
-    print(text_table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"], rows))
-    return 0
+    header = ["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"]
+    return outcome.conclude(args, result, text_table(header, rows))

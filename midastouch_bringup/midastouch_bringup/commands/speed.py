@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -27,7 +27,7 @@ def add_parser(subparsers) -> None:
         action="store_true",
         help="also time the paper's networks, FCRN and MinkLoc3D (with random weights: speed does not depend on them)",
     )
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.slide_simulation import cached_slide
     from ..evaluation.machine import machine_info
     from ..evaluation.node_start import node_start
-    from ..evaluation.result_file import to_json, write_json
+    from ..evaluation.result_file import to_json
     from ..evaluation.setup import Networks
     from ..evaluation.speed import SpeedMeasurement, peak_rss_mb
     from ..progress import progress_bar
@@ -54,7 +54,6 @@ def run(args: argparse.Namespace) -> int:
     speed = SpeedMeasurement(mesh, codebook, sequence, networks, args.frames)
     machine = machine_info()
     result = {
-        "command": args.command_line,
         "threads": machine["cores"],
         "machine": machine,
         "object": mesh.name,
@@ -78,10 +77,7 @@ def run(args: argparse.Namespace) -> int:
     if args.paper_networks:  # last, for they need more memory than all else
         result |= speed.paper_networks()
     result = to_json(result)
-    if args.json:
-        write_json(args.json, result)
-    print(_table(result))
-    return 0
+    return outcome.conclude(args, result, _table(result))
 
 
 def _table(result: dict) -> str:

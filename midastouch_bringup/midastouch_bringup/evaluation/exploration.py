@@ -85,11 +85,11 @@ def run_exploration(
     log: TrialLog,
     cluster: Cluster,
     deadline: float = np.inf,
-    progress: Callable[[int], object] = lambda done: None,
+    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet; all trials of the plan that are done, and how many are not.
 
-    Trials of all policies with one seed begin at the same place.
+    Trials of all policies with one seed begin at the same place. Other arguments as of `campaign.run_campaign`.
     """
     for _ in cluster.map(_make_book, [(plan.stock, mesh.path) for mesh in meshes]):
         pass
@@ -100,7 +100,7 @@ def run_exploration(
                 labels = {"object": mesh.name, "policy": policy, "seed": seed}
                 wanted[plan.key(mesh, labels)] = (mesh.path, labels)
     open_ = [(plan, key, *what) for key, what in wanted.items() if log.get(key) is None]
-    progress(len(wanted) - len(open_))
+    progress = start_progress(len(open_))
     for key, trial in cluster.map(_run, open_, deadline):
         log.add(key, trial)
         progress(1)
