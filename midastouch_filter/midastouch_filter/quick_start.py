@@ -30,7 +30,7 @@ def build_object(mesh_path: Path, network: str, sensor_model: str, config: Filte
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
     loaded = object_of(mesh, codebook, config, seed)
-    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.prepared)
+    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
     return dataclasses.replace(loaded, growth=growth)
 
 

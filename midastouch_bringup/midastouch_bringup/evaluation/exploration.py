@@ -11,6 +11,7 @@ import numpy as np
 
 import midastouch_filter
 import midastouch_kernels
+from midastouch_filter.advisor import Advisor
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import Estimate, ParticleFilter
 from midastouch_filter.perceived import measurement_of
@@ -137,7 +138,7 @@ class _Trial:
         self._finger = SimulatedFinger(mesh, networks.sensor, self._rng, STEP)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
-        self._pipeline, self._filter = networks.pipeline(), particle_filter
+        self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
         self._policy, self._diagonal = policy, mesh.diagonal
         self._headings = np.random.default_rng([seed, 1])
         self._measured: np.ndarray | None = None
@@ -179,7 +180,7 @@ class _Trial:
         """Motions to try, until one of them leads anywhere."""
         if self._policy != "random":
             began = time.process_time()
-            advice = self._filter.advise(Wanted(lifts=self._policy == "lifts"))
+            advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
             self._asked_ms.append(1e3 * (time.process_time() - began))
             self._alike = self._alike + 1 if advice.indistinguishable else 0
             for each in advice.suggestions:
