@@ -60,7 +60,8 @@ def run(args: argparse.Namespace) -> int:
     import dataclasses
     from pathlib import Path
 
-    from ..evaluation.accuracy import accuracy_text, compact_trials, summarise_accuracy
+    from ..evaluation.accuracy import compact_trials, summarise_accuracy
+    from ..evaluation.accuracy_tables import accuracy_text
     from ..evaluation.calibration import LEVELS
     from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
     from ..evaluation.comparison import compare_variants
