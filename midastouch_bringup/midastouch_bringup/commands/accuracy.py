@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from . import arguments, campaigns, outcome
+
+if TYPE_CHECKING:
+    from ..evaluation.campaign import Plan
+    from ..evaluation.protocols import Protocol
 
 
 def add_parser(subparsers) -> None:
@@ -57,39 +62,21 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    import dataclasses
-    from pathlib import Path
-
     from ..evaluation.accuracy import compact_trials, summarise_accuracy
     from ..evaluation.accuracy_tables import accuracy_text
     from ..evaluation.calibration import LEVELS
-    from ..evaluation.campaign import Plan, likelihood_levels, run_campaign
+    from ..evaluation.campaign import likelihood_levels, run_campaign
     from ..evaluation.comparison import compare_variants
     from ..evaluation.machine import machine_info
     from ..evaluation.protocols import chosen_protocol
-    from ..evaluation.setup import load_filter_config
     from ..evaluation.small_parts import small_parts
     from ..evaluation.trial_log import TrialLog
     from ..evaluation.variants import VARIANTS, chosen_variants
 
-    folder = Path(args.out).resolve()  # workers may run elsewhere
-    protocol = chosen_protocol(args.protocol)
-    slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
-    size = args.codebook_size or protocol.codebook_size
-    stock = protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size)
-    chosen = chosen_variants(args.variant)
+    protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
-    plan = Plan(
-        stock,
-        load_filter_config(args.config),
-        tuple(name for name in chosen if name not in skipped),
-        tuple(dict.fromkeys(args.init or protocol.starts)),
-        args.beta or protocol.beta,
-        tuple(range(args.slides)),
-        tuple(range(args.seeds)),
-        args.stride,
-        args.protocol,
-    )
+    plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
+    folder = plan.stock.folder
     meshes = (
         small_parts(folder / "meshes") if protocol.small_parts else campaigns.chosen_meshes(args.meshes, args.objects)
     )
@@ -105,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
-                "symmetry": stock.symmetry(mesh).describe(),
+                "symmetry": plan.stock.symmetry(mesh).describe(),
                 "likelihood_levels": levels.get(mesh.name),
             }
             for mesh in meshes
@@ -120,3 +107,27 @@ def run(args: argparse.Namespace) -> int:
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
     return outcome.conclude(args, result, accuracy_text(result), *left_out, *campaigns.left(missing, "trial"))
+
+
+def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
+    """The options, and what the protocol has where they say nothing."""
+    import dataclasses
+    from pathlib import Path
+
+    from ..evaluation.campaign import Plan
+    from ..evaluation.setup import load_filter_config
+
+    folder = Path(args.out).resolve()  # workers may run elsewhere
+    slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
+    size = args.codebook_size or protocol.codebook_size
+    return Plan(
+        protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size),
+        load_filter_config(args.config),
+        tuple(variants),
+        tuple(dict.fromkeys(args.init or protocol.starts)),
+        args.beta or protocol.beta,
+        tuple(range(args.slides)),
+        tuple(range(args.seeds)),
+        args.stride,
+        args.protocol,
+    )
