@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_filter.filter import Measurement
 from midastouch_filter.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

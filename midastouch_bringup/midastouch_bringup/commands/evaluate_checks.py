@@ -44,11 +44,11 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.training.backgrounds import load_backgrounds
 
     from ..datasets.ball_presses import load_ball_presses
-    from ..evaluation.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
-    from ..evaluation.check_tables import check_tables
-    from ..evaluation.diameter_checks import diameter_checks
     from ..evaluation.machine import machine_info
-    from ..evaluation.real_checks import real_checks
+    from ..evaluation.perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
+    from ..evaluation.perception.check_tables import check_tables
+    from ..evaluation.perception.diameter_checks import diameter_checks
+    from ..evaluation.perception.real_checks import real_checks
     from ..evaluation.result_file import to_json
     from ..evaluation.table import text_table
     from ..progress import progress_bar

@@ -55,9 +55,9 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tdn import load_tdn
 
     from ..datasets.ball_presses import load_ball_presses
-    from ..evaluation.held_out_calibrations import calibrations_of
     from ..evaluation.machine import machine_info
-    from ..evaluation.press_quality import measure_presses
+    from ..evaluation.perception.held_out_calibrations import calibrations_of
+    from ..evaluation.perception.press_quality import measure_presses
     from ..evaluation.result_file import to_json
     from ..progress import progress_bar
 
@@ -96,8 +96,8 @@ def run(args: argparse.Namespace) -> int:
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
     from midastouch_perception.errors import InputError
 
-    from ..evaluation.label_check import FittedBall
-    from ..evaluation.press_quality import measure_presses
+    from ..evaluation.perception.label_check import FittedBall
+    from ..evaluation.perception.press_quality import measure_presses
 
     if presses.circles is None:
         raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")

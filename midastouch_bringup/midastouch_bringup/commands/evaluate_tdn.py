@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from midastouch_perception.tdn import DepthNet
 
     from ..datasets import Sequence
-    from ..evaluation.depth_quality import DepthQuality
+    from ..evaluation.perception.depth_quality import DepthQuality
 
 
 def add_parser(subparsers) -> None:
@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets import load_sequence
     from ..datasets.sequence import read_image
-    from ..evaluation.depth_quality import DepthQuality
     from ..evaluation.machine import machine_info
+    from ..evaluation.perception.depth_quality import DepthQuality
     from ..evaluation.setup import sequence_background
     from ..evaluation.table import number, text_table
     from ..progress import progress_bar
@@ -81,8 +81,8 @@ def _measured(
     tdn: DepthNet, sequence: Sequence, background: np.ndarray, progress: Callable[[int], object]
 ) -> tuple[DepthQuality, list[float]]:
     """Quality on the frames whose penetration is known, and the milliseconds of each."""
-    from ..evaluation.depth_quality import DepthQuality
-    from ..evaluation.timing import Stopwatch
+    from ..evaluation.perception.depth_quality import DepthQuality
+    from ..evaluation.speed.timing import Stopwatch
 
     quality, stopwatch = DepthQuality(), Stopwatch()
     tdn.predict(sequence.image(sequence.ground_truth_frames[0]), background)  # warm-up, not timed

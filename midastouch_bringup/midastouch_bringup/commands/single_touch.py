@@ -69,9 +69,9 @@ def run(args: argparse.Namespace) -> int:
 
     from ..evaluation.machine import machine_info
     from ..evaluation.setup import Networks
-    from ..evaluation.simulated_touch import Lighting
-    from ..evaluation.single_touch_object import SingleTouchPlan, measure_object
-    from ..evaluation.single_touch_summary import single_touch_table, summarise_objects
+    from ..evaluation.single_touch.per_object import SingleTouchPlan, measure_object
+    from ..evaluation.single_touch.simulated_touch import Lighting
+    from ..evaluation.single_touch.summary import single_touch_table, summarise_objects
     from ..progress import progress_bar
 
     wanted = _wanted(args)

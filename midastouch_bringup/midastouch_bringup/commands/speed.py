@@ -38,10 +38,10 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..datasets.slide_simulation import cached_slide
     from ..evaluation.machine import machine_info
-    from ..evaluation.node_start import node_start
     from ..evaluation.result_file import to_json
     from ..evaluation.setup import Networks
-    from ..evaluation.speed import SpeedMeasurement, peak_rss_mb
+    from ..evaluation.speed.node_start import node_start
+    from ..evaluation.speed.stages import SpeedMeasurement, peak_rss_mb
     from ..progress import progress_bar
     from ..ros.pose_age import pose_age
 

@@ -13,7 +13,8 @@ import midastouch_filter
 import midastouch_kernels
 from midastouch_filter.advisor import Advisor
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Estimate, ParticleFilter
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.suggestion import Wanted
