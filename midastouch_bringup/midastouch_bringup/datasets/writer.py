@@ -15,10 +15,9 @@ from midastouch_perception.files import atomic_path
 from midastouch_perception.sensor_model import SensorModel
 
 from .sequence import IMAGE_SHAPE
-from .ycb_slide import BACKGROUND_FILE, PENETRATION_FILE
+from .ycb_slide import BACKGROUND_FILE, HEIGHT_UNIT, PENETRATION_FILE
 
 _JPEG_QUALITY = 95
-_HEIGHT_UNIT = 3e-5  # m per grey level
 _CONTACT = 1e-6  # m
 
 
@@ -55,7 +54,7 @@ def write_sequence(
         for i, (image, penetration) in enumerate(frames):
             if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
                 raise InputError(f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240")
-            heights = np.clip(np.round((penetration + dome) / _HEIGHT_UNIT), 0, 255).astype(np.uint8)
+            heights = np.clip(np.round((penetration + dome) / HEIGHT_UNIT), 0, 255).astype(np.uint8)
             _write_image(folder / "tactile_images" / f"{i}.jpg", image)
             _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
             _write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)

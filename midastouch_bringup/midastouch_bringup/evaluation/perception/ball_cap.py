@@ -41,15 +41,13 @@ def misfit(outline: np.ndarray, centre: np.ndarray, radius: float) -> float:
     return float(np.sqrt(np.mean((np.linalg.norm(outline - centre, axis=1) - radius) ** 2)))
 
 
-def circle_outline(
-    circle: tuple[float, float, float], scale: float, sensor: SensorModel, points: int = 64
-) -> np.ndarray:
-    """Points (N, 3) m on the gel of a circle in an image: centre column, centre row, radius [px].
+def circle_outline(circle: tuple[float, float, float], scale: float, sensor: SensorModel) -> np.ndarray:
+    """Points (64, 3) m on the gel of a circle in an image: centre column, centre row, radius [px].
 
     scale: pixels of `sensor` per pixel of that image.
     """
     column, row, radius = circle
-    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     # a label names a pixel; its centre is half a pixel further
     pixels = np.column_stack([column + radius * np.cos(angle), row + radius * np.sin(angle)]) + 0.5
     return sensor.gel_points(scale * pixels)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-CONTACT_THRESHOLD = 3e-5
-"""Penetration [m] from which a pixel counts as contact in the intersection over union, on the truth
-and on the prediction alike: what the pipeline's contact detector counts."""
+from midastouch_perception.contact import TOUCHED
 
 
 class DepthQuality:
@@ -24,7 +22,7 @@ class DepthQuality:
         W)."""
         enlarged = cv2.resize(predicted, truth.shape[::-1], interpolation=cv2.INTER_LINEAR)
         squares = (enlarged.astype(float) - truth) ** 2
-        contact, claimed = truth >= CONTACT_THRESHOLD, enlarged >= CONTACT_THRESHOLD
+        contact, claimed = truth >= TOUCHED, enlarged >= TOUCHED
         self.frames += 1
         self._squares += squares.sum()
         self._pixels += squares.size

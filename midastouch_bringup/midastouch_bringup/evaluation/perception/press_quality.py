@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 import cv2
 import numpy as np
 
-from midastouch_perception.contact import ContactDetector
+from midastouch_perception.contact import TOUCHED, ContactDetector
 from midastouch_perception.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_calibration import SensorCalibration
@@ -25,7 +25,6 @@ from midastouch_perception.tdn import DepthNet
 
 from ...datasets.ball_presses import BallPresses, Circle
 from .ball_cap import ball_penetration, centre_under, circle_outline, mask_outline, misfit, nearest_cap
-from .depth_quality import CONTACT_THRESHOLD
 from .sphere_fit import fit_sphere, principal_curvatures
 
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
@@ -105,9 +104,7 @@ def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
     return cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=reach) > 0
 
 
-def _felt_contact(
-    difference: np.ndarray, felt: np.ndarray, sensor: SensorModel, above: float = CONTACT_THRESHOLD
-) -> np.ndarray:
+def _felt_contact(difference: np.ndarray, felt: np.ndarray, sensor: SensorModel, above: float = TOUCHED) -> np.ndarray:
     """Where (H, W) bool a relief goes above so many metres, in one region and where something is seen."""
     return _largest_region((felt > above) & visible_contact(difference, sensor))
 
@@ -182,7 +179,7 @@ def _felt_ball(felt: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tu
 
 def _iou(felt: np.ndarray, cap: np.ndarray) -> float:
     """Intersection over union of two contacts (H, W) m."""
-    claimed, there = felt >= CONTACT_THRESHOLD, cap >= CONTACT_THRESHOLD
+    claimed, there = felt >= TOUCHED, cap >= TOUCHED
     return float((claimed & there).sum() / max((claimed | there).sum(), 1))
 
 

@@ -76,12 +76,12 @@ class SingleTouchErrors:
         }
 
 
-def best_matches(book_codes: np.ndarray, query_codes: np.ndarray, top: int = TOP) -> np.ndarray:
-    """Entries (Q, min(top, M)) of a book's codes (M, D) with the highest scores for each of the queries (Q, D).
+def best_matches(book_codes: np.ndarray, query_codes: np.ndarray) -> np.ndarray:
+    """Entries (Q, min(TOP, M)) of a book's codes (M, D) with the highest scores for each of the queries (Q, D).
 
     The score is the scalar product, for unit codes the paper's cosine (Eq. 2); the entries come in no order.
     """
-    top = min(top, len(book_codes))
+    top = min(TOP, len(book_codes))
     out = np.empty((len(query_codes), top), np.int64)
     for start in range(0, len(query_codes), _QUERIES_A_BLOCK):
         part = slice(start, start + _QUERIES_A_BLOCK)

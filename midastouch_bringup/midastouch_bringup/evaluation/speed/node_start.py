@@ -19,11 +19,12 @@ from ...processes.supervisor import Supervisor
 
 _NODE = "particle_filter"
 _PATIENCE_S = 300.0
+_REPEATS = 5
 
 
-def node_start(mesh: Path, codebook: Path, repeats: int = 5) -> dict:
+def node_start(mesh: Path, codebook: Path) -> dict:
     """filter_start_s {p50, max}: from the start of a process of its own until the filter says that it is active on an
-    object; filter_rss_mb: its resident memory then, MiB, the largest of the repeats.
+    object; filter_rss_mb: its resident memory then, MiB, the largest of so many.
 
     Said in its log: how soon others find its lifecycle state is up to DDS, at once or 1.5 s later. Raises InputError if
     it does not become active, NodeFailed if it ends.
@@ -33,7 +34,7 @@ def node_start(mesh: Path, codebook: Path, repeats: int = 5) -> dict:
     with tempfile.TemporaryDirectory() as folder:
         parameters = Path(folder, "filter.yaml")
         parameters.write_text(written(settings, ""))
-        for _ in range(repeats):
+        for _ in range(_REPEATS):
             active = _Active()
             with Supervisor(local_environment(own_domain(), ROS_LOG_DIR=folder), active) as supervisor:
                 begin = time.monotonic()
