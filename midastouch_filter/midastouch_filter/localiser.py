@@ -204,7 +204,7 @@ class Localiser:
         self.restart()
 
     def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start at the next frame, from where the object is said to be in the robot's base frame."""
+        """Start at the next frame, from where the object is said to be in the robot's base frame: as `ObjectPrior`."""
         self._prior = self._pending_prior = ObjectPrior(T_base_obj, sigma_t, sigma_r)
 
     def T_base_obj(self) -> np.ndarray | None:

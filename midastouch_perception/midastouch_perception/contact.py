@@ -32,7 +32,7 @@ class Contact:
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
-        """The contact with this penetration map; sensor: at the map's resolution."""
+        """The contact with this penetration map (H, W) m; sensor: at the map's resolution."""
         return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area))
 
     @property

@@ -52,6 +52,7 @@ class OnnxNetwork:
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
-        """The output of that name, by default the first, for the network's inputs in their declared order."""
+        """The output of that name, by default the first, for the network's inputs in their
+        declared order, float32 with the batch first."""
         names = [output or self.outputs[0]]
         return self.session.run(names, dict(zip(self._inputs, inputs, strict=True)), self._options)[0]

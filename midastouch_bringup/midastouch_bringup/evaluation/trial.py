@@ -133,7 +133,7 @@ class _Record:
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
-        """Errors before the first step, of the start itself."""
+        """Errors before the first step, of the start itself; truth (4, 4) `T_obj_gel`."""
         poses = self._yardstick.counted(particle_filter.poses, truth)
         self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
 
