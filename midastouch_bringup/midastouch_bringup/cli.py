@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from midastouch_perception.errors import InputError
 
 from .commands import (
-    accuracy,
+    bench,
+    benchmark,
     build_codebook,
     calibrate,
     demo,
@@ -32,7 +33,6 @@ from .commands import (
     run,
     simulate,
     single_touch,
-    speed,
     store_mount,
     time_offset,
     to_bag,
@@ -53,8 +53,8 @@ _COMMANDS = (
     evaluate_exploration,
     calibrate,
     single_touch,
-    speed,
-    accuracy,
+    bench,
+    benchmark,
     identify,
     to_bag,
     replay,

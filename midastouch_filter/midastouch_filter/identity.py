@@ -109,7 +109,7 @@ class Contest:
 class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
-    Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them.
+    Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them; effort.
     Attributes: found, by the last comparison, its places as they were then; contest, that it comes from, None before
     the first.
     """
@@ -120,13 +120,14 @@ class Identification:
         config: FilterConfig,
         noise: NoiseModel,
         unknown: float = 0.5,
+        effort: Effort = IDENTIFYING,
     ):
-        self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
+        self._catalogue, self._config, self._noise, self._effort = catalogue, config, noise, effort
+        self._unknown = unknown
         self._scores = CodeScores(catalogue.codes, catalogue.calibration, config, Workers(config.threads))
-        pace = Pace(IDENTIFYING.lookups_per_step)
-        self._searches = [RivalSearch(entry.lookup, noise, IDENTIFYING, pace) for entry in catalogue.entries]
-        spacing, correlation = config.hindsight_spacing, noise.touch_correlation
-        self._window = KeyframeWindow(_TOUCHES, spacing, correlation, IDENTIFYING.shortlist)
+        pace = Pace(effort.lookups_per_step)
+        self._searches = [RivalSearch(entry.lookup, noise, effort, pace) for entry in catalogue.entries]
+        self._window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 
@@ -135,7 +136,7 @@ class Identification:
         self._window.restart()
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
-        self._news, self._patience, self.contest = 0, IDENTIFYING.anew, None
+        self._news, self._patience, self.contest = 0, self._effort.anew, None
         self._believe(np.zeros(0), self._unknown)
 
     @property
@@ -159,7 +160,7 @@ class Identification:
         self._move(odometry, touch.in_contact)
         if self._window.due and touch.in_contact and self._is_usable(touch.penetration):
             self._keep(touch)
-        if self._running is None and self._news >= self._patience and len(self._window) >= IDENTIFYING.fewest:
+        if self._running is None and self._news >= self._patience and len(self._window) >= self._effort.fewest:
             self._news, self._running = 0, self._run()
         found = next(self._running) if self._running else None
         if found is None:
@@ -167,7 +168,7 @@ class Identification:
         self._running, self.contest = None, found
         self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
         settled = self.found.leading.probability > self._noise.settled
-        self._patience = IDENTIFYING.seldom if settled else IDENTIFYING.anew
+        self._patience = self._effort.seldom if settled else self._effort.anew
         return True
 
     def _move(self, odometry: np.ndarray | None, in_contact: bool) -> None:
@@ -192,7 +193,7 @@ class Identification:
         self._window.keep([touch], [self._scores.log_ratio])
         self._news += 1
         if self._window.lifted:  # what is under way was asked before, of an object that may have been exchanged
-            self._running, self._patience = None, IDENTIFYING.anew
+            self._running, self._patience = None, self._effort.anew
 
     def _believe(self, shares: np.ndarray, unknown: float) -> None:
         """Take over the probabilities (P,) of the contest's places."""
@@ -217,13 +218,13 @@ class Identification:
         ranked = yield from self._ranked(views, carried)
         race = Race(window)
         replays = [
-            Replay(view, entry.alignment, self._noise, IDENTIFYING, self._config.relief_fit, race)
+            Replay(view, entry.alignment, self._noise, self._effort, self._config.relief_fit, race)
             for view, entry in zip(views, self._catalogue.entries, strict=True)
         ]
         for k, pose in carried:
             yield from replays[k].follow(pose)
         for k, pose in ranked:
-            if race.alignments >= IDENTIFYING.alignments:
+            if race.alignments >= self._effort.alignments:
                 break
             yield from replays[k].follow(pose)
         yield self._contest(window, replays)
@@ -241,7 +242,7 @@ class Identification:
         """Further places that codes bring up, with the numbers of their objects, best first."""
         found: list[tuple[float, int, np.ndarray]] = []
         for k, view in enumerate(views):
-            if any(len(each.shortlists[0]) for each in view.sparser(IDENTIFYING.sieve).keyframes):
+            if any(len(each.shortlists[0]) for each in view.sparser(self._effort.sieve).keyframes):
                 rivals = yield from self._searches[k].find(view, [pose for owner, pose in carried if owner == k])
                 found += [(score, k, pose) for score, pose in zip(rivals.scores, rivals.poses, strict=True)]
         found.sort(key=lambda each: -each[0])

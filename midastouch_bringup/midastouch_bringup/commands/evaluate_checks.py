@@ -32,6 +32,14 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from ..evaluation.perception.check_tables import check_tables
+    from ..evaluation.table import text_table
+
+    result = _measured(args)
+    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+
+
+def _measured(args: argparse.Namespace) -> dict:
     import itertools
     from pathlib import Path
 
@@ -46,11 +54,9 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets.ball_presses import load_ball_presses
     from ..evaluation.machine import machine_info
     from ..evaluation.perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
-    from ..evaluation.perception.check_tables import check_tables
     from ..evaluation.perception.diameter_checks import diameter_checks
     from ..evaluation.perception.real_checks import real_checks
     from ..evaluation.result_file import to_json
-    from ..evaluation.table import text_table
     from ..progress import progress_bar
 
     sensor = SensorModel.load(args.sensor)
@@ -66,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     real = SensorModel.load("digit_real")
     felt_by = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
-    result = to_json(
+    return to_json(
         {
             "network": tdn.network_id,
             "sensor": args.sensor,
@@ -83,4 +89,3 @@ def run(args: argparse.Namespace) -> int:
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )
-    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
