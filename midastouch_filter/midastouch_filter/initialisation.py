@@ -113,10 +113,7 @@ class ParticleSource:
 
     def _spread(self, centres: np.ndarray, index: np.ndarray, covariance: np.ndarray) -> Particles:
         """Normally distributed around centres (C, 4, 4), each around that of its index (n,), with covariance (6, 6) in
-        the centre's frame.
-
-        They lie near their centres, so their entries are found by following them from there.
-        """
+        the centre's frame."""
         n, centres = len(index), np.ascontiguousarray(centres)
         axes, variance, _ = np.linalg.svd(covariance)
         factor, normal = axes * np.sqrt(variance), self._rng.standard_normal((n, 6))
@@ -124,7 +121,7 @@ class ParticleSource:
             positions=np.empty((n, 3), np.float32),
             quaternions=np.empty((n, 4), np.float32),
             log_weights=np.full(n, -np.log(max(n, 1))),
-            entries=self._lookup.exact(centres)[index],
+            entries=np.zeros(n, np.int32),
         )
         self._workers.run(
             n,
@@ -132,7 +129,7 @@ class ParticleSource:
                 low, high, centres, index, factor, normal, particles.positions, particles.quaternions
             ),
         )
-        self._lookup.follow(particles)
+        self._lookup.relocate(particles)
         return particles
 
     def _around(self, entries: np.ndarray) -> Particles:

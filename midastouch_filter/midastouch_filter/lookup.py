@@ -97,7 +97,13 @@ class PoseLookup(NearestEntry):
 
     def relocate(self, particles: Particles) -> None:
         """Set `particles.entries` exactly, wherever the particles were before."""
-        particles.entries = self.exact(particles.poses)
+        particles.entries = np.empty(len(particles), np.int32)
+        self._workers.run(
+            len(particles),
+            lambda low, high, _: self._cells.locate(
+                low, high, particles.positions, particles.quaternions, particles.entries
+            ),
+        )
 
     def follow(self, particles: Particles) -> np.ndarray:
         """Update `particles.entries` by walking the graph from the last ones; returns the distances (N,) [m].

@@ -25,7 +25,7 @@ class Workers:
     def __init__(self, threads: int = 0):
         available = len(os.sched_getaffinity(0))
         self.threads = threads or available
-        self._pool = ThreadPoolExecutor(self.threads - 1, "filter") if self.threads > 1 else None
+        self._pool = ThreadPoolExecutor(max(self.threads - 1, 1), "filter")  # starts its threads when they are needed
 
     def run(self, n: int, kernel: Callable[[int, int, int], None]) -> None:
         """Call the kernel on at most CHUNKS disjoint ranges that cover [0, n); returns when all are done.
@@ -36,19 +36,27 @@ class Workers:
             kernel(0, n, 0)
             return
         bounds = [n * c // CHUNKS for c in range(CHUNKS + 1)]
-
-        def share(first: int) -> None:
-            for c in range(first, CHUNKS, self.threads):
-                kernel(bounds[c], bounds[c + 1], c)
-
-        pending = [self._pool.submit(share, k) for k in range(1, self.threads)] if self._pool else []
-        share(0)
-        for future in pending:
-            future.result()
+        self._share(CHUNKS, lambda c: kernel(bounds[c], bounds[c + 1], c))
 
     def map(self, function: Callable[[T], R], items: list[T]) -> list[R]:
         """`function` of each item, in their order. Worth it from about 100 us an item that holds no lock."""
-        if not self._pool or len(items) < 2:
-            return [function(item) for item in items]
-        pending = [self._pool.submit(function, item) for item in items[1:]]
-        return [function(items[0]), *(future.result() for future in pending)]
+        out: dict[int, R] = {}
+        self._share(len(items), lambda k: out.__setitem__(k, function(items[k])))
+        return [out[k] for k in range(len(items))]
+
+    def _share(self, count: int, do: Callable[[int], None]) -> None:
+        """Call `do` with each of [0, count), in whichever thread is free; returns when all are done.
+
+        So nobody waits for a thread that gets no processor.
+        """
+        left = iter(range(count))  # the interpreter hands each number out once
+
+        def work() -> None:
+            for k in left:
+                do(k)
+
+        pending = [self._pool.submit(work) for _ in range(min(self.threads, count) - 1)]
+        work()
+        for future in pending:
+            if not future.cancel():
+                future.result()

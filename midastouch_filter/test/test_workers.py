@@ -30,6 +30,20 @@ def test_map_works_side_by_side():
     assert sorted(Workers(2).map(lambda _: both.wait(), [0, 1])) == [0, 1]
 
 
+def test_a_thread_that_is_held_up_holds_up_none_of_the_other_items():
+    others, done = threading.Event(), []
+
+    def each(item):
+        if item == 1:
+            return others.wait(120)
+        done.append(item)
+        if len(done) == 7:
+            others.set()
+        return True
+
+    assert all(Workers(2).map(each, list(range(8))))
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_an_error_comes_out(threads):
     with pytest.raises(ZeroDivisionError):

@@ -58,6 +58,19 @@ public:
         return out;
     }
 
+    void locate(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<float, -1, 4> quaternions,
+                InOut<int32_t, -1> entries) const {
+        if (low > high || high > std::min({positions.shape(0), quaternions.shape(0), entries.shape(0)}))
+            throw nb::value_error("range beyond the particles");
+        nb::gil_scoped_release released;
+        for (std::size_t i = low; i < high; ++i) {
+            Pose here;
+            std::copy_n(positions.data() + 3 * i, 3, here.position);
+            std::copy_n(quaternions.data() + 4 * i, 4, here.quaternion);
+            entries.data()[i] = search(here, INFINITY);
+        }
+    }
+
 private:
     struct Pose {
         float position[3], quaternion[4];
@@ -177,6 +190,8 @@ private:
 void bind_pose_cells(nb::module_& m) {
     nb::class_<PoseCells>(m, "PoseCells", "Entries of a codebook by their position.")
         .def(nb::init<In<float, -1, kRecord>>(), named("records"))
+        .def("locate", &PoseCells::locate, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
+             named("entries"), "Set the entries (N,) nearest to the poses [low, high).")
         .def("nearest", &PoseCells::nearest, named("poses"), nb::arg("within"),
              "Entry (N,) nearest to each pose (N, 4, 4); the number of entries where none is nearer than `within`.");
 }

@@ -40,6 +40,19 @@ def test_nearest_is_the_nearest(count, away):
     np.testing.assert_array_equal((bounded == count)[clear], (least > bound)[clear])
 
 
+def test_particles_are_located_at_the_same_entries():
+    rng = np.random.default_rng(2)
+    cells, (poses, rows) = kernels.PoseCells(random_poses(3000, rng, 0.05)[1]), random_poses(200, rng, 0.07)
+    particles = np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 4:])
+    entries = np.full(200, -1, np.int32)
+    cells.locate(50, 150, *particles, entries)
+    np.testing.assert_array_equal(entries[50:150], cells.nearest(poses, np.inf)[50:150])
+    assert (entries[:50] == -1).all()
+    assert (entries[150:] == -1).all()
+    with pytest.raises(ValueError, match="range"):
+        cells.locate(0, 201, *particles, entries)
+
+
 def test_entries_all_at_one_place():
     poses, records = random_poses(50, np.random.default_rng(1), 0.0)
     np.testing.assert_array_equal(kernels.PoseCells(records).nearest(poses, np.inf), np.arange(50))
