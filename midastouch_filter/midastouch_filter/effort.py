@@ -9,8 +9,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Effort:
-    """Alignment of modes. starts: particles that a mode wider than codebook entries are apart is aligned from besides its
-    mean.
+    """Alignment of modes. starts: particles that a mode is aligned from beside its mean, if it is wider than codebook
+    entries are apart.
 
     Re-evaluation. fewest: touches that it needs to say anything; anew: further touches after which it is
     worth another one; the next ones wait twice as long each, up to `seldom` while places compete, `rarely` once they do
