@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from midastouch_bringup.commands.arguments import HELD_OUT, TEST_OBJECTS
+from midastouch_bringup.commands.campaigns import HELD_OUT
 from midastouch_bringup.evaluation.calibration import nees
 from midastouch_bringup.evaluation.disturbances import Scene
 from midastouch_bringup.evaluation.protocols import PROTOCOLS
@@ -33,6 +33,7 @@ from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.policies import Policies, default_policies
 from midastouch_filter.state import CONVERGED
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.training.objects import TEST_OBJECTS
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)
