@@ -4,6 +4,15 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.effort import Effort
+from midastouch_filter.noise_model import NoiseModel
+from midastouch_perception.codebook_poses import YAWS
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 import filter_constants
@@ -41,6 +50,13 @@ def test_every_constant_of_the_filter_is_listed_with_its_value():
 def test_every_constant_says_where_it_comes_from():
     for key, (_, origin) in listed().items():
         assert origin.partition(":")[0].strip() in ORIGINS, key
+
+
+def test_derived_values_follow_from_what_they_name():
+    noise, between_turns = NoiseModel.of(FilterConfig()), 2 * np.pi / YAWS
+    assert noise.elsewhere == pytest.approx(chi2.ppf(0.999, 6), rel=0.005)
+    assert np.sqrt(noise.between_entries[5, 5]) == pytest.approx(between_turns / 2, rel=0.1)
+    assert Effort().turns == pytest.approx((between_turns / 2, between_turns / 4), rel=0.15)
 
 
 def test_a_new_number_is_found(tmp_path, monkeypatch):

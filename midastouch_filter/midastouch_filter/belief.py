@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 import midastouch_kernels as kernels
@@ -75,10 +77,17 @@ class Belief:
         self.aligned: dict[int, Aligned] = {}
         self.aligned_to: frozenset[str] = frozenset()
 
-    def align(self, aligned: dict[int, Aligned], gains: np.ndarray, names: frozenset[str]) -> None:
+    def align(
+        self,
+        aligned: dict[int, Aligned],
+        gains: np.ndarray,
+        names: frozenset[str],
+        widening: Callable[[Aligned], float],
+    ) -> None:
         """The particles were moved by what these fingers' maps say of the modes, by their number, whose masses change.
 
-        gains (m,): log-factors of the masses of all modes; no mass in all comes or goes.
+        gains (m,): log-factors of the masses of all modes; no mass in all comes or goes. widening: factors on the
+        covariances of the answers.
         """
         finder = self._finder
         of_peak = {finder.peaks[k]: each for k, each in aligned.items()}
@@ -90,7 +99,8 @@ class Belief:
         self.aligned = {k: of_peak[peak] for k, peak in enumerate(finder.peaks) if peak in of_peak}
         self.aligned_to = names
         self.answers = [
-            sharpened(mode, self.aligned[k]) if k in self.aligned else mode for k, mode in enumerate(self.modes)
+            sharpened(mode, self.aligned[k], widening(self.aligned[k])) if k in self.aligned else mode
+            for k, mode in enumerate(self.modes)
         ]
 
     @property

@@ -9,8 +9,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Effort:
-    """Alignment of modes. one_optimum (m, rad): a mode that spreads no wider is aligned from its mean alone; starts:
-    particles that a wider one is aligned from besides.
+    """Alignment of modes. starts: particles that a mode is aligned from beside its mean, if it is wider than codebook
+    entries are apart.
 
     Re-evaluation. fewest: touches that it needs to say anything; anew: further touches after which it is
     worth another one; the next ones wait twice as long each, up to `seldom` while places compete, `rarely` once they do
@@ -23,7 +23,6 @@ class Effort:
     where further fingers are.
     """
 
-    one_optimum: tuple[float, float] = (4e-3, np.radians(12.0))
     starts: int = 4
     fewest: int = 2
     anew: int = 1

@@ -70,6 +70,7 @@ class FineStage(CoarseOnly):
 
     Args: refinement; reevaluation, None for none; config; noise; source of particles for new modes; resample; gates;
     watch.
+    Attribute: region, how far from the published pose the truth may be.
     """
 
     def __init__(
@@ -83,13 +84,14 @@ class FineStage(CoarseOnly):
         gates: Gates,
         watch: Stopwatch,
     ):
-        self._refinement, self._reevaluation = refinement, reevaluation
+        self._refinement, self._reevaluation, self.region = refinement, reevaluation, refinement.region
         self._source, self._resample = source, resample
         self._config, self._noise, self._gates, self._watch = config, noise, gates, watch
 
     def restart(self, prior: Prior | None) -> None:
         self.checked = self._reevaluation is None
         self._known: Comparison | None = None
+        self.region.restart()
         if self._reevaluation:
             self._known_at = np.eye(4)
             self._reevaluation.restart(prior)
@@ -143,7 +145,8 @@ class FineStage(CoarseOnly):
             return False
         fitting = {k: each for k, each in aligned.items() if each.fit > self._config.relief_fit}
         gains = self._refinement.gains(modes, aligned, tempering)
-        belief.align(fitting, gains, frozenset(finger.name for finger in mapped))
+        names = frozenset(finger.name for finger in mapped)
+        belief.align(fitting, gains, names, self.region.widening)
         return 0 in belief.aligned
 
     def _reevaluate(self, belief: Belief, reevaluation: Reevaluation, felt: list[Finger]) -> None:

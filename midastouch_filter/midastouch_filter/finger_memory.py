@@ -22,7 +22,7 @@ from .transforms.queue import Wait
 
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
 _PATIENCE = 0.25
-_BEHIND_NS = 250_000_000
+_BEHIND_NS = round(1e9 * _PATIENCE)
 # Stamps that run back by more than this are a new run (a looped bag).
 _JUMP_NS = 500_000_000
 _KEPT = 100  # codes

@@ -20,6 +20,7 @@ from midastouch_perception import se3
 
 from .alignment import Aligned, PenetrationAlignment, without_jitter
 from .config import FilterConfig
+from .credible_region import CredibleRegion
 from .effort import Effort
 from .estimate import Mode
 from .joint_alignment import align_in_turn, transform_covariance
@@ -33,6 +34,7 @@ class Refinement:
     """Moves the particles of narrow modes to where penetration maps put them.
 
     Args: alignment; config; noise; effort; workers.
+    Attribute: region, how far from an aligned pose the truth may be.
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Refinement:
     ):
         self._alignment, self._config, self._workers = alignment, config, workers
         self._noise, self._effort = noise, effort
+        self.region = CredibleRegion(noise)
 
     def apply(
         self,
@@ -61,6 +64,8 @@ class Refinement:
         priors = self._priors(modes)
         aligned = self._align(particles, members, modes, priors, touches)
         jitter = self._noise.jitter
+        if 0 in aligned and aligned[0].fit > self._config.relief_fit:
+            self.region.follow(modes[0].pose, priors[0] + jitter, aligned[0])
         maps = {
             k: _GaussianMap.between(
                 modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], jitter, posterior)
@@ -111,7 +116,7 @@ class Refinement:
     def _starts(self, mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
         """Poses (4, 4) to look for the optimum from: the mode's own and, if it may hold several, some particles'."""
         starts = [mode.pose]
-        translation, rotation = self._effort.one_optimum
+        translation, rotation = np.sqrt(np.diag(self._noise.between_entries))[[0, 3]]
         if mode.spread_translation > translation or mode.spread_rotation > rotation:
             count = min(self._effort.starts, len(members))
             some = members[np.linspace(0, len(members) - 1, count).astype(int)]
@@ -186,10 +191,13 @@ def is_narrow(mode: Mode, config: FilterConfig) -> bool:
     return mode.spread_translation < config.refine_translation and mode.spread_rotation < config.refine_rotation
 
 
-def sharpened(mode: Mode, aligned: Aligned) -> Mode:
-    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included."""
+def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
+    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included.
+
+    widening: factor on its covariance, by which it is as wide as the truth is far.
+    """
     turn = se3.turn(aligned.pose[:3, :3])
-    return replace(mode, pose=aligned.pose, covariance=turn @ aligned.covariance @ turn.T)
+    return replace(mode, pose=aligned.pose, covariance=widening * turn @ aligned.covariance @ turn.T)
 
 
 def _in_own_frame(mode: Mode) -> np.ndarray:

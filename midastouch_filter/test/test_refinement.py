@@ -82,7 +82,7 @@ def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
     np.testing.assert_allclose(np.linalg.norm(particles.quaternions, axis=1), 1, atol=1e-5)
     # the frame's own pose is nearer still, because the jitter is part of it
     assert np.linalg.norm(aligned[0].pose[:3, 3] - truth[:3, 3]) < 0.5 * before
-    np.testing.assert_array_equal(sharpened(mode_of(start, 400), aligned[0]).pose, aligned[0].pose)
+    np.testing.assert_array_equal(sharpened(mode_of(start, 400), aligned[0], 1.0).pose, aligned[0].pose)
 
 
 def test_particles_of_one_frame_are_where_it_has_the_mode(refinement, touch):
