@@ -96,10 +96,15 @@ def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -
     """
     touched = (penetration > 0).astype(np.uint8)
     radius = np.sqrt(touched.sum() / np.pi)
-    inside = cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * radius
     beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
-    weight = np.where(inside, np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
+    weight = np.where(well_inside(penetration), np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
     return NormalEquations.of(change, height_slopes(np.maximum(penetration, 0), pixel), weight)
+
+
+def well_inside(penetration: np.ndarray) -> np.ndarray:
+    """Where (H, W) bool the gel has the slopes of what touches it with a penetration (H, W) m, negative beside it."""
+    touched = (penetration > 0).astype(np.uint8)
+    return cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * np.sqrt(touched.sum() / np.pi)
 
 
 def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:
