@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..sensor_calibration import SensorCalibration, plain_slopes
-from .response import NormalEquations, height_slopes, press_equations
+from .response import NormalEquations, height_slopes, press_equations, well_inside
 
 FEWEST = 5
 _FOLDS = 5
@@ -82,5 +82,5 @@ def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.nda
 
 
 def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes (H, W, 2) of what touches with a penetration (H, W) m, and where (H, W) bool it does."""
-    return height_slopes(np.maximum(penetration, 0), pixel), penetration > 0
+    """Slopes (H, W, 2) of what touches with a penetration (H, W) m, and where (H, W) bool the gel has them."""
+    return height_slopes(np.maximum(penetration, 0), pixel), well_inside(penetration)

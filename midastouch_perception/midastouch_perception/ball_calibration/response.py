@@ -17,7 +17,9 @@ _BESIDE = 0.25  # radii of the contact: the gel beside it slopes too, nobody kno
 _BESIDE_WEIGHT = 0.3  # of a pixel beyond, where it is flat and only shadows fall
 _EVERY = 2  # px; neighbours say the same
 _LEAST_EXPLAINED = 0.5
-_RIDGE = 1e-3  # share of the equations' mean weight: what presses do not tell stays small
+_FLAT = np.array([0.1, 1, 1, 2, 2, 2])  # how much sooner a term of the position is kept small than the constant
+_RIDGE = 3e-3  # share of the equations' mean weight: what presses do not tell stays small
+_EVENLY = 1e-3  # share of what is explained in all: where presses hardly tell how steep it is, it is as elsewhere
 
 
 def colour_terms(change: np.ndarray) -> np.ndarray:
@@ -41,8 +43,10 @@ class NormalEquations:
 
     def __init__(self) -> None:
         size = TERMS * _PLACES
-        self.square, self.target = np.zeros((size, size)), np.zeros((size, 2))
-        self.weight = self.energy = 0.0  # of the pixels, and of their slopes
+        self.square = np.zeros((size, size))
+        self.targets = np.zeros((_PLACES, size, 2))  # with the slopes times each term of the position
+        self.energies = np.zeros(_PLACES)  # of the slopes, times each term of the position
+        self.weight = 0.0  # of the pixels
 
     @classmethod
     def of(cls, change: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> NormalEquations:
@@ -51,30 +55,37 @@ class NormalEquations:
         places = place_terms(*weight.shape)
         change, slopes, weight, places = (a[::_EVERY, ::_EVERY] for a in (change, slopes, weight, places))
         known = weight > 0
-        places = places[known]
+        slopes, weight, places = slopes[known].astype(np.float32), weight[known][:, None], places[known]
         design = (colour_terms(change[known])[:, :, None] * places[:, None, :]).reshape(len(places), -1)
-        weighted = design * weight[known][:, None]
-        out.square, out.target = (weighted.T @ a.astype(np.float32) for a in (design, slopes[known]))
+        weighted = design * weight
+        out.square = weighted.T @ design
+        out.targets = np.stack([weighted.T @ (slopes * place[:, None]) for place in places.T])
+        out.energies = places.T @ (weight * slopes**2).sum(axis=1)
         out.weight = float(weight.sum())
-        out.energy = float((weight[known] * (slopes[known] ** 2).sum(axis=1)).sum())
         return out
 
     def __add__(self, other: NormalEquations) -> NormalEquations:
         out = NormalEquations()
-        out.square, out.target = self.square + other.square, self.target + other.target
-        out.weight, out.energy = self.weight + other.weight, self.energy + other.energy
+        for name, value in vars(self).items():
+            setattr(out, name, value + getattr(other, name))
         return out
 
     def solve(self) -> np.ndarray:
         """Coefficients (12, 6, 2) of the slopes. Few presses leave the position's terms small.
 
-        Least squares predict slopes too flat by the share that the colours do not explain: noise, and circles that are
-        off. Relief must not become flatter by that, so the slopes are made as steep as the balls', on average.
+        Least squares predict slopes too flat by the share that the colours do not explain: noise, shadows, and circles
+        that are off. Relief must not become flatter by that, nor flatter beside a lamp that outshines the others than
+        elsewhere. So the slopes are made as steep as the balls', on average and on the average of every term of the
+        position: least squares for the slopes times a quadratic in the position, which is solved for.
         """
-        ridge = _RIDGE * self.weight * np.tile([0.1, 1, 1, 2, 2, 2], TERMS)
-        found = np.linalg.solve(self.square + np.diag(ridge + 1e-12), self.target)
-        explained = float((found * self.target).sum()) / max(self.energy, 1e-12)
-        return (found / max(explained, _LEAST_EXPLAINED)).reshape(TERMS, _PLACES, 2)
+        ridge = np.diag(_RIDGE * self.weight * np.tile(_FLAT, TERMS) + 1e-12)
+        found = np.stack([np.linalg.solve(self.square + ridge, target) for target in self.targets])
+        steep = np.einsum("kpd,lpd->lk", found, self.targets)  # along the balls' slopes, on the average of each term
+        explained = max(steep[0, 0], _LEAST_EXPLAINED * self.energies[0], 1e-12)
+        steep += explained * np.diag([0, *(_EVENLY * _FLAT[1:])])
+        steep[0, 0] = explained
+        factors = np.linalg.solve(steep, self.energies)
+        return np.tensordot(factors, found, 1).reshape(TERMS, _PLACES, 2)
 
 
 def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
@@ -85,10 +96,15 @@ def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -
     """
     touched = (penetration > 0).astype(np.uint8)
     radius = np.sqrt(touched.sum() / np.pi)
-    inside = cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * radius
     beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
-    weight = np.where(inside, np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
+    weight = np.where(well_inside(penetration), np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
     return NormalEquations.of(change, height_slopes(np.maximum(penetration, 0), pixel), weight)
+
+
+def well_inside(penetration: np.ndarray) -> np.ndarray:
+    """Where (H, W) bool the gel has the slopes of what touches it with a penetration (H, W) m, negative beside it."""
+    touched = (penetration > 0).astype(np.uint8)
+    return cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * np.sqrt(touched.sum() / np.pi)
 
 
 def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:

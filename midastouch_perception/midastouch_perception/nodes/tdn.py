@@ -104,7 +104,7 @@ class TdnNode(ManagedNode):
         """Load the depth network and the background."""
         self._sensor = SensorModel.load(self.parameters["sensor_model"])
         self._map_sensor = self._sensor.for_maps
-        self._fit = FitCheck()
+        self._fit = FitCheck(self._map_sensor)
         store = store_of(self.parameters["background_folder"], self.parameters["serial"])
         self.say(f"loading the depth network '{self.parameters['tdn']}'")
         tdn = None if self._given else load_tdn(self.parameters["tdn"], self._sensor)

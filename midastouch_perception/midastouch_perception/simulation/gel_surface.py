@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 
@@ -26,3 +28,16 @@ def sunk_in(penetration: np.ndarray, pixel: float, reach: float, share: float) -
     depth = share * reach * min(steep, _STEEPEST)
     distance = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) * np.float32(pixel)
     return penetration + np.float32(depth) * np.exp(-distance / np.float32(reach))
+
+
+@dataclasses.dataclass(frozen=True)
+class GelShape:
+    """How the gel takes the shape of what is pressed in: reach [m] and share as for `sunk_in`, blur [m]."""
+
+    reach: float
+    share: float
+    blur: float
+
+    def height(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
+        """Height (H, W) float32 m of the gel over its rest, for a penetration map (H, W) m, m per pixel."""
+        return cv2.GaussianBlur(sunk_in(penetration, pixel, self.reach, self.share), (0, 0), self.blur / pixel)

@@ -22,7 +22,7 @@ from ..ball_calibration.response import height_slopes, place_terms
 from ..errors import InputError
 from ..files import atomic_path, require_file
 from ..sensor_model import SensorModel
-from .gel_surface import sunk_in
+from .gel_surface import GelShape
 
 _FOLDER = Path(__file__).parents[1] / "measured_sensors"
 _NORMAL_TERMS = 7
@@ -31,19 +31,6 @@ _STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m to where relief may stand
 SIDE_TERMS = len(_DIRECTIONS) * len(_STEPS)
 _KEEPS = 0.95  # of exposure and drift, from a frame to the next
 _FORMAT = 1
-
-
-@dataclasses.dataclass(frozen=True)
-class GelShape:
-    """How the gel takes the shape of what is pressed in: reach [m] and share as for `sunk_in`, blur [m]."""
-
-    reach: float
-    share: float
-    blur: float
-
-    def height(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
-        """Height (H, W) float32 m of the gel over its rest, for a penetration map (H, W) m, m per pixel."""
-        return cv2.GaussianBlur(sunk_in(penetration, pixel, self.reach, self.share), (0, 0), self.blur / pixel)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -62,8 +62,12 @@ def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> 
         return False
     difference = without_drift(difference)
     felt = tdn.predict(candidate, present, difference)
-    forward = explained_share(difference, felt)
-    if forward is None or forward < EXPLAINED_LIMIT or not ContactDetector(tdn.sensor).update(felt).in_contact:
+    forward = explained_share(difference, felt, tdn.sensor.pixel_size)
+    if (
+        forward is None
+        or forward < EXPLAINED_LIMIT[tdn.sensor.light]
+        or not ContactDetector(tdn.sensor).update(felt).in_contact
+    ):
         return False
     touched = np.abs(difference).max(axis=2) > _CHANGED
     return _roughness(candidate, touched) > _CLEARLY * _roughness(present, touched)

@@ -5,7 +5,8 @@ Two figures of each difference image, both cheap:
 - *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact, but for the
   frame's brightness, which the difference is free of. If not, the background is another sensor's or turned.
 - *explained share*: light falls on a bump as the bump's slopes say. If the slopes of the felt relief do not explain
-  the image by some linear optics, the network has felt something that is not there.
+  the image by some linear optics, the network has felt something that is not there. What lamps and exposure change from
+  frame to frame varies slowly over the image and needs no explanation.
 
 The limits are those that simulated sensors as the network was trained on seldom break: `midastouch evaluate-checks`
 measures how seldom, and how surely misfits do.
@@ -18,33 +19,55 @@ import collections
 import cv2
 import numpy as np
 
+from ..ball_calibration.response import height_slopes, place_terms
+from ..sensor_model import SensorModel
+from ..simulation.gel_surface import GelShape
+
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
 _FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
 QUIET_LIMIT = 5.0  # grey levels
-EXPLAINED_LIMIT = 0.5
+EXPLAINED_LIMIT = {"additive": 0.5, "relative": 0.75}
+"""By `SensorModel.light`: on real gel more is explained, as its light is known better."""
+_GELS = GelShape(0.3e-3, 0.0, 0.1e-3), GelShape(0.5e-3, 1.0, 0.25e-3), GelShape(0.7e-3, 1.0, 0.5e-3)
+"""From one that follows every edge to one that sinks in far around it."""
 
 
-def explained_share(difference: np.ndarray, penetration: np.ndarray) -> float | None:
+def explained_share(difference: np.ndarray, penetration: np.ndarray, pixel: float) -> float | None:
     """Share (0 ... 1) of a difference image's energy that the felt relief explains; None if there is hardly any.
 
-    difference (H, W, 3) grey levels; penetration (H, W) m. The optics fitted to each image: every channel is linear in
-    the relief's two slopes, with factors linear in the position, plus a quadratic in the slopes.
+    difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel. The optics fitted to each image: every
+    channel is linear in the slopes of the gel around the relief, with factors linear in the position, plus a quadratic
+    in the slopes. The gel is the one of a few that explains most. What is quadratic in the position does not count.
     """
-    seen = _blocks(difference).reshape(-1, 3)
+    slow = np.linalg.qr(place_terms(*_BLOCKS).reshape(-1, 6))[0]
+    seen = _without(slow, _blocks(difference).reshape(-1, 3))
     energy = float((seen**2).sum())
     if energy < _FAINT**2 * seen.size:
         return None
-    half = cv2.resize(penetration, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) * np.float32(1e3)
-    slope_x, slope_y = cv2.Sobel(half, cv2.CV_32F, 1, 0), cv2.Sobel(half, cv2.CV_32F, 0, 1)
-    x, y = _blocks(slope_x), _blocks(slope_y)
-    rows, columns = _BLOCKS
-    v, u = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
-    terms = [x, x * u, x * v, y, y * u, y * v, *(_blocks(t) for t in (slope_x**2, slope_y**2, slope_x * slope_y))]
-    design = np.stack([t.ravel() for t in terms], axis=1).astype(float)
-    design /= np.linalg.norm(design, axis=0) + 1e-9
-    # the ridge keeps terms apart that a straight edge makes equal
-    weights = np.linalg.solve(design.T @ design + 1e-3 * np.eye(len(terms)), design.T @ seen)
-    return 1 - float(((seen - design @ weights) ** 2).sum()) / energy
+    left = []
+    for gel in _GELS:
+        design = _without(slow, _light_terms(gel.height(penetration, pixel), pixel).astype(float))
+        design /= np.linalg.norm(design, axis=0) + 1e-9
+        # the ridge keeps terms apart that a straight edge makes equal
+        weights = np.linalg.solve(design.T @ design + 1e-3 * np.eye(design.shape[1]), design.T @ seen)
+        left.append(float(((seen - design @ weights) ** 2).sum()))
+    return 1 - min(left) / energy
+
+
+def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
+    """Terms (N, 9) of light on gel of a height (H, W) m, by its normal, at each of N blocks."""
+    slopes = height_slopes(height, pixel)
+    sines = slopes / np.sqrt(1 + (slopes**2).sum(axis=2, keepdims=True))
+    x, y = sines[..., 0], sines[..., 1]
+    places = place_terms(*_BLOCKS)[..., :3]
+    linear = [_blocks(along)[..., None] * places for along in (x, y)]
+    squares = _blocks(np.stack([x * x, y * y, x * y], axis=2))
+    return np.concatenate([*linear, squares], axis=2).reshape(-1, 9)
+
+
+def _without(base: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Columns (N, K) less what an orthonormal base (N, B) makes of them."""
+    return columns - base @ (base.T @ columns)
 
 
 def quietest_tenth(difference: np.ndarray) -> float:
@@ -60,11 +83,12 @@ def _blocks(image: np.ndarray) -> np.ndarray:
 class FitCheck:
     """Watches the frames of one sensor; the verdict is on the median of the last ones looked at.
 
-    Args: every, how many frames that go through the network pass for one that is looked at; window, how many of
-    those count, at least a third of which must have come before anything is said.
+    Args: sensor, at the map's resolution; every, how many frames that go through the network pass for one that is
+    looked at; window, how many of those count, at least a third of which must have come before anything is said.
     """
 
-    def __init__(self, every: int = 5, window: int = 15):
+    def __init__(self, sensor: SensorModel, every: int = 5, window: int = 15):
+        self._pixel, self._limit = sensor.pixel_size, EXPLAINED_LIMIT[sensor.light]
         self._every, self._enough = every, max(1, window // 3)
         self._frames = 0
         self._quiet: collections.deque[float] = collections.deque(maxlen=window)
@@ -76,7 +100,7 @@ class FitCheck:
         if (self._frames - 1) % self._every:
             return
         self._quiet.append(quietest_tenth(difference))
-        share = explained_share(difference, penetration)
+        share = explained_share(difference, penetration, self._pixel)
         if share is not None:
             self._explained.append(share)
 
@@ -113,7 +137,7 @@ class FitCheck:
                 "another sensor's or another gel's, or light falls in from outside; lift the finger and call "
                 "capture_background"
             )
-        if self.explained is not None and self.explained < EXPLAINED_LIMIT:
+        if self.explained is not None and self.explained < self._limit:
             return (
                 f"the felt relief explains {100 * self.explained:.0f} % of what the images show: the no-contact image "
                 "shows a contact (lift the finger and call capture_background), or this sensor is lit unlike those the "

@@ -1,7 +1,11 @@
 import numpy as np
 import pytest
 
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.gel_surface import GelShape
 from midastouch_perception.tdn.fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, FitCheck, explained_share, quietest_tenth
+
+REAL = SensorModel.load("digit_real").for_maps
 
 
 def bump(row=80, column=60, radius=25.0, depth=1e-3) -> np.ndarray:
@@ -26,17 +30,30 @@ def noise():
 @pytest.mark.parametrize("gain", [2e5, -5e5, 4e6])
 def test_a_relief_explains_its_own_light(noise, gain):
     relief = bump()
-    assert explained_share(lit(relief, gain) + noise, relief) > 0.9
+    assert explained_share(lit(relief, gain) + noise, relief, REAL.pixel_size) > 0.9
 
 
 def test_another_relief_does_not(noise):
-    assert explained_share(lit(bump(60, 40)) + noise, bump(100, 85)) < 0.3
-    assert explained_share(lit(bump()) + noise, np.zeros((160, 120), np.float32)) == pytest.approx(0, abs=1e-6)
+    assert explained_share(lit(bump(60, 40)) + noise, bump(100, 85), REAL.pixel_size) < 0.3
+    assert explained_share(lit(bump()) + noise, np.zeros((160, 120), np.float32), REAL.pixel_size) == pytest.approx(
+        0, abs=1e-6
+    )
+
+
+def test_a_light_that_changed_over_the_image_needs_no_explanation(noise):
+    rows, columns = np.mgrid[-1:1:160j, -1:1:120j]
+    drift = 12 * (columns + rows * columns)[..., None] * [1, -0.5, 0.3]
+    assert explained_share(lit(bump()) + drift.astype(np.float32) + noise, bump(), REAL.pixel_size) > 0.9
+
+
+def test_gel_that_sinks_in_beside_a_contact_is_explained_by_the_contact(noise):
+    touched, gel = bump(), GelShape(0.6e-3, 1.0, 0.3e-3)
+    assert explained_share(lit(gel.height(touched, REAL.pixel_size)) + noise, touched, REAL.pixel_size) > 0.9
 
 
 def test_too_little_to_explain(noise):
-    assert explained_share(noise, bump()) is None
-    assert explained_share(np.zeros_like(noise), np.zeros((160, 120), np.float32)) is None
+    assert explained_share(noise, bump(), REAL.pixel_size) is None
+    assert explained_share(np.zeros_like(noise), np.zeros((160, 120), np.float32), REAL.pixel_size) is None
 
 
 def test_a_contact_leaves_a_tenth_of_the_image_alone(noise):
@@ -45,17 +62,17 @@ def test_a_contact_leaves_a_tenth_of_the_image_alone(noise):
 
 
 def test_verdict_needs_several_frames_and_looks_at_every_nth(noise):
-    check = FitCheck(every=2, window=6)
+    check = FitCheck(REAL, every=2, window=6)
     for frames in range(1, 9):
         check.observe(lit(bump()) + noise, bump(110, 90))
         assert bool(check.problem) == (frames >= 3), "two of a window of six are a third"
-    assert check.explained < EXPLAINED_LIMIT
+    assert check.explained < EXPLAINED_LIMIT[REAL.light]
     assert "explains" in check.problem
     assert check.quiet < QUIET_LIMIT
 
 
 def test_one_odd_frame_is_no_misfit(noise):
-    check = FitCheck(every=1, window=6)
+    check = FitCheck(REAL, every=1, window=6)
     for k in range(6):
         check.observe(lit(bump()) + noise, bump(110, 90) if k == 2 else bump())
     assert check.problem == ""
@@ -63,7 +80,7 @@ def test_one_odd_frame_is_no_misfit(noise):
 
 
 def test_a_background_that_is_off_everywhere_comes_first(noise):
-    check = FitCheck(every=1, window=3)
+    check = FitCheck(REAL, every=1, window=3)
     for _ in range(3):
         check.observe(lit(bump()) + noise + 20, bump())
     assert "off by 20 grey levels" in check.problem

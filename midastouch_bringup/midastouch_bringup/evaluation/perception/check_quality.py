@@ -187,7 +187,7 @@ class CheckQuality:
 
 def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -> tuple[FitCheck, TouchedBackground]:
     """Both checks after the images (320, 240, 3) uint8 of a sensor with this no-contact image."""
-    check = FitCheck(every=1, window=len(images))
+    check = FitCheck(tdn.sensor, every=1, window=len(images))
     touched = TouchedBackground(tdn, every=1, window=len(images))
     stage = DepthStage(tdn, check, touched)
     for image in images:

@@ -55,7 +55,7 @@ class SpeedMeasurement:
     def networks(self) -> dict:
         """tdn_ms, tcn_ms: one image, one penetration map; fit_check_ms: one frame looked at, every fifth is."""
         tdn, tcn, fit = Stopwatch(), Stopwatch(), Stopwatch()
-        check = FitCheck(every=1)
+        check = FitCheck(self._networks.tdn.sensor, every=1)
         for image in self._images:
             with tdn:
                 penetration = self._networks.tdn.predict(image, self._background)

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from midastouch_perception.ball_calibration.response import ColourResponse, NormalEquations
+
+SIZE = 80, 60
+ROWS = np.linspace(-1, 1, SIZE[0])[:, None]
+LEVELS = 60.0  # grey levels of a slope of 1
+
+
+def press(rng, noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Colours and slopes (H, W, 3), (H, W, 2) of random relief; noise, grey levels, more of it further down."""
+    slopes = rng.normal(0, 0.4, (*SIZE, 2)).astype(np.float32)
+    colours = LEVELS * slopes @ np.float32([[1, -0.5, -0.5], [0, 0.87, -0.87]])
+    uneven = noise * np.exp(ROWS[..., None]) * rng.standard_normal(colours.shape)
+    return (colours + uneven).astype(np.float32), slopes
+
+
+def steepness(slopes, truth, rows) -> float:
+    return float((slopes * truth)[rows].sum() / (truth[rows] ** 2).sum())
+
+
+@pytest.mark.parametrize("noise", [1.0, 12.0])
+def test_slopes_are_as_steep_as_in_truth_where_colours_tell_much_of_them_and_where_little(noise):
+    rng, equations = np.random.default_rng(0), NormalEquations()
+    for _ in range(10):
+        equations += NormalEquations.of(*press(rng, noise), np.ones(SIZE, np.float32))
+    colours, truth = press(rng, noise)
+    slopes = ColourResponse(equations.solve()).slopes(colours)
+    for rows in (slice(0, 20), slice(30, 50), slice(60, 80)):
+        assert steepness(slopes, truth, rows) == pytest.approx(1, abs=0.05)
+
+
+def test_few_presses_in_one_place_say_little_of_others():
+    rng = np.random.default_rng(1)
+    colours, slopes = press(rng, 3.0)
+    weight = np.zeros(SIZE, np.float32)
+    weight[:25] = 1
+    response = ColourResponse(NormalEquations.of(colours, slopes, weight).solve())
+    assert 0.4 < steepness(response.slopes(colours), slopes, slice(60, 80)) < 1.6
+
+
+def test_nothing_pressed_is_flat():
+    equations = NormalEquations.of(*(np.zeros((*SIZE, n), np.float32) for n in (3, 2)), np.ones(SIZE, np.float32))
+    assert not equations.solve().any()
