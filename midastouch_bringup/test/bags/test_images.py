@@ -5,7 +5,7 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
-from recorded import SECOND, STILL, STORE, header, image, tf, write
+from recorded import SECOND, STILL, STORE, compressed, header, image, tf, write
 
 from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.messages import Message
@@ -24,11 +24,23 @@ def test_bgr_padded_and_compressed_images(tmp_path):
     kind = "sensor_msgs/msg/CompressedImage"
     png = cv2.imencode(".png", pixels[..., ::-1])[1]
     content = STORE.types[kind](header(SECOND, "digit_optical_frame"), "png", png)
-    compressed = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
-    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, compressed)
+    small = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, small)
     for topic in ("/image_raw", "/compressed"):
         (frame,) = read_bag(path, image_topic=topic)
         np.testing.assert_array_equal(frame.image, pixels)
+
+
+def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
+    raw = image(SECOND, np.random.default_rng(0).integers(0, 256, (320, 240, 3), np.uint8))
+    frames = {}
+    for name, recorded in {"raw": [raw], "small": [compressed(raw)], "both": [raw, compressed(raw)]}.items():
+        path = write(tmp_path / f"{name}.mcap", tf(SECOND, STILL), *recorded)
+        ((_, frames[name], *_),) = read_bag(path)
+    np.testing.assert_array_equal(frames["small"], frames["raw"])
+    np.testing.assert_array_equal(frames["both"], frames["raw"])
+    with pytest.raises(InputError, match=r"has no /other; it has /image_raw/compressed"):
+        next(read_bag(tmp_path / "small.mcap", image_topic="/other"))
 
 
 @pytest.mark.parametrize(
