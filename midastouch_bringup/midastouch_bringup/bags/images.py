@@ -41,7 +41,8 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
 
 
 def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
-    pixels = cv2.imdecode(np.asarray(compressed.data), cv2.IMREAD_COLOR_RGB)
+    data = np.asarray(compressed.data)
+    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
     if pixels is None:
         raise InputError("it cannot be decompressed")
     if pixels.shape != (height, width, 3):

@@ -8,7 +8,7 @@ import pytest
 from recorded import SECOND, STILL, STORE, compressed, header, image, tf, write
 
 from midastouch_bringup.bags.frames import read_bag
-from midastouch_bringup.bags.messages import Message
+from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message
 from midastouch_perception.errors import InputError
 
 
@@ -41,6 +41,17 @@ def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
     np.testing.assert_array_equal(frames["both"], frames["raw"])
     with pytest.raises(InputError, match=r"has no /other; it has /image_raw/compressed"):
         next(read_bag(tmp_path / "small.mcap", image_topic="/other"))
+
+
+@pytest.mark.parametrize("data", [b"", b"no picture"])
+def test_compressed_images_that_are_none_are_refused(tmp_path, data):
+    content = STORE.types[COMPRESSED_TYPE](header(SECOND, "camera"), "png", np.frombuffer(data, np.uint8))
+    bad = Message(
+        "/image_raw/compressed", COMPRESSED_TYPE, SECOND, bytes(STORE.serialize_cdr(content, COMPRESSED_TYPE))
+    )
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
+    with pytest.raises(InputError, match=r"x\.mcap: image on /image_raw/compressed .* cannot be decompressed"):
+        next(read_bag(path))
 
 
 @pytest.mark.parametrize(
