@@ -57,7 +57,7 @@ def test_compressed_images_that_are_none_are_refused(tmp_path, data):
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        (image(SECOND, encoding="mono16"), "mono16' is not colour"),
+        (image(SECOND, encoding="mono16"), "mono16' is neither rgb8 nor bgr8"),
         (image(SECOND, step=100), "but holds"),
         (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240 pixels, expected 240 x 320; rotate it"),
         (Message("/image_raw", "sensor_msgs/msg/Image", SECOND, b"\0\1"), "cannot be read as a bag"),
