@@ -126,6 +126,8 @@ def _what(arguments: list[str]) -> list[str]:
 
 
 def _one_line(error: Exception) -> str:
+    if isinstance(error, FileExistsError):  # a folder was to be made there
+        return f"{error.filename}: exists and is no folder; choose another place"
     if isinstance(error, OSError) and error.filename is not None and error.errno is not None:
         return f"{error.filename}: {os.strerror(error.errno)}"
     return " ".join(str(error).split()) or type(error).__name__

@@ -68,7 +68,7 @@ def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp
 WRONG = [
     ("live_ur", {**AN_ARM, "seed": "abc"}, "seed:=abc: must be a whole number"),
     ("live_ur", {**AN_ARM, "object": "sofa"}, "sofa: not bundled"),
-    ("live_ur", {**AN_ARM, "params_file": "/nowhere.yaml"}, "/nowhere.yaml: No such file"),
+    ("live_ur", {**AN_ARM, "params_file": "/nowhere.yaml"}, "/nowhere.yaml: no such parameter file"),
     ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
     ("live_ur", {"arm": "rtde", "use_mock_hardware": "true"}, "arm:=rtde: at which address"),
     ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),

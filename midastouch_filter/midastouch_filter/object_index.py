@@ -50,7 +50,7 @@ class ObjectIndex:
             self.lookup = PoseLookup(poses, workers, _graph(kept, len(poses)))
             self.surface = surface or SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
         except ValueError as error:
-            raise InputError(f"codebook: {error}; build it again with `midastouch build-codebook`") from error
+            raise InputError(f"{codebook.source}: {error}; build it again with `midastouch build-codebook`") from error
 
 
 def _graph(kept: dict[str, np.ndarray], entries: int) -> tuple[np.ndarray, np.ndarray] | None:

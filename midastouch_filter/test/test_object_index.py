@@ -9,7 +9,7 @@ from midastouch_filter.config import FilterConfig
 from midastouch_filter.object_index import ObjectIndex, derived_arrays
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
-from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig()
@@ -64,8 +64,10 @@ def test_other_limits_ask_for_another_grid(world, codebook):
         ("distances", lambda a: a.astype(float)),
     ],
 )
-def test_broken_arrays_are_refused(world, codebook, name, change):
+def test_broken_arrays_are_refused_naming_the_file(world, codebook, name, change, tmp_path):
     key = next(key for key in codebook.derived if key.endswith(name))
-    broken = Codebook(codebook.poses, codebook.codes, {}, codebook.derived | {key: change(codebook.derived[key])})
-    with pytest.raises(InputError, match="build it again"):
-        indexed(world, broken)
+    meta = dict.fromkeys(("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn"), "") | {"format": FORMAT}
+    derived = codebook.derived | {key: change(codebook.derived[key])}
+    Codebook(codebook.poses, codebook.codes, meta, derived).save(tmp_path / "broken.npz")
+    with pytest.raises(InputError, match=r"broken\.npz: .*; build it again"):
+        indexed(world, Codebook.load(tmp_path / "broken.npz"))

@@ -23,13 +23,21 @@ class Codebook:
 
     Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
     mesh_sha256, mesh_path, sensor, sensor_id, tcn (network id), temperature, outlier (calibration of the score), size,
-    seed; derived: arrays by name that whoever uses the codebook has made of poses and mesh, kept to save the time.
+    seed; derived: arrays by name that whoever uses the codebook has made of poses and mesh, kept to save the time;
+    source: its file, for messages.
     """
 
-    def __init__(self, poses: np.ndarray, codes: np.ndarray, meta: dict, derived: dict[str, np.ndarray] | None = None):
+    def __init__(
+        self,
+        poses: np.ndarray,
+        codes: np.ndarray,
+        meta: dict,
+        derived: dict[str, np.ndarray] | None = None,
+        source: str = "codebook",
+    ):
         self.poses = np.ascontiguousarray(poses, float)
         self.codes = np.ascontiguousarray(codes, np.float32)
-        self.meta = meta
+        self.meta, self.source = meta, source
         self.derived = derived or {}
 
     def save(self, path: str | Path) -> None:
@@ -79,7 +87,7 @@ class Codebook:
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
-        return cls(se3.from_xyzquat(poses), codes, meta, derived)
+        return cls(se3.from_xyzquat(poses), codes, meta, derived, str(path))
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

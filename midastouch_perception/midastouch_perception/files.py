@@ -9,6 +9,9 @@ import shutil
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from .errors import InputError
 
@@ -28,6 +31,17 @@ def require_file(path: str | os.PathLike, what: str) -> Path:
     if not path.is_file():
         raise InputError(f"{path}: no such {what} file; check the path")
     return path
+
+
+def read_yaml(path: str | os.PathLike, what: str) -> Any:
+    """What a YAML file holds; InputError naming `what` (such as "sensor model") if there is none or it is not YAML."""
+    path = require_file(path, what)
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}; check the {what} file") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: not YAML: {' '.join(str(error).split())}; correct the {what} file") from error
 
 
 @contextlib.contextmanager

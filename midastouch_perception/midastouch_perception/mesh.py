@@ -20,6 +20,7 @@ from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
 _SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
+_EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 
 
 class ObjectMesh:
@@ -133,20 +134,36 @@ class ObjectMesh:
         return points, self.face_normals[index], index
 
     @cached_property
+    def _shared_edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Edges of two faces: the same edge once as part of each, (E,) and (E,) into the faces' edges; whether both
+        walk it in the same direction (E,).
+
+        Corners are matched by position, so scans split along seams keep their edges.
+        """
+        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
+        edges = welded.reshape(-1)[self.faces][:, _EDGES].reshape(-1, 2)
+        ends = np.sort(edges, axis=1)
+        order = np.lexsort(ends.T)
+        same = (ends[order[1:]] == ends[order[:-1]]).all(axis=1)
+        first, second = order[:-1][same], order[1:][same]
+        contrary = (edges[first] == edges[second]).all(axis=1) & (ends[first, 0] != ends[first, 1])
+        return first, second, contrary
+
+    @property
+    def contrary_share(self) -> float:
+        """Share of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
+        contrary = self._shared_edges[2]
+        return float(contrary.mean()) if len(contrary) else 0.0
+
+    @cached_property
     def feature_edges(self) -> tuple[np.ndarray, np.ndarray]:
         """Edges where two faces meet at more than 10 deg: ends (E, 2, 3) m, mean normals (E, 3).
 
-        Corners are matched by position, so scans split along seams keep their edges (paper appendix A).
+        Source: paper appendix A.
         """
-        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
-        faces = welded.reshape(-1)[self.faces]
-        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        owner = np.repeat(np.arange(len(faces)), 3)
-        ends = self.vertices[self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)]
-        order = np.lexsort(edges.T)
-        same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-        first, second = order[:-1][same], order[1:][same]
-        a, b = self.face_normals[owner[first]], self.face_normals[owner[second]]
+        first, second, _ = self._shared_edges
+        ends = self.vertices[self.faces[:, _EDGES].reshape(-1, 2)]
+        a, b = self.face_normals[first // 3], self.face_normals[second // 3]
         sharp = (a * b).sum(axis=1) < np.cos(np.radians(10))
         normals = (a + b)[sharp]
         length = np.linalg.norm(normals, axis=1, keepdims=True)

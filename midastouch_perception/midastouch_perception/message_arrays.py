@@ -51,7 +51,7 @@ def image_from_msg(msg: Any) -> np.ndarray:
 def rgb_from_msg(msg: Any, height: int, width: int) -> np.ndarray:
     """Colour image (height, width, 3) uint8 RGB, contiguous, from an rgb8 or bgr8 message of that size."""
     if msg.encoding not in ("rgb8", "bgr8"):
-        raise InputError(f"image encoding '{msg.encoding}' is not colour; publish rgb8 or bgr8")
+        raise InputError(f"image encoding '{msg.encoding}' is neither rgb8 nor bgr8; publish one of these")
     pixels = image_from_msg(msg)
     if pixels.shape[:2] != (height, width):
         turn = "; rotate it to portrait" if pixels.shape[:2] == (width, height) else ""

@@ -48,8 +48,16 @@ class OnnxNetwork:
         self._options.only_execute_path_to_fetches = True  # not the layers of other outputs too
         self._inputs = [i.name for i in self.session.get_inputs()]
         self.outputs = [o.name for o in self.session.get_outputs()]
-        self.card = read_card(path)
+        self.card, self._path = read_card(path), path
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
+
+    def require_inputs(self, *names: str) -> None:
+        """InputError unless the network takes these: depth and code networks are easily mixed up."""
+        if tuple(self._inputs) != names:
+            raise InputError(
+                f"{self._path}: a network of {', '.join(self._inputs)}, not of {', '.join(names)}; "
+                "are depth and code network mixed up?"
+            )
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
         """The output of that name, by default the first, for the network's inputs in their

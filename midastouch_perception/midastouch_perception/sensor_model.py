@@ -13,10 +13,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from .errors import InputError
-from .files import require_file
+from .files import read_yaml
 
 MAP_SCALE = 0.5
 """Resolution of penetration maps as a share of the image's: that of the depth network."""
@@ -52,9 +51,8 @@ class SensorModel:
             if path.suffix != ".yaml":
                 known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
                 raise InputError(f"sensor model '{name_or_path}' is not known; use {known} or a .yaml file")
-            require_file(path, "sensor model")
+        data = read_yaml(path, "sensor model")
         try:
-            data = yaml.safe_load(path.read_text())
             model = cls(
                 name=path.stem,
                 width=int(data["width"]),
@@ -64,7 +62,7 @@ class SensorModel:
                 dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
                 light=str(data.get("light", "relative")),
             )
-        except (KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
         if min(model.width, model.height, model.focal, model.gel_distance) <= 0:
             raise InputError(f"{path}: width, height, focal and gel_distance must be positive")

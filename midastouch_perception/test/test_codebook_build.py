@@ -6,6 +6,7 @@ import pytest
 
 from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
 from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 SIZE = 2 * CHUNK + 40  # three chunks, the last one short
@@ -146,3 +147,10 @@ def test_empty_books_are_refused(tool, tcn, sensor, size):
 
 def test_one_entry_is_a_book(tool, tcn, sensor):
     assert build_codebook(tool, tcn, sensor, size=1).codes.shape == (1, tcn.dim)
+
+
+def test_a_mesh_whose_faces_do_not_agree_where_outside_is_is_refused(tool, tcn, sensor):
+    turned = np.random.default_rng(0).random(len(tool.faces)) < 0.1
+    faces = np.where(turned[:, None], tool.faces[:, ::-1], tool.faces)
+    with pytest.raises(InputError, match=r"part: at 1\d% of the edges .* recalculate the normals outward"):
+        CodebookBuild(ObjectMesh.from_arrays(tool.vertices, faces, "part"), tcn, sensor, 4).run()

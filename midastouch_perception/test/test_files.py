@@ -5,7 +5,7 @@ import os
 import pytest
 
 from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, require_file, sha256
+from midastouch_perception.files import atomic_path, read_yaml, require_file, sha256
 
 
 def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
@@ -42,6 +42,14 @@ def test_sha256(tmp_path):
     path = tmp_path / "x"
     path.write_bytes(b"midas" * 500_000)
     assert sha256(path) == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("content", [b"a: [", b"k\xe4se: 1", b"a:\n\t- b", 1000 * b"[", b"\0"])
+def test_yaml_that_is_none_is_bad_input(tmp_path, content):
+    path = tmp_path / "settings.yaml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"settings\.yaml: not YAML: .*; correct the parameter file"):
+        read_yaml(path, "parameter")
 
 
 def test_require_file_names_what_is_missing(tmp_path):

@@ -4,6 +4,8 @@ import pytest
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.onnx_network import WEIGHTS, OnnxNetwork
+from midastouch_perception.tcn import load_tcn
+from midastouch_perception.tdn import load_tdn
 
 
 @pytest.mark.parametrize("kind", ["tdn", "tcn"])
@@ -49,3 +51,9 @@ def test_identity_follows_the_content(tmp_path):
     except InputError:
         return  # a strict parser refuses the extra byte, which is as good
     assert other != OnnxNetwork("tdn", "fast").network_id
+
+
+@pytest.mark.parametrize(("load", "other"), [(load_tdn, "tcn_fast"), (load_tcn, "tdn_fast")])
+def test_networks_that_are_mixed_up_are_refused(load, other):
+    with pytest.raises(InputError, match=rf"{other}\.onnx: a network of .* mixed up"):
+        load(WEIGHTS / f"{other}.onnx")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -11,16 +12,23 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..stop_signals import end_at_once, stop_event
 
+_MEND = "check what follows --ros-args, and that logs can be written: $ROS_LOG_DIR, or without it ~/.ros/log"
+
 
 def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
     """Spins the nodes that ``make_nodes`` returns in one executor; the exit code for the process, which then ends.
 
     ``args`` are the command line with its ROS arguments (None: the process' own). 0: told to stop by SIGINT, SIGTERM or
     SIGHUP, at any moment and however often; what is going on then, the making of the nodes or a callback, is finished
-    first. 1: a node with an attribute ``gave_up`` set it. What ``make_nodes`` raises is raised.
+    first. 1: a node with an attribute ``gave_up`` set it. 2: ROS does not start, which is said in one line. What
+    ``make_nodes`` raises is raised.
     """
     end_at_once()
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # of several types of rclpy's, without a public name
+        print(f"ROS does not start: {' '.join(str(error).split())}; {_MEND}", file=sys.stderr)
+        return 2
     executor = SingleThreadedExecutor()
     nodes: Sequence[Node] = ()
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -61,3 +62,25 @@ def test_exit_codes(what, code) -> None:
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == code, done.stderr
     assert ("Traceback" in done.stderr) == (what in ("refuse", "break")), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "log_folder", "words"),
+    [
+        (["--params-file", "nowhere.yaml"], "logs", "nowhere.yaml"),
+        (["--bogus"], "logs", "--bogus"),
+        ([], "a_file/logs", "a_file/logs"),
+    ],
+)
+def test_what_keeps_ros_from_starting_is_said_in_one_line(tmp_path, arguments, log_folder, words) -> None:
+    (tmp_path / "a_file").touch()
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, "run", "--ros-args", *arguments],
+        env={**os.environ, "ROS_LOG_DIR": str(tmp_path / log_folder)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert words in done.stderr.splitlines()[-1]
+    assert "ROS_LOG_DIR" in done.stderr.splitlines()[-1]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
 from midastouch_perception import se3
-from midastouch_perception.files import atomic_path
+from midastouch_perception.files import atomic_path, read_yaml
 
 from .mount_frames import read_mount
 
@@ -24,7 +23,7 @@ def correct_mount(frames: str | os.PathLike, out: str | os.PathLike, T_told_true
     (_, _, T_tool_link), (_, _, T_link_gel), _ = read_mount(frames)
     change = T_link_gel @ T_told_true @ se3.inverse(T_link_gel)
     corrected = T_tool_link @ change
-    entries = yaml.safe_load(Path(frames).read_text())
+    entries = read_yaml(frames, "frames")
     entries["hand_eye"]["xyz"] = corrected[:3, 3].round(6).tolist()
     entries["hand_eye"]["rpy"] = Rotation.from_matrix(corrected[:3, :3]).as_euler("xyz").round(6).tolist()
     with atomic_path(out) as temporary:

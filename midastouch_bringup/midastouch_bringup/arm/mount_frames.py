@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.spatial.transform import Rotation
 
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
+from midastouch_perception.files import read_yaml
 
 _ENTRIES = ("hand_eye", "gel", "optical")
 
@@ -23,12 +22,7 @@ def read_mount(
     sensor_prefix is put before the sensor's frames, tf_prefix before the arm's; tool_frame replaces the frame that the
     sensor is mounted on. Raises InputError, naming file and entry, for a file that does not say where the sensor is.
     """
-    try:
-        entries = yaml.safe_load(Path(path).read_text())
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; check frames_file") from error
-    except (UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: not YAML: {error}") from error
+    entries = read_yaml(path, "frames")
     if not isinstance(entries, dict) or set(entries) != set(_ENTRIES):
         raise InputError(f"{path}: must hold {', '.join(_ENTRIES)} and nothing else; see config/frames.yaml")
     mount = []

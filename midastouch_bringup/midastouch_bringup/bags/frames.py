@@ -11,9 +11,9 @@ import numpy as np
 from midastouch_filter.transforms import TransformBuffer, TransformError
 from midastouch_perception.errors import InputError
 
-from .images import decode_image
+from .images import decode_image, image_messages
 from .messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME, TRUTH_GEL_FRAME, header_stamp_ns
-from .reader import bag_messages, readable
+from .reader import readable
 from .transforms import recorded_transforms
 
 
@@ -41,13 +41,14 @@ def read_bag(
     All transforms are read first, then interpolated at each image's stamp, so nothing depends on the order in
     which images and transforms were recorded. Images before the first or after the last transform are left
     out, and transforms that are none (not finite, no unit quaternion), as the filter's node leaves them out.
-    Transforms that are late or repeated are told on stderr. Raises InputError if the bag cannot be read, lacks the
-    topic or the transforms, or if the time of a frame runs backwards on which the gel's or the true pose depends.
+    Where the topic is missing, the compressed images beside it are taken. Transforms that are late or repeated are told
+    on stderr. Raises InputError if the bag cannot be read, lacks the topic or the transforms, or if the time of a frame
+    runs backwards on which the gel's or the true pose depends.
     """
     path = Path(path)
     transforms, refused = recorded_transforms(path, ((base_frame, gel_frame), (TRUTH_FRAME, TRUTH_GEL_FRAME)))
     used, reason = False, "it is empty"
-    for message in bag_messages(path, {image_topic}):
+    for message in image_messages(path, image_topic):
         with readable(path):
             stamp = header_stamp_ns(message.data)
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -10,8 +11,17 @@ import numpy as np
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import rgb_from_msg
 
-from .messages import COMPRESSED_TYPE, IMAGE_TYPE, Message, typestore
-from .reader import readable
+from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, typestore
+from .reader import bag_messages, bag_topics, readable
+
+
+def image_messages(path: str | Path, topic: str = IMAGE_TOPIC) -> Iterator[Message]:
+    """The images of a bag on a topic; where there are none, the compressed ones beside it.
+
+    Raises InputError as `bag_messages`.
+    """
+    present, compressed = {each.name for each in bag_topics(path)}, f"{topic}/compressed"
+    return bag_messages(path, {compressed if topic not in present and compressed in present else topic})
 
 
 def decode_image(message: Message, path: Path) -> np.ndarray:
@@ -31,7 +41,8 @@ def decode_image(message: Message, path: Path) -> np.ndarray:
 
 
 def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
-    pixels = cv2.imdecode(np.asarray(compressed.data), cv2.IMREAD_COLOR_RGB)
+    data = np.asarray(compressed.data)
+    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
     if pixels is None:
         raise InputError("it cannot be decompressed")
     if pixels.shape != (height, width, 3):

@@ -17,9 +17,9 @@ from .messages import Message, Topic
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether `path` looks like a bag: an .mcap or .db3 file, or a folder with `metadata.yaml`."""
+    """Whether `path` looks like a bag: an .mcap file, or a folder with `metadata.yaml`."""
     path = Path(path)
-    return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix in (".mcap", ".db3"))
+    return (path / "metadata.yaml").is_file() or (path.is_file() and path.suffix == ".mcap")
 
 
 def bag_metadata(path: str | Path) -> dict[str, str]:

@@ -65,7 +65,7 @@ def read_json(path: str | os.PathLike) -> dict:
     path = require_file(path, "result")
     try:
         value = json.loads(Path(path).read_text())
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a JSON file ({error}); give a file written by --json") from error
     if not isinstance(value, dict):
         raise InputError(f"{path}: holds a {type(value).__name__}, not an object; give a file written by --json")

@@ -7,11 +7,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_file
+from midastouch_perception.files import read_yaml
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
@@ -67,10 +66,7 @@ def load_filter_config(path: str | None) -> FilterConfig:
     """
     if path is None:
         return FilterConfig()
-    try:
-        content = yaml.safe_load(require_file(path, "configuration").read_text()) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a YAML file ({error}); give `name: value` lines") from error
+    content = read_yaml(path, "configuration") or {}
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
     known = {item.name for item in dataclasses.fields(FilterConfig)}

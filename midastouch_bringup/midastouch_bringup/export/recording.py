@@ -14,8 +14,9 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import image_from_msg, pose_from_msg
 
 from ..bags.frames import BagFrame, read_bag
-from ..bags.messages import IMAGE_TOPIC, header_stamp_ns
-from ..bags.reader import bag_messages, bag_metadata, bag_topics, readable
+from ..bags.images import image_messages
+from ..bags.messages import header_stamp_ns
+from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
 
 FILTER_STATES = ("none", *STATES)
@@ -71,7 +72,7 @@ class Recording:
     def rate(self) -> float:
         """Images per second, as most of them follow each other. Raises InputError for fewer than two."""
         with readable(self.path):
-            stamps = [header_stamp_ns(message.data) for message in bag_messages(self.path, {IMAGE_TOPIC})]
+            stamps = [header_stamp_ns(message.data) for message in image_messages(self.path)]
         distinct = np.unique(stamps)
         if len(distinct) < 2:
             raise InputError(f"{self.path}: one image is no recording; record a slide")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import yaml
 
 from midastouch_perception.errors import InputError
+from midastouch_perception.files import read_yaml
 
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
@@ -16,12 +16,7 @@ def read_parameters(path: str | os.PathLike) -> dict[str, dict]:
 
     Raises InputError for a file that is missing, not YAML, or not of the form NODE: ros__parameters: {...}.
     """
-    try:
-        document = yaml.safe_load(Path(path).read_text())
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}; check params_file") from error
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: not YAML: {error}") from error
+    document = read_yaml(path, "parameter")
     if not isinstance(document, dict):
         raise InputError(f"{path}: holds no nodes; write NODE: {{ros__parameters: {{NAME: VALUE}}}}")
     nodes = {}

@@ -34,10 +34,10 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     Files of the same command go into one section. Raises InputError for a file of no known command.
     """
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
     by_kind: dict[Callable, list[dict]] = {}
     for name, content in results:
         by_kind.setdefault(_section(name, content), []).append(content)
+    folder.mkdir(parents=True, exist_ok=True)
     page = Page("MidasTouch results")
     for section in (
         _evaluate, accuracy_section, identification_section, _depth, press_section, check_section, single_touch_section,

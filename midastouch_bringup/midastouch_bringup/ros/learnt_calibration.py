@@ -5,20 +5,24 @@ from __future__ import annotations
 import time
 
 import rclpy
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from midastouch_msgs.msg import ArmCalibration
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
 
+from .local_context import started_context
+
 
 def learnt_calibration(namespace: str = "", patience: float = 10.0) -> ArmCalibration:
     """The message kept on `calibration` in the namespace; InputError if none comes within `patience` seconds."""
-    context, received = rclpy.Context(), []
-    rclpy.init(args=[], context=context, signal_handler_options=SignalHandlerOptions.NO)
+    context, received = started_context(), []
     try:
-        node = rclpy.create_node("store_mount", context=context, namespace=namespace)
+        try:
+            node = rclpy.create_node("store_mount", context=context, namespace=namespace)
+        except InvalidNamespaceException as error:
+            raise InputError(f"--namespace {namespace}: {error}") from error
         subscription = node.create_subscription(ArmCalibration, "calibration", received.append, qos.latched())
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)

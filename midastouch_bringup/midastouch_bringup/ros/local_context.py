@@ -9,15 +9,28 @@ from collections.abc import Iterator
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from midastouch_perception.errors import InputError
+
 from ..processes.local_domain import local_environment
+
+
+def started_context(domain: int | None = None) -> rclpy.Context:
+    """A context of its own in a domain (None: of the environment); InputError where ROS does not start."""
+    context = rclpy.Context()
+    try:
+        rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # of a type of rclpy's, without a public name
+        raise InputError(
+            f"ROS does not start: {error}; can logs be written to $ROS_LOG_DIR, or without it to ~/.ros/log?"
+        ) from error
+    return context
 
 
 @contextlib.contextmanager
 def local_context(domain: int) -> Iterator[rclpy.Context]:
     """A context in the domain of `local_environment`, which becomes ours; signals are left to others."""
     os.environ.update(local_environment(domain))  # DDS takes it from there alone
-    context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    context = started_context(domain)
     try:
         yield context
     finally:

@@ -1,8 +1,9 @@
 """Messages as they are recorded, and bags of them."""
 
+import cv2
 import numpy as np
 
-from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, Message, typestore
+from midastouch_bringup.bags.messages import BASE_FRAME, COMPRESSED_TYPE, GEL_FRAME, Message, typestore
 from midastouch_bringup.bags.writer import BagWriter
 
 SECOND, MS = 1_000_000_000, 1_000_000
@@ -39,6 +40,15 @@ def image(stamp_ns, pixels=None, encoding="rgb8", recorded_ns=None, step=None, t
     )
     data = bytes(STORE.serialize_cdr(content, content.__msgtype__))
     return Message(topic, content.__msgtype__, recorded_ns or stamp_ns, data)
+
+
+def compressed(message):
+    """An image message without loss, as image_transport would publish it."""
+    content = STORE.deserialize_cdr(message.data, message.type_name)
+    png = cv2.imencode(".png", content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
+    small = STORE.types[COMPRESSED_TYPE](content.header, "rgb8; png compressed bgr8", png)
+    data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
+    return Message(f"{message.topic}/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
 
 
 def write(path, *messages):

@@ -18,7 +18,8 @@ def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):
         bad.write_bytes(damaged)
         with pytest.raises(InputError, match=r"bad\.mcap"):
             list(read_bag(bad))
-    for foreign in (tmp_path / "nowhere.mcap", tmp_path, tmp_path / "test_object"):
+    (tmp_path / "part_of_a_bag.db3").touch()
+    for foreign in (tmp_path / "nowhere.mcap", tmp_path, tmp_path / "test_object", tmp_path / "part_of_a_bag.db3"):
         assert not is_bag(foreign)
         with pytest.raises(InputError, match="not a bag"):
             list(bag_messages(foreign))

@@ -91,6 +91,11 @@ def test_bad_options_are_status_2(arguments, capsys):
         (InputError("file.ply: is\nbroken"), 2, "midastouch: error: file.ply: is broken"),
         (FileNotFoundError(2, "No such file", "a.png"), 2, "midastouch: error: a.png: No such file or directory"),
         (PermissionError(13, "Permission denied", "/x"), 2, "midastouch: error: /x: Permission denied"),
+        (
+            FileExistsError(17, "File exists", "a"),
+            2,
+            "midastouch: error: a: exists and is no folder; choose another place",
+        ),
         (KeyboardInterrupt(), 130, "midastouch: interrupted"),
     ],
 )

@@ -1,5 +1,8 @@
 """`midastouch store-mount` beside a filter that has learnt something."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -45,3 +48,21 @@ def test_nothing_is_stored_before_something_is_known(graph, tmp_path, capsys):
 def test_a_topic_that_nobody_publishes_is_named(graph):
     with pytest.raises(InputError, match=r"/left/calibration.*--namespace"):
         learnt_calibration("left", patience=0.2)
+
+
+def test_a_namespace_that_is_none_is_refused():
+    with pytest.raises(InputError, match=r"--namespace a b: .*alphanumerics"):
+        learnt_calibration("a b", patience=0.2)
+
+
+def test_where_ros_does_not_start_that_is_said(tmp_path):
+    (tmp_path / "a_file").touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "midastouch_bringup.cli", "store-mount", "--out", str(tmp_path / "frames.yaml")],
+        env={**os.environ, "ROS_LOG_DIR": str(tmp_path / "a_file" / "logs")},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.splitlines()[-1].startswith("midastouch: error: ROS does not start: ")
+    assert "Traceback" not in done.stderr

@@ -34,7 +34,7 @@ def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
     [
         ("max_partikles: 5", "max_partikles"),
         ("max_particles: -5", "max_particles"),
-        ("max_particles: [", "not a YAML file"),
+        ("max_particles: [", "not YAML"),
         ("- 1", "holds no settings"),
     ],
 )

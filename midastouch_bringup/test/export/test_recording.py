@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from recorded import SECOND, STILL, compressed, image, tf, write
 
 from midastouch_bringup.export.recording import FILTER_STATES, Recording
 from midastouch_perception import se3
@@ -39,6 +40,14 @@ def test_what_the_bag_lacks_is_no_column(run):
 def test_a_frame_recorded_twice_comes_once(run):
     sequence, path = run(repeated=[2, 3], waited=[3])
     assert [row["stamp_ns"][0] for row in Recording(path).rows()] == sequence.stamps_ns.tolist()
+
+
+def test_a_bag_with_compressed_images_alone_is_a_recording(tmp_path):
+    stamps = [SECOND, SECOND + SECOND // 10]
+    images = [compressed(image(stamp)) for stamp in stamps]
+    recording = Recording(write(tmp_path / "small.mcap", *(tf(stamp, STILL) for stamp in stamps), *images))
+    assert recording.rate == pytest.approx(10)
+    assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
 
 
 def test_a_folder_is_no_bag(tmp_path):

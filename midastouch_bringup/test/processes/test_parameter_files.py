@@ -54,5 +54,5 @@ def test_bad_files_are_named_with_what_is_wrong(file, text, message):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"none\.yaml: No such file"):
+    with pytest.raises(InputError, match=r"none\.yaml: no such parameter file"):
         read_parameters(tmp_path / "none.yaml")

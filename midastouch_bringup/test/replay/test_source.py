@@ -2,11 +2,11 @@
 
 import dataclasses
 
-import cv2
 import numpy as np
 import pytest
+from recorded import compressed
 
-from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message, sequence_messages, typestore
+from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_bringup.replay.source import ReplaySource
 from midastouch_perception.errors import InputError
@@ -97,15 +97,6 @@ def test_what_is_sent_is_what_the_recording_holds_in_its_order(tmp_path, simulat
 def test_the_duration_of_a_sequence(simulated_sequence):
     sequence = simulated_sequence(n=11)
     assert ReplaySource(sequence.path).duration_s == pytest.approx(1.0)
-
-
-def compressed(message: Message) -> Message:
-    """An image message without loss, as image_transport would publish it."""
-    content = STORE.deserialize_cdr(message.data, message.type_name)
-    png = cv2.imencode(".png", content.data.reshape(320, 240, 3)[..., ::-1])[1].reshape(-1)
-    small = STORE.types[COMPRESSED_TYPE](content.header, "rgb8; png compressed bgr8", png)
-    data = bytes(STORE.serialize_cdr(small, COMPRESSED_TYPE))
-    return Message("/image_raw/compressed", COMPRESSED_TYPE, message.stamp_ns, data)
 
 
 def test_compressed_images_are_sent_as_the_raw_ones_that_the_pipeline_hears(tmp_path, simulated_sequence):

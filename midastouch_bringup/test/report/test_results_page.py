@@ -98,3 +98,9 @@ def test_the_other_kinds_of_result(tmp_path):
 def test_foreign_and_incomplete_files_are_refused_by_name(content, tmp_path):
     with pytest.raises(InputError, match=r"x\.json"):
         write_results_page([("x.json", content)], tmp_path)
+
+
+def test_a_foreign_file_leaves_no_folder_behind(tmp_path):
+    with pytest.raises(InputError, match=r"x\.json: not a result"):
+        write_results_page([("x.json", {"a": 1})], tmp_path / "page")
+    assert not (tmp_path / "page").exists()

@@ -13,6 +13,7 @@ import numpy as np
 import midastouch_kernels as kernels
 
 from ..errors import InputError
+from ..files import require_file
 
 _LIMIT = 130.0  # grey levels: the quadratics overshoot where no press of the fit has been
 
@@ -34,10 +35,11 @@ class ColourTable:
     @classmethod
     def load(cls, path: str | Path) -> ColourTable:
         """From Taxim's `polycalib.npz` (arrays grad_r, grad_g, grad_b). Raises InputError if it is not one."""
+        path = require_file(path, "colour table")
         try:
             with np.load(path, allow_pickle=False) as file:
                 return cls(np.stack([file[f"grad_{c}"] for c in "rgb"], axis=-1))
-        except (OSError, KeyError, ValueError) as error:
+        except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
             raise InputError(f"{path}: not a Taxim colour table ({error}); give its polycalib.npz") from error
 
     def difference(self, relief: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):

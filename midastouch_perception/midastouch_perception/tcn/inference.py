@@ -23,6 +23,7 @@ class TactileCodeNet:
 
     def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None):
         self._network = OnnxNetwork("tcn", name_or_path)
+        self._network.require_inputs("maps")
         self.sensor = (sensor or SensorModel.load("digit_tacto")).for_maps
         self.dim = int(self._network.card["dim"])
         self.calibration: dict[str, float] = self._network.card["calibration"]

@@ -27,6 +27,7 @@ class TactileDepthNet(DepthNet):
         calibration: SensorCalibration | None = None,
     ):
         super().__init__(name_or_path, sensor, calibration)
+        self._network.require_inputs("difference", "geometry")
         self._geometry = geometry_input(self.sensor)[None]
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:

@@ -53,7 +53,7 @@ def test_bgr_becomes_rgb():
     ("change", "complaint"),
     [
         ({"encoding": "16UC1"}, "encoding '16UC1'"),
-        ({"encoding": "mono8"}, "not colour"),
+        ({"encoding": "rgba8"}, "neither rgb8 nor bgr8"),
         ({"height": 6}, "but holds"),
         ({"step": 3}, "but holds"),
         ({"height": 0}, "empty"),

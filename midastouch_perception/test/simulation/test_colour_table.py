@@ -109,7 +109,11 @@ def test_unusable_files_are_named(tmp_path, coefficients):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     np.savez(tmp_path / "nan.npz", **{f"grad_{c}": coefficients[..., 0] * np.nan for c in "rgb"})
     np.savez(tmp_path / "flat.npz", **{f"grad_{c}": np.zeros((3, 3)) for c in "rgb"})
-    for name in ("none", "text", "other", "nan", "flat"):
+    (tmp_path / "empty.npz").touch()
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "flat.npz").read_bytes()[:-99])
+    with pytest.raises(InputError, match=r"none\.npz: no such colour table file"):
+        ColourTable.load(tmp_path / "none.npz")
+    for name in ("text", "other", "nan", "flat", "empty", "cut"):
         with pytest.raises(InputError, match=f"{name}.npz: not a Taxim colour table"):
             ColourTable.load(tmp_path / f"{name}.npz")
 
