@@ -22,7 +22,7 @@ from midastouch_perception import se3
 from .alignment import Aligned
 from .noise_model import NoiseModel
 
-WIDTH, WHITE = 37.0, 0.25  # factor on the covariance, by misfit and bias; what is added to the latter
+WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by misfit and bias; what is added to the latter
 _MEMORY, _HELD = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
 _SAID = 0.1  # share of an axis' prior variance below which a map says nothing of it
 
