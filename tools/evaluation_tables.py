@@ -364,20 +364,27 @@ def start() -> Table:
 
 def codebooks() -> Table:
     """What fewer poses cost, on the same slides."""
-    header = ["poses", "trials", "right at the end", "closest mode, median", "particles, mean", "paired difference"]
-    header += ["frames converged wrong", "report"]
+    header = ["poses", "right at the end", "paired difference", "particles, mean", "paired difference"]
+    header += ["closest mode, median", "CPU a frame", "report"]
     if "codebooks" not in reported():
         return header, [[UNMEASURED, *["-"] * 7]]
     content, rows = report("codebooks"), []
+    compared = {one["variant"]: one for one in content["comparison"]}
     for variant, poses in {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}.items():
-        (one,) = content["summary"][variant].values()
-        (compared,) = (each for each in content["comparison"] if each["variant"] == variant)
-        cells = [f"too few ({one['trials']})"] * 5
-        if one["trust"]["enough"]:
-            particles, mode, right, *_, wrong, _ = _localisation(one)
-            difference = _between(compared["difference_mm_interval"], "{:+.1f}")
-            cells = [right, mode, particles, f"{compared['difference_mm']:+.1f} mm ({difference})", wrong]
-        rows.append([poses, one["trials"], *cells, "[codebooks]"])
+        one = compared[variant]
+        cells = [f"too few ({one['trials']})"] * 6
+        if one["trials"] >= ENOUGH:
+            (summary,) = content["summary"][variant].values()
+            right, error = (one[f"{what}_interval"] for what in ("right_difference", "difference_mm"))
+            cells = [
+                _of(summary["right"], summary["trials"]),
+                f"{one['right_difference']:+.0%} ({_between(right, '{:+.0%}')})",
+                _error(summary, "e", "mean"),
+                f"{one['difference_mm']:+.1f} mm ({_between(error, '{:+.1f}')})",
+                _error(summary, "closest_mode", "median"),
+                f"{one['cpu_ms_filter']:.1f} ms",
+            ]
+        rows.append([poses, *cells, "[codebooks]"])
     return header, rows
 
 
