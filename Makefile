@@ -1,4 +1,4 @@
-# make demo | make test | make test-all | make bench | make lint | make soak [MINUTES=10] | make audit
+# make demo | make test | make test-all | make bench | make lint | make soak [MINUTES=10] [MESH=mug.ply] | make audit
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
 
 PYTHON ?= python3
@@ -31,9 +31,9 @@ bench: setup
 		--variant front --jobs 2 --minutes 10 --json out/front.json
 	$(BIN)/midastouch report out/bench.json out/front.json --out out/bench
 
-# MINUTES of images at 60 Hz, and as much of everything else; takes some times as long.
+# MINUTES of images at 60 Hz over the eyebolt, or over MESH, and as much of everything else; takes some times as long.
 soak: setup
-	SOAK_MINUTES=$(MINUTES) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_bringup/test/soak
+	SOAK_MINUTES=$(MINUTES) SOAK_MESH=$(MESH) SOAK_REPORT=out/soak.json $(BIN)/python -m pytest midastouch_bringup/test/soak
 
 # What is known against the pinned packages; asks the internet, from an environment of its own.
 audit:

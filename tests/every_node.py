@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -21,65 +22,35 @@ class FakeNet:
     network_id, dim = "fake", 4
 
 
+def _no_arm(robot_ip, rate):
+    raise ConnectionError("no arm")
+
+
+_BRINGUP, _PERCEPTION = "midastouch_bringup.nodes", "midastouch_perception.nodes"
+_NODES = {
+    "digit_driver": ("digit_driver.nodes.digit_driver", "DigitDriver", {}),
+    "digit_sim": (f"{_BRINGUP}.digit_sim", "DigitSim", {}),
+    "explorer": (f"{_BRINGUP}.explorer", "Explorer", {}),
+    "tdn": (f"{_PERCEPTION}.tdn", "TdnNode", {"depth": FakeNet()}),
+    "tcn": (f"{_PERCEPTION}.tcn", "TcnNode", {"tcn": FakeNet()}),
+    "particle_filter": ("midastouch_filter.nodes.particle_filter", "ParticleFilterNode", {}),
+    "ur_tf": (f"{_BRINGUP}.ur_tf", "UrTf", {"connect": _no_arm}),
+    "detection_prior": (f"{_BRINGUP}.detection_prior", "DetectionPrior", {}),
+    "mount_tf": (f"{_BRINGUP}.mount_tf", "MountTf", {}),
+    "view": (f"{_BRINGUP}.view", "View", {"scene": FakeNet()}),
+    "calibrate": (f"{_PERCEPTION}.calibrate", "CalibrateNode", {}),
+    "recorder": (f"{_BRINGUP}.recorder", "Recorder", {}),
+    "replay": (f"{_BRINGUP}.replay", "Replay", {}),
+}
+"""Module and class of each node, and what stands for hardware and networks."""
+
+
 def make_node(name: str, context: rclpy.Context, tmp_path: Path, **parameters) -> Node:
     """The node of that name, with parameter values as from a YAML file."""
-    values = {**_needed(name, tmp_path), **parameters}
-    overrides = [Parameter(key, value=value) for key, value in values.items()]
-    options = {"context": context, "parameter_overrides": overrides}
-    if name == "digit_driver":
-        from digit_driver.nodes.digit_driver import DigitDriver
-
-        return DigitDriver(**options)
-    if name == "digit_sim":
-        from midastouch_bringup.nodes.digit_sim import DigitSim
-
-        return DigitSim(**options)
-    if name == "explorer":
-        from midastouch_bringup.nodes.explorer import Explorer
-
-        return Explorer(**options)
-    if name == "tdn":
-        from midastouch_perception.nodes.tdn import TdnNode
-
-        return TdnNode(depth=FakeNet(), **options)
-    if name == "tcn":
-        from midastouch_perception.nodes.tcn import TcnNode
-
-        return TcnNode(tcn=FakeNet(), **options)
-    if name == "particle_filter":
-        from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-
-        return ParticleFilterNode(**options)
-    if name == "ur_tf":
-        from midastouch_bringup.nodes.ur_tf import UrTf
-
-        def connect(robot_ip, rate):
-            raise ConnectionError("no arm")
-
-        return UrTf(connect, **options)
-    if name == "detection_prior":
-        from midastouch_bringup.nodes.detection_prior import DetectionPrior
-
-        return DetectionPrior(**options)
-    if name == "mount_tf":
-        from midastouch_bringup.nodes.mount_tf import MountTf
-
-        return MountTf(**options)
-    if name == "view":
-        from midastouch_bringup.nodes.view import View
-
-        return View(scene=FakeNet(), **options)
-    if name == "calibrate":
-        from midastouch_perception.nodes.calibrate import CalibrateNode
-
-        return CalibrateNode(**options)
-    if name == "recorder":
-        from midastouch_bringup.nodes.recorder import Recorder
-
-        return Recorder(**options)
-    from midastouch_bringup.nodes.replay import Replay
-
-    return Replay(**options)
+    module, node_class, stand_ins = _NODES[name]
+    overrides = [Parameter(key, value=value) for key, value in {**_needed(name, tmp_path), **parameters}.items()]
+    make = getattr(importlib.import_module(module), node_class)
+    return make(**stand_ins, context=context, parameter_overrides=overrides)
 
 
 def _needed(name: str, tmp_path: Path) -> dict:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from midastouch_bringup.evaluation.setup import Networks
-from midastouch_bringup.evaluation.simulated_touch import Lighting, TouchSimulator
+from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting, TouchSimulator
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
 from midastouch_filter.keyframes import KeyframeWindow

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from midastouch_bringup.commands.arguments import HELD_OUT, TEST_OBJECTS
+from midastouch_bringup.commands.campaigns import HELD_OUT
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.config import FilterConfig
@@ -26,6 +26,7 @@ from midastouch_filter.identity import Contest, Identification
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.training.objects import TEST_OBJECTS
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

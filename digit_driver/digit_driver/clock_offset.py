@@ -12,6 +12,10 @@ import time
 from collections.abc import Callable
 
 PAIRS = 5
+TIME_CONSTANT_NS = 2e9
+"""Of the low-pass. Under a slew of 500 ppm the estimate lags by 1 ms, which must stay below `STEP_NS`."""
+STEP_NS = 5_000_000
+"""Smallest deviation, beyond the measurement's own uncertainty, that is taken for a step."""
 
 
 class ClockOffset:
@@ -19,24 +23,17 @@ class ClockOffset:
 
     One measurement reads the wall clock between two readings of the monotonic clock, ``PAIRS`` times, and
     keeps the tightest: its error is at most half the bracket. Measurements are low-passed, as a preempted
-    process measures badly; a distance beyond ``step_ns`` is a step of the wall clock and is adopted at once.
+    process measures badly; a distance beyond ``STEP_NS`` is a step of the wall clock and is adopted at once.
 
     Args:
-        time_constant: of the low-pass, seconds. Under a slew of 500 ppm the estimate lags by 0.5 ms for each
-            of them, which must stay below ``step_ns``.
-        step_ns: smallest deviation (beyond the measurement's own uncertainty) taken for a step.
         monotonic_ns, wall_ns: the two clocks.
     """
 
     def __init__(
         self,
-        time_constant: float = 2.0,
-        step_ns: int = 5_000_000,
         monotonic_ns: Callable[[], int] = time.monotonic_ns,
         wall_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        self._time_constant_ns = time_constant * 1e9
-        self._step_ns = step_ns
         self._monotonic_ns = monotonic_ns
         self._wall_ns = wall_ns
         self._offset_ns, _, self._updated_ns = self._measure()
@@ -52,12 +49,12 @@ class ClockOffset:
         """Takes one measurement; cheap enough (a few microseconds) for every frame."""
         measured, uncertainty, now = self._measure()
         deviation = measured - self._offset_ns
-        if abs(deviation) > self._step_ns + uncertainty:
+        if abs(deviation) > STEP_NS + uncertainty:
             self._offset_ns = measured
             self.steps += 1
             self.last_step_ns = deviation
         else:
-            gain = 1.0 - math.exp(-max(0, now - self._updated_ns) / self._time_constant_ns)
+            gain = 1.0 - math.exp(-max(0, now - self._updated_ns) / TIME_CONSTANT_NS)
             self._offset_ns += round(gain * deviation)
         self._updated_ns = now
 

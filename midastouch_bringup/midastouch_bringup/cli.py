@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from midastouch_perception.errors import InputError
 
 from .commands import (
-    accuracy,
+    bench,
+    benchmark,
     build_codebook,
     calibrate,
     demo,
@@ -33,7 +34,6 @@ from .commands import (
     run,
     simulate,
     single_touch,
-    speed,
     store_mount,
     time_offset,
     to_bag,
@@ -55,8 +55,8 @@ _COMMANDS = (
     evaluate_start,
     calibrate,
     single_touch,
-    speed,
-    accuracy,
+    bench,
+    benchmark,
     identify,
     to_bag,
     replay,

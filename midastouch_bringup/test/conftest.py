@@ -1,7 +1,9 @@
-"""Small sequences made on the spot, in the exact layouts of YCB-Slide, and trials as of an accuracy run."""
+"""Small sequences made on the spot, in the exact layouts of YCB-Slide, trials as of an accuracy run, and a launch."""
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,6 +15,9 @@ from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS, WEIGHTS
 from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
+
+# the stand-ins beside this file can be imported
+sys.path.insert(0, str(Path(__file__).parent))
 
 
 def smooth_poses(n: int, rng: np.random.Generator) -> np.ndarray:
@@ -136,3 +141,18 @@ def make_trial():
         } | changes
 
     return make
+
+
+@pytest.fixture
+def stand_ins(monkeypatch, tmp_path):
+    """Stand-ins of launch, over an installation with what it is to start beside our nodes."""
+    from fake_launch import DEPENDENT, installation, modules
+
+    for name, module in modules(tmp_path).items():
+        monkeypatch.setitem(sys.modules, name, module)
+    prefixes = [installation(tmp_path / "prefix"), os.environ["AMENT_PREFIX_PATH"]]
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join(prefixes))
+    monkeypatch.delitem(sys.modules, DEPENDENT, raising=False)
+    yield
+    # the module was imported on top of the stand-ins: nobody else may get it
+    sys.modules.pop(DEPENDENT, None)

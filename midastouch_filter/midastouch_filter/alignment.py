@@ -53,7 +53,6 @@ class PenetrationAlignment:
             *sensor.rays,
             sensor.gel_depth,
             sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2,
-            noise.map_scale,
         )
 
     def render(self, poses: np.ndarray) -> np.ndarray:

@@ -33,10 +33,9 @@ class Belief:
         self._forget_alignment()
         self.hold(particles)
 
-    def hold(self, particles: Particles, weights: np.ndarray | None = None) -> None:
-        """Believe in these particles from now on; weights (N,), if they are known beside the particles' logarithms."""
-        self.particles = particles
-        self.weights = particles.weights if weights is None else weights
+    def hold(self, particles: Particles) -> None:
+        """Believe in these particles from now on."""
+        self.particles, self.weights = particles, particles.weights
 
     def follow_entries(self, now: np.ndarray) -> None:
         """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""

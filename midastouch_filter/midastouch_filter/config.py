@@ -77,9 +77,6 @@ class FilterConfig:
     )
     relief_fit: float = _number(0.6, 0.0, 1.0, "", "share of touched pixels a pose must explain to be believed")
     relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt penetration map, sigma")
-    relief_scale: float = _number(
-        0.0, 0.0, 2.0, "", "error of a felt penetration map's depth as a whole: sigma of its logarithm"
-    )
     relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
 
     # --- fixed-lag re-evaluation: other places that explain the last touches as well

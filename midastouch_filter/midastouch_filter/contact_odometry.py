@@ -40,7 +40,7 @@ class ContactOdometry:
         self._map, self._last = penetration, motion
 
     def is_last(self, penetration: np.ndarray) -> bool:
-        """Whether this is the very same image again, and no new touch."""
+        """Whether this map (H, W) m is of the very same image again, and no new touch."""
         return self._map is not None and np.array_equal(self._map, penetration)
 
     def register(self, penetration: np.ndarray, guess: np.ndarray) -> np.ndarray | None:

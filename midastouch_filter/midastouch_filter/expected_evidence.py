@@ -25,7 +25,7 @@ _SAME = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 
 
 def by_model(hypotheses: Sequence[Hypothesis]) -> Iterator[tuple[ObjectModel, np.ndarray]]:
-    """Each object's model and the numbers of its hypotheses."""
+    """Each object's model and the numbers (G,) of its hypotheses."""
     for model in dict.fromkeys(each.model for each in hypotheses):
         yield model, np.flatnonzero([each.model is model for each in hypotheses])
 

@@ -21,7 +21,6 @@ from .config import FilterConfig
 from .estimate import Estimate
 from .fingers import Finger, by_name, count
 from .gates import Gates
-from .hypotheses import Hypothesis, hypotheses_of
 from .initialisation import checked_prior
 from .keyframes import KeyframeWindow
 from .motion_model import Odometry
@@ -34,7 +33,6 @@ from .propagation import OdometryJump
 from .reporting import Reporter
 from .state import CONVERGED, Status
 from .stopwatch import Stopwatch
-from .suggestion import Advice, Wanted, advise
 from .touch import Measurement
 from .workers import Workers
 
@@ -129,14 +127,8 @@ class ParticleFilter:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
         self._do.fingers.force_update()
 
-    # ------------------------------------------------------------------ a denser codebook
-
-    def prepared(self, codebook: Codebook) -> ObjectModel:
-        """What `take` takes of another codebook of the same object; may be made in another thread than the steps."""
-        return self._object.with_codebook(codebook)
-
     def take(self, prepared: ObjectModel) -> None:
-        """Go on with another codebook between two steps: belief and kept touches stay."""
+        """Go on by another codebook of the object, between two steps: belief and kept touches stay."""
         now = prepared.lookup.exact(self._object.lookup.poses)
         self._object.take(prepared)
         self._do.fingers.use(self._object.measurement_of)
@@ -266,29 +258,19 @@ class ParticleFilter:
         return self._belief.weights if self._belief else np.empty(0)
 
     @property
-    def codebook_size(self) -> int:
-        """Number of poses in the codebook."""
-        return len(self._object.lookup)
+    def object(self) -> ObjectModel:
+        """What is known of the object, by the codebook of now."""
+        return self._object
 
     @property
-    def hypotheses(self) -> list[Hypothesis]:
-        """What the belief takes for possible, most probable first; none before something was felt."""
-        return hypotheses_of(self._belief, self._object, self.config) if self._belief and self._belief.modes else []
-
-    def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was felt."""
-        hypotheses = self.hypotheses
-        return advise(hypotheses, self._do.refine.felt, wanted, self._noise) if hypotheses else None
+    def belief(self) -> Belief | None:
+        """The particles and their modes as the last step left them, to be read; None while uninitialised."""
+        return self._belief
 
     @property
-    def codebook_spacing(self) -> float:
-        """Typical pose distance [m] of a codebook entry to the nearest other one; 1 rad counts as 10 mm."""
-        return self._object.lookup.spacing
-
-    @property
-    def codebook_gap(self) -> float:
-        """Typical distance [m] of a point of the surface to the nearest one that a codebook pose touches."""
-        return self._object.gap
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels of the last touches that are kept, in the frame of the present first one."""
+        return self._do.refine.felt
 
     @property
     def codebook_indices(self) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from midastouch_perception import se3
 
 from .belief import Belief
 from .config import FilterConfig
+from .estimate import Mode
 from .fingers import Finger
 from .gates import Gates
 from .initialisation import ParticleSource
@@ -18,7 +19,7 @@ from .mode_masses import impose_shares, pool_marginal_likelihoods
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .particles import Particles
-from .places import Prior, pose_distance
+from .places import Place, Prior, pose_distance
 from .reevaluation import Comparison, Reevaluation
 from .refinement import Refinement, is_narrow
 from .resampler import Resampler
@@ -178,8 +179,7 @@ class FineStage(CoarseOnly):
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their places, and rivals that have no particles some of their own."""
         owners: list[int | None] = []
-        for place in comparison.places:
-            k = self._mode_at(belief, place.pose)
+        for k in self._modes_at(belief.modes, comparison.places):
             owners.append(None if k in owners else k)
         shares = np.array([place.probability for place in comparison.places])
         held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
@@ -205,11 +205,13 @@ class FineStage(CoarseOnly):
             return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
         return self._source.at(comparison.places[place], count)
 
-    def _mode_at(self, belief: Belief, pose: np.ndarray) -> int | None:
-        """The narrow mode nearest to a pose (4, 4), None if it is another place."""
-        distance = [pose_distance(mode.pose, pose) for mode in belief.modes]
-        k = int(np.argmin(distance))
-        return k if distance[k] < self._config.mode_radius and is_narrow(belief.modes[k], self._config) else None
+    def _modes_at(self, modes: list[Mode], places: list[Place]) -> Iterator[int | None]:
+        """The narrow mode nearest to each place, None if it is another place."""
+        poses = np.stack([mode.pose for mode in modes])
+        for place in places:
+            distance = pose_distance(poses, place.pose)
+            k = int(np.argmin(distance))
+            yield k if distance[k] < self._config.mode_radius and is_narrow(modes[k], self._config) else None
 
     @property
     def felt(self) -> np.ndarray:

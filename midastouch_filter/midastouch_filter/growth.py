@@ -45,7 +45,7 @@ class _Stopped(Exception):
 class Growth:
     """Makes codebooks and what a filter needs of them, in a thread of low priority.
 
-    Args: codebooks(pause): makes one after the other; prepare: as `ParticleFilter.prepared`. Attributes: failure: why
+    Args: codebooks(pause): makes one after the other; prepare: as `ObjectModel.with_codebook`. Attributes: failure: why
     it grows no more, in words.
     """
 

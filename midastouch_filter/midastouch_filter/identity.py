@@ -26,7 +26,7 @@ from .keyframes import Keyframe, KeyframeWindow
 from .measurement_model import CodeScores
 from .motion_model import Odometry
 from .noise_model import NoiseModel
-from .places import Place, is_apart
+from .places import Place, distinct
 from .replay import Followed, Race, Replay
 from .rival_search import Pace, RivalSearch, Scored
 from .touch import Measurement, require_network
@@ -254,14 +254,13 @@ class Identification:
         places: list[Place] = []
         kept: list[Followed] = []
         for k, replay in enumerate(replays):
-            own: list[np.ndarray] = []
-            for each in sorted(replay.followed, key=lambda one: -self._support(window, one)):
-                onward = se3.inverse(window.keyframes[each.at].motion) @ self.window.motion
-                if is_apart(pose := each.pose @ onward, own):
-                    own.append(pose)
-                    owner.append(k)
-                    kept.append(each)
-                    places.append(Place(pose, transform_covariance(each.covariance, onward), 0.0))
+            followed = sorted(replay.followed, key=lambda one: -self._support(window, one))
+            onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
+            poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
+            for i in distinct(poses, range(len(poses))):
+                owner.append(k)
+                kept.append(followed[i])
+                places.append(Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), 0.0))
         misfit, strain = (np.array(rows).reshape(len(kept), len(window.weights)) for rows in
                           ([each.misfit for each in kept], [each.strain() for each in kept]))  # fmt: skip
         return Contest(np.array(owner, int), places, misfit, strain, window.weights, window.change)

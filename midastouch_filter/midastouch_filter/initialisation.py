@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -102,16 +103,37 @@ class ParticleSource:
 
     def at(self, place: Place, n: int) -> Particles:
         """n particles spread as the place's covariance and the arm's jitter say."""
-        noise = self._rng.multivariate_normal(np.zeros(6), place.covariance + self._jitter, n)
-        poses = place.pose @ se3.exp(noise)
-        return Particles.from_poses(poses, self._lookup.exact(poses))
+        return self._spread(place.pose[None], np.zeros(n, np.int64), place.covariance + self._jitter)
 
     def among(self, poses: np.ndarray, scores: np.ndarray, covariance: np.ndarray, n: int) -> Particles:
         """n particles around poses (C, 4, 4), drawn by their log-likelihoods (C,), with covariance (6, 6) each."""
         share = np.cumsum(np.exp(scores - scores.max()))
         index = np.searchsorted(share, self._rng.random(n) * share[-1], side="right").clip(max=len(poses) - 1)
-        drawn = poses[index] @ se3.exp(self._rng.multivariate_normal(np.zeros(6), covariance, n))
-        return Particles.from_poses(drawn, self._lookup.exact(drawn))
+        return self._spread(poses, index, covariance)
+
+    def _spread(self, centres: np.ndarray, index: np.ndarray, covariance: np.ndarray) -> Particles:
+        """Normally distributed around centres (C, 4, 4), each around that of its index (n,), with covariance (6, 6) in
+        the centre's frame.
+
+        They lie near their centres, so their entries are found by following them from there.
+        """
+        n, centres = len(index), np.ascontiguousarray(centres)
+        axes, variance, _ = np.linalg.svd(covariance)
+        factor, normal = axes * np.sqrt(variance), self._rng.standard_normal((n, 6))
+        particles = Particles(
+            positions=np.empty((n, 3), np.float32),
+            quaternions=np.empty((n, 4), np.float32),
+            log_weights=np.full(n, -np.log(max(n, 1))),
+            entries=self._lookup.exact(centres)[index],
+        )
+        self._workers.run(
+            n,
+            lambda low, high, _: kernels.spread(
+                low, high, centres, index, factor, normal, particles.positions, particles.quaternions
+            ),
+        )
+        self._lookup.follow(particles)
+        return particles
 
     def _around(self, entries: np.ndarray) -> Particles:
         """At codebook entries (n,), spread over the gaps between them."""

@@ -86,7 +86,8 @@ class KeyframeWindow:
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
         """Keep what fingers feel at present, the first one first."""
         newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self.stretch)
-        apart = [each for each in self.keyframes if _distance(each, newest) >= 0.5 * self._spacing]
+        away = _distances([newest], [*self.keyframes, newest])[0, :-1]
+        apart = [self.keyframes[k] for k in np.flatnonzero(away >= 0.5 * self._spacing)]
         self.keyframes = self._thinned([*apart, newest])
         self._path = 0.0
 
@@ -94,12 +95,9 @@ class KeyframeWindow:
         """All but one, if there are too many."""
         if len(keyframes) <= self._length:
             return keyframes
-        bridged = (
-            k
-            for k, (older, newer) in enumerate(zip(keyframes, keyframes[2:], strict=False), start=1)
-            if older.stretch == keyframes[0].stretch and _distance(older, newer) <= self._correlation
-        )
-        gone = next(bridged, 0)
+        bridged = _distances(keyframes[2:], keyframes).diagonal() <= self._correlation
+        first = [each.stretch == keyframes[0].stretch for each in keyframes[:-2]]
+        gone = next((k + 1 for k in np.flatnonzero(bridged & first)), 0)
         return keyframes[:gone] + keyframes[gone + 1 :]
 
     def take(self, other: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
@@ -128,18 +126,24 @@ def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarra
 
     The share of the correlation length [m] that it lies away from the nearest older one.
     """
-    out = np.ones(len(keyframes))
-    for k, keyframe in enumerate(keyframes):
-        nearest = min((_distance(older, keyframe) for older in list(keyframes)[:k]), default=np.inf)
-        out[k] = min(1.0, nearest / correlation)
-    return out
+    away = _distances(keyframes, keyframes)
+    away[np.triu_indices(len(keyframes))] = np.inf
+    return np.minimum(away.min(axis=1) / correlation, 1.0)
 
 
-def _distance(older: Keyframe, newer: Keyframe) -> float:
-    """m from the gel of the newer one that is farthest from all of the older one's; endless across a lift.
+def _distances(newer: Sequence[Keyframe], older: Sequence[Keyframe]) -> np.ndarray:
+    """(N, O) m from the gel of the newer one that is farthest from all of the older one's; endless across a lift.
 
     The object may have been moved then.
     """
-    if older.stretch != newer.stretch:
-        return np.inf
-    return max(min(pose_distance(there, here) for there in older.gels) for here in newer.gels)
+    (here, rows), (there, columns) = _gels(newer), _gels(older)
+    nearest = np.minimum.reduceat(pose_distance(here[:, None], there), columns, axis=1)
+    farthest = np.maximum.reduceat(nearest, rows, axis=0)
+    stretches = (np.array([keyframe.stretch for keyframe in each]) for each in (newer, older))
+    return np.where(np.equal.outer(*stretches), farthest, np.inf)
+
+
+def _gels(keyframes: Sequence[Keyframe]) -> tuple[np.ndarray, np.ndarray]:
+    """(G, 4, 4) of all gels, and the first (K,) of each keyframe's."""
+    gels = [keyframe.gels for keyframe in keyframes]
+    return np.concatenate(gels), np.cumsum([0, *map(len, gels[:-1])])

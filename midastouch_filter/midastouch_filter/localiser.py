@@ -15,6 +15,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from . import memory
+from .advisor import Advisor
 from .config import FilterConfig
 from .estimate import Estimate
 from .filter import ParticleFilter
@@ -58,16 +59,21 @@ class ObjectPrior:
 @dataclasses.dataclass(frozen=True)
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. density: how many poses the codebook has,
-    how far they are apart, and what that allows, in words. growth: makes it denser meanwhile, None: nobody does."""
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next.
+    growth: makes the codebook denser meanwhile, None: nobody does."""
 
     filter: ParticleFilter
     diagonal: float
     name: str
     sensor: SensorModel | None = None
     network_id: str = ""
-    density: str = ""
+    advisor: Advisor | None = None
     growth: Growth | None = None
+
+    @property
+    def density(self) -> str:
+        """How dense the codebook is, and what that allows, in words."""
+        return self.filter.object.density
 
     @property
     def coarse(self) -> str:
@@ -76,13 +82,10 @@ class LoadedObject:
             return ""
         return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
 
-    def denser(self) -> LoadedObject:
-        """The same on a denser codebook, if one is ready by now."""
-        prepared = self.growth.take() if self.growth is not None else None
-        if prepared is None:
-            return self
-        self.filter.take(prepared)
-        return dataclasses.replace(self, density=density_of(self.filter))
+    def take_growth(self) -> None:
+        """Go on by a denser codebook, if one is ready by now."""
+        if self.growth is not None and (prepared := self.growth.take()) is not None:
+            self.filter.take(prepared)
 
     def close(self) -> None:
         """End its growth."""
@@ -102,13 +105,7 @@ def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: 
     memory.trim()
     sensor = SensorModel.load(codebook.meta["sensor"]).for_maps
     network_id = str(codebook.meta["tcn"])
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, density_of(running))
-
-
-def density_of(running: ParticleFilter) -> str:
-    """How dense a filter's codebook is, and what that allows, in words."""
-    size, spacing, gap = running.codebook_size, 1e3 * running.codebook_spacing, 1e3 * running.codebook_gap
-    return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone tell a place to {gap:.1f} mm)"
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, Advisor(running))
 
 
 class Localiser:
@@ -146,7 +143,7 @@ class Localiser:
 
     def advise(self, wanted: Wanted) -> Advice | None:
         """Where to touch next; None before something was felt."""
-        return self.filter.advise(wanted) if self.filter is not None else None
+        return self._object.advisor.advise(wanted) if self.filter is not None else None
 
     @property
     def filter(self) -> ParticleFilter | None:
@@ -207,7 +204,7 @@ class Localiser:
         self.restart()
 
     def expect_object_at(self, T_base_obj: np.ndarray, sigma_t: float, sigma_r: float) -> None:
-        """Start at the next frame, from where the object is said to be in the robot's base frame."""
+        """Start at the next frame, from where the object is said to be in the robot's base frame: as `ObjectPrior`."""
         self._prior = self._pending_prior = ObjectPrior(T_base_obj, sigma_t, sigma_r)
 
     def T_base_obj(self) -> np.ndarray | None:
@@ -235,7 +232,7 @@ class Localiser:
             self._prior = prior
         if self.filter is None:
             return None
-        self._object = self._object.denser()
+        self._object.take_growth()
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
         told = moved is not None and stamp is not None and self._stamp is not None
         elapsed = 1e-9 * (stamp - self._stamp) if told else None

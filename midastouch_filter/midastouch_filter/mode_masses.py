@@ -47,11 +47,12 @@ def impose_shares(
     does: then `draw(place, count)` makes its particles, and `draw(None, count)` what is missing outside. Unless
     `exact`, particles outside hold what they do, if it is more than `elsewhere`. Returns the number of new groups too.
     """
-    weights = particles.weights
-    outside = ~np.isin(members, [k for k in owners if k is not None])
-    now = float(weights[outside].sum())
+    group, owned = members + 1, [k + 1 for k in owners if k is not None]  # group 0: of no mode
+    held = np.bincount(group, particles.weights, minlength=max(owned, default=0) + 1)
+    outside = np.delete(np.arange(len(held)), owned)
+    now = float(held[outside].sum())
     rest = elsewhere if exact else max(elsewhere, now)
-    log_weights = particles.log_weights.copy()
+    gain = np.zeros(len(held))
     new: list[Particles] = []
 
     def born(place: int | None, share: float) -> None:
@@ -61,15 +62,15 @@ def impose_shares(
             new.append(drawn)
 
     if now > rest:
-        log_weights[outside] += np.log(max(rest, _LEAST) / now)
+        gain[outside] = np.log(max(rest, _LEAST) / now)
     else:
         born(None, rest - now)
     for place, (k, wanted) in enumerate(zip(owners, shares * (1.0 - rest) / max(shares.sum(), _LEAST), strict=True)):
         if k is None:
             born(place, wanted)
         else:
-            mine = members == k
-            log_weights[mine] += np.log(max(wanted, _LEAST)) - resampling.log_sum_exp(particles.log_weights[mine])
+            gain[k + 1] = np.log(max(wanted, _LEAST)) - np.log(max(held[k + 1], np.finfo(float).tiny))
+    log_weights = particles.log_weights + gain[group]
     kept = Particles(particles.positions, particles.quaternions, log_weights, particles.entries)
     joined = Particles.joined([kept, *new])
     joined.log_weights -= resampling.log_sum_exp(joined.log_weights)

@@ -63,7 +63,7 @@ class ModeFinder:
         return self.moments(particles, weights)
 
     def moments(self, particles: Particles, weights: np.ndarray) -> Moments:
-        """Moments of the modes found last, for particles that were moved or weighed since."""
+        """Moments of the modes found last, for particles that were moved or weighed since; weights (N,)."""
         moments, order = self._sum(particles, weights, self._regions_of_peaks, self._mode_of_region)
         self.peaks = self._regions_of_peaks[order].tolist()
         self._rank = np.full(len(order) + 1, -1, np.int32)  # the last stands for -1: no mode

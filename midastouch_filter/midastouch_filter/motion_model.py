@@ -33,7 +33,7 @@ class Odometry:
 
     @classmethod
     def from_matrix(cls, transform: np.ndarray) -> Odometry:
-        """Checked odometry; raises ValueError saying what is wrong if it is no finite rigid transform."""
+        """Checked odometry (4, 4); raises ValueError saying what is wrong if it is no finite rigid transform."""
         transform = np.ascontiguousarray(transform, float)
         if transform.shape != (4, 4):
             raise ValueError(f"odometry of shape {transform.shape} instead of (4, 4)")

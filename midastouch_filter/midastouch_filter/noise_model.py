@@ -25,8 +25,7 @@ class NoiseModel:
 
     jitter: of one measured sensor pose; an arm reports each with an error of its own that does not stay.
     finger_error: of a further finger's pose, given the first one's.
-    map_noise [m], of a penetration map, is one and the same over map_correlation [m]; map_scale, standard deviation of
-    the logarithm of a whole map's felt over true depth.
+    map_noise [m], of a penetration map, is one and the same over map_correlation [m].
     touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
     between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
     map_patches: half the number of independent parts of a map; misfit_floor: share of a map that is never explained;
@@ -47,7 +46,6 @@ class NoiseModel:
     finger_error: np.ndarray
     map_noise: float
     map_correlation: float
-    map_scale: float
     touch_correlation: float
     between_entries: np.ndarray
     mode_floor: np.ndarray
@@ -91,7 +89,6 @@ class NoiseModel:
             finger_error=config.finger_error,
             map_noise=config.relief_noise,
             map_correlation=config.relief_correlation,
-            map_scale=config.relief_scale,
             touch_correlation=config.correlation_length,
             between_entries=_BETWEEN_ENTRIES,
             mode_floor=_MODE_FLOOR,

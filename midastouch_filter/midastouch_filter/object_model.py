@@ -39,7 +39,8 @@ class ObjectModel:
     A denser codebook of the same object can take the place of the first: whoever refers to a part of the model then has
     the new entries.
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
-    surface, the constraint to be at it; gap, as `ParticleFilter.codebook_gap`; measurement model; regions and
+    surface, the constraint to be at it; gap, typical distance [m] of a point of the surface to the nearest one that a
+    codebook pose touches; measurement model; regions and
     mode_finder, for KLD sampling and clustering; alignment to penetration maps, None if the codebook does not name its
     sensor or none is asked for.
     Raises InputError if the codebook cannot be used.
@@ -76,6 +77,12 @@ class ObjectModel:
         for name in ("lookup", "measurement", "surface", "regions", "mode_finder"):
             vars(getattr(self, name)).update(vars(getattr(other, name)))
         self.order, self.gap = other.order, other.gap
+
+    @property
+    def density(self) -> str:
+        """How dense the codebook is, and what that allows, in words."""
+        size, spacing, gap = len(self.lookup), 1e3 * self.lookup.spacing, 1e3 * self.gap
+        return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone tell a place to {gap:.1f} mm)"
 
     def measurement_of(self, finger: str) -> MeasurementModel:
         """The model that keeps the scores of a finger's codes, by its name."""

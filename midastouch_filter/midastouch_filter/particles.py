@@ -55,10 +55,10 @@ class Particles:
     def select(self, ancestors: np.ndarray) -> Particles:
         """Copies of the particles at indices `ancestors` (n,), equally weighted."""
         return Particles(
-            self.positions[ancestors],
-            self.quaternions[ancestors],
+            self.positions.take(ancestors, axis=0),
+            self.quaternions.take(ancestors, axis=0),
             np.full(len(ancestors), -np.log(len(ancestors))),
-            self.entries[ancestors],
+            self.entries.take(ancestors),
         )
 
     def replace(self, where: np.ndarray, other: Particles) -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,13 +45,21 @@ class Prior:
         return np.maximum(-0.5 * squared, floor)
 
 
-def pose_distance(a: np.ndarray, b: np.ndarray) -> float:
-    """Pose distance [m] as the look-up's, of (4, 4) and (4, 4)."""
+def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Pose distances (...) [m] as the look-up's, of (..., 4, 4) and (..., 4, 4), broadcast."""
     squared = np.square(a - b)
     # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
-    return math.sqrt(squared[:3, 3].sum() + 0.5 * ROTATION_SCALE**2 * squared[:3, :3].sum())
+    turned = 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
+    return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
 
 
-def is_apart(pose: np.ndarray, others: Sequence[np.ndarray]) -> bool:
-    """Whether a pose (4, 4) is another place than each of the others."""
-    return all(pose_distance(pose, other) > APART for other in others)
+def distinct(poses: np.ndarray, order: Iterable[int], taken: Sequence[np.ndarray] = ()) -> list[int]:
+    """Those of `order`, among poses (N, 4, 4), that are other places than all `taken` and all chosen before them."""
+    apart, chosen = np.ones(len(poses), bool), []
+    for pose in taken:
+        apart &= pose_distance(pose, poses) > APART
+    for i in order:
+        if apart[i]:
+            chosen.append(int(i))
+            apart &= pose_distance(poses[i], poses) > APART
+    return chosen

@@ -16,7 +16,7 @@ from .growth import Growth, levels
 from .localiser import LoadedObject, object_of
 
 if TYPE_CHECKING:
-    from midastouch_perception.tcn import TCN
+    from midastouch_perception.tcn import TactileCodeNet
 
 SIZE = 5_000
 """Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
@@ -30,7 +30,7 @@ def build_object(mesh_path: Path, network: str, sensor_model: str, config: Filte
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
     loaded = object_of(mesh, codebook, config, seed)
-    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.prepared)
+    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
     return dataclasses.replace(loaded, growth=growth)
 
 
@@ -44,7 +44,7 @@ def coarse_codebook(
 
 def _built(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
-) -> tuple[ObjectMesh, TCN, SensorModel, Codebook]:
+) -> tuple[ObjectMesh, TactileCodeNet, SensorModel, Codebook]:
     # the runtime of networks is needed for this alone
     from midastouch_perception.codebook_build import CodebookBuild
     from midastouch_perception.tcn import load_tcn

@@ -26,7 +26,7 @@ from .joint_alignment import transform_covariance
 from .keyframes import KeyframeWindow
 from .lookup import PoseLookup
 from .noise_model import NoiseModel
-from .places import Place, Prior, is_apart
+from .places import APART, Place, Prior, distinct, pose_distance
 from .replay import Race, Replay
 from .rival_search import Rivals, RivalSearch, Scored
 from .touch import Measurement
@@ -51,7 +51,8 @@ class Comparison:
 
     def probability_at(self, pose: np.ndarray) -> float:
         """Of the place that a pose (4, 4) belongs to."""
-        return max((place.probability for place in self.places if not is_apart(place.pose, [pose])), default=0.0)
+        near = pose_distance(pose, np.stack([place.pose for place in self.places])) <= APART
+        return self.places[int(near.argmax())].probability if near.any() else 0.0
 
     def moved(self, transform: np.ndarray) -> Comparison:
         """After the gel moved by `transform` (4, 4)."""
@@ -181,23 +182,19 @@ class Reevaluation:
         """Probabilities of all places that were followed, at present; `asked`, number of the rivals among them."""
         now, followed, every = self._window.motion, replay.followed, replay.evidence(self._search.along)
         onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
-        poses = [each.pose @ on for each, on in zip(followed, onward, strict=True)]
-        order = np.argsort(-every.sum(axis=1), kind="stable")
-        distinct: list[int] = []
-        for i in order:
-            if is_apart(poses[i], [poses[j] for j in distinct]):
-                distinct.append(i)
-        log_prior = np.full(len(distinct), -np.log(self._count))
+        poses = np.stack([each.pose @ on for each, on in zip(followed, onward, strict=True)])
+        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"))
+        log_prior = np.full(len(chosen), -np.log(self._count))
         if self._prior is not None:
-            starts = np.stack([poses[i] for i in distinct]) @ se3.inverse(now)
+            starts = poses[chosen] @ se3.inverse(now)
             log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
-            log_prior = np.minimum(log_prior, -np.log(2 * len(distinct)))
-        share, elsewhere = place_posterior(every[distinct], log_prior, window.change, self._count)
+            log_prior = np.minimum(log_prior, -np.log(2 * len(chosen)))
+        share, elsewhere = place_posterior(every[chosen], log_prior, window.change, self._count)
         places = [
             Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
-            for i, p in zip(distinct, share, strict=True)
+            for i, p in zip(chosen, share, strict=True)
         ]
-        best = followed[distinct[int(share.argmax())]]
+        best = followed[chosen[int(share.argmax())]]
         # who explains all touches need not fear those that explain the last ones only
         exhaustive = asked >= (rivals.lasting if best.at == 0 else len(rivals.poses))
         places.sort(key=lambda place: -place.probability)

@@ -214,7 +214,7 @@ class _GaussianMap(NamedTuple):
 
     @classmethod
     def between(cls, pose: np.ndarray, prior: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> _GaussianMap:
-        """By the Cholesky factors of both covariances, each in its pose's own frame."""
+        """From N(pose (4, 4), prior (6, 6)) to N(mean, covariance), each in its own frame, by Cholesky factors."""
         shrink = np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(prior))
         parts = ((p[:3, 3], p[:3, :3], se3.to_xyzquat(p)[3:]) for p in (pose, mean))
         return cls(*itertools.chain(*parts), shrink)

@@ -25,11 +25,10 @@ class Resampler:
     def __call__(self, belief: Belief, needed: bool = False) -> None:
         """Resample if the weights are uneven, if there are far more particles than wanted, or if it is `needed`."""
         particles, n = belief.particles, len(belief.particles)
-        crowded = n > _SURPLUS * self._wanted(particles.entries)
-        effective = effective_size(belief.weights)
-        enough = effective >= self._config.resample_ess * n
-        if not needed and not crowded and self._gates.skips("effective_size", enough):
-            return
+        if not needed and n <= _SURPLUS * self._wanted(particles.entries):
+            enough = effective_size(belief.weights) >= self._config.resample_ess * n
+            if self._gates.skips("effective_size", enough):
+                return
         ancestors = systematic(belief.weights, n, self._rng)
         wanted = self._wanted(particles.entries[ancestors])
         if wanted != n:

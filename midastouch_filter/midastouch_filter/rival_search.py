@@ -13,7 +13,7 @@ from .effort import Effort
 from .keyframes import Keyframe, independence
 from .lookup import NearestEntry, PoseLookup
 from .noise_model import NoiseModel
-from .places import is_apart
+from .places import distinct
 from .touch import Measurement
 
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
@@ -199,13 +199,8 @@ class RivalSearch:
     def _worth_replaying(
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Rivals:
-        chosen: list[np.ndarray] = []
-        scores: list[float] = []
-        lasting = 0
-        good = [by > by.max() - self._margin for by in (score, recent)]
-        for i in np.flatnonzero(good[0] | good[1]):
-            if is_apart(candidates[i], [*taken, *chosen]):
-                chosen.append(candidates[i])
-                scores.append(float(max(score[i], recent[i])))
-                lasting = len(chosen) if good[0][i] else lasting
-        return Rivals(chosen, scores, lasting, candidates, score)
+        lasting, recently = (by > by.max() - self._margin for by in (score, recent))
+        chosen = distinct(candidates, np.flatnonzero(lasting | recently), taken)
+        scores = np.maximum(score, recent)[chosen]
+        until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
+        return Rivals(list(candidates[chosen]), scores.tolist(), until, candidates, score)

@@ -137,6 +137,23 @@ def world() -> SimpleNamespace:
 
 
 @pytest.fixture(scope="session")
+def mapped_slide(world) -> SimpleNamespace:
+    """A slide on which maps are felt: poses (120, 4, 4); odometry and touches along them; make_filter(**settings)."""
+    book = make_codebook(world.poses, world.encode(world.poses), world.mesh)
+    book.meta["sensor"] = "digit_tacto"
+    poses = make_slide(world.mesh, 120, np.random.default_rng(12))
+    renderer = PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE))
+    maps = np.maximum(renderer.render(poses), 0)
+    few = {"max_particles": 2000, "min_particles": 300, "converged_translation": 7e-3, "threads": 1}
+    return SimpleNamespace(
+        poses=poses,
+        odometry=odometry_of(poses),
+        touches=[Measurement(True, c, 1e-4, penetration=m) for c, m in zip(world.encode(poses), maps, strict=True)],
+        make_filter=lambda **settings: ParticleFilter(world.mesh, book, FilterConfig(**few, **settings), 0),
+    )
+
+
+@pytest.fixture(scope="session")
 def gripper(world) -> SimpleNamespace:
     """Two fingers on an object that is the same after half a turn, above but not below; one slides over each side.
 

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
-NOISE = NoiseModel.of(FilterConfig(relief_noise=1e-4, relief_correlation=3e-3, relief_scale=0.0))
+NOISE = NoiseModel.of(FilterConfig(relief_noise=1e-4, relief_correlation=3e-3))
 PRIOR = np.diag([2e-3, 2e-3, 1e-3, 0.05, 0.05, 0.1]) ** 2
 
 
@@ -67,23 +65,6 @@ def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
     assert gain[2] < 0.05
     assert gain[5] > 0.5
     assert np.linalg.norm(aligned.pose[:3, 3] - pose[:3, 3]) < 2e-4
-
-
-@pytest.mark.parametrize("scale", [0.7, 1.4])
-def test_a_sensor_that_feels_all_too_deep_or_flat_does_not_move_the_pose(tool, sensor, touches, scale):
-    poses, penetrations = touches
-    rng = np.random.default_rng(2)
-    starts = poses @ se3.exp(rng.standard_normal((len(poses), 6)) * np.sqrt(np.diag(PRIOR)))
-    worst = {}
-    for sigma in (0.0, 0.3):
-        alignment = PenetrationAlignment(tool, sensor, replace(NOISE, map_scale=sigma))
-        aligned = [alignment.align(s, PRIOR, np.float32(scale) * r) for s, r in zip(starts, penetrations, strict=True)]
-        _, _, delta = errors(np.stack([a.pose for a in aligned]), poses)
-        nees = [d @ np.linalg.solve(a.covariance, d) for d, a in zip(delta, aligned, strict=True)]
-        worst[sigma] = np.median(np.abs(delta[:, 2])), np.median(nees), np.median([a.fit for a in aligned])
-    assert worst[0.3][0] < 0.6 * worst[0.0][0]
-    assert worst[0.3][1] < 8 < worst[0.0][1]
-    assert worst[0.3][2] > worst[0.0][2]
 
 
 def test_evidence_prefers_the_right_place(tool, sensor, touches):

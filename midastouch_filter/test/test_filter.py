@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh

@@ -5,33 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.state import CONVERGED
-from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
-
-SETTINGS = FilterConfig(max_particles=2000, min_particles=300, converged_translation=7e-3, threads=1)
 
 
-@pytest.fixture(scope="module")
-def slide(world):
-    """make_filter(), started near the truth; odometry and touches along a slide of 60 poses."""
-    book = world.make_codebook(world.poses, world.encode(world.poses), world.mesh)
-    book.meta["sensor"] = "digit_tacto"
-    poses = world.make_slide(world.mesh, 60, np.random.default_rng(12))
-    maps = np.maximum(PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(0.25)).render(poses), 0)
-    touches = [
-        Measurement(True, code, 1e-4, penetration=penetration)
-        for code, penetration in zip(world.encode(poses), maps, strict=True)
-    ]
+@pytest.fixture
+def slide(mapped_slide):
+    """make_filter(), started near the truth; odometry and touches along 60 poses."""
 
     def make_filter() -> ParticleFilter:
-        running = ParticleFilter(world.mesh, book, SETTINGS, 0)
-        running.initialise_gaussian(poses[0], 0.03, 0.3)
+        running = mapped_slide.make_filter()
+        running.initialise_gaussian(mapped_slide.poses[0], 0.03, 0.3)
         return running
 
-    return make_filter, world.odometry_of(poses), touches
+    return make_filter, mapped_slide.odometry[:60], mapped_slide.touches[:60]
 
 
 def without_ms(status):

@@ -124,15 +124,15 @@ def test_belief_and_motion_go_on_over_a_denser_codebook(world, slide):
     truth, odometry, touches, others = slide
     running = coarse_filter(world)
     running.initialise_uniform()
-    gap, prepared = running.codebook_gap, running.prepared(world.codebook)
+    gap, prepared = running.object.gap, running.object.with_codebook(world.codebook)
     for k in range(20):
         running.step(odometry[k], touches[k], others[k])
     poses, weights = running.poses, running.weights
     running.take(prepared)
     np.testing.assert_array_equal(running.poses, poses)
     np.testing.assert_array_equal(running.weights, weights)
-    assert (running.codebook_size, running.codebook_indices.max() < 8000) == (8000, True)
-    assert running.codebook_gap < 0.6 * gap
+    assert (len(running.object.lookup), running.codebook_indices.max() < 8000) == (8000, True)
+    assert running.object.gap < 0.6 * gap
     for k in range(20, 40):
         estimate = running.step(odometry[k], touches[k], others[k])
     assert np.linalg.norm(estimate.pose[:3, 3] - truth[-1][:3, 3]) < 5e-3
@@ -151,7 +151,7 @@ def test_it_is_the_same_whenever_it_was_prepared(world, slide):
         running.initialise_uniform()
         for k in range(12):
             if k == when:
-                prepared = running.prepared(world.codebook)
+                prepared = running.object.with_codebook(world.codebook)
             if k == 8:
                 running.take(prepared)
             running.step(odometry[k], touches[k], others[k])
@@ -161,7 +161,7 @@ def test_it_is_the_same_whenever_it_was_prepared(world, slide):
 
 def test_it_may_be_taken_before_a_start(world, slide):
     running = coarse_filter(world)
-    running.take(running.prepared(world.codebook))
+    running.take(running.object.with_codebook(world.codebook))
     running.initialise_uniform()
     running.step(None, slide[2][0])
     assert running.codebook_indices.max() > 1500

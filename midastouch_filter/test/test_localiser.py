@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from midastouch_filter.filter import Measurement
 from midastouch_filter.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -100,21 +100,22 @@ def test_another_object_does_not_inherit_a_pose():
 class Growing(FakeFilter):
     """A filter whose codebook can be changed."""
 
-    codebook_size, codebook_spacing, codebook_gap = 5000, 4e-3, 5e-3
+    def __init__(self):
+        super().__init__()
+        self.object.density = "codebook of 5,000 poses"
 
     def take(self, prepared):
-        self.codebook_size, self.codebook_gap = prepared, 2e-3
+        self.object.density = prepared
 
 
 def test_a_denser_codebook_is_taken_between_two_frames_and_said():
     subject, growth = Localiser(None, wait=False), StubGrowth()
-    subject.set_object(LoadedObject(Growing(), DIAGONAL, "thing", density="codebook of 5,000 poses", growth=growth))
+    subject.set_object(LoadedObject(Growing(), DIAGONAL, "thing", growth=growth))
     assert growth.calls == ["start"]
     subject.process(np.eye(4), TOUCH)
     assert subject.coarse == "codebook of 5,000 poses; growing"
-    growth.ready = 50_000
+    growth.ready = dense = "codebook of 50,000 poses"
     subject.process(np.eye(4), TOUCH)
-    dense = "codebook of 50,000 poses, 4.0 mm apart (codes alone tell a place to 2.0 mm)"
     assert (subject.object.density, subject.coarse) == (dense, f"{dense}; growing")
     growth.done = True
     assert subject.coarse == ""

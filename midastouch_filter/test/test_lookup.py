@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.lookup import PoseLookup, space_filling_order
 from midastouch_filter.particles import Particles
+from midastouch_filter.touch import Measurement
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.codebook_poses import codebook_poses

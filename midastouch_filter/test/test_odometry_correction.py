@@ -6,42 +6,17 @@ import numpy as np
 import pytest
 
 from midastouch_filter.alignment import Aligned
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
 from midastouch_filter.odometry_correction import without_prior
 from midastouch_perception import se3
-from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
-
-SETTINGS = {"max_particles": 2000, "min_particles": 300, "converged_translation": 7e-3, "hindsight": False}
-
-
-@pytest.fixture(scope="module")
-def slide(world):
-    """make_filter(**settings); poses (120, 4, 4) of a slide, and what is felt there."""
-    book = world.make_codebook(world.poses, world.encode(world.poses), world.mesh)
-    book.meta["sensor"] = "digit_tacto"
-    poses = world.make_slide(world.mesh, 120, np.random.default_rng(12))
-    maps = np.maximum(PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(0.25)).render(poses), 0)
-    touches = [
-        Measurement(True, code, 1e-4, penetration=penetration)
-        for code, penetration in zip(world.encode(poses), maps, strict=True)
-    ]
-
-    def make_filter(**settings):
-        return ParticleFilter(world.mesh, book, FilterConfig(**SETTINGS, **settings), 0)
-
-    return make_filter, poses, touches
 
 
 def play(world, slide, measured, **settings):
     """The filter's answers, from a start near the truth."""
-    make_filter, poses, touches = slide
-    running = make_filter(**settings)
-    running.initialise_gaussian(poses[0], 5e-3, 0.1)
+    running = slide.make_filter(hindsight=False, **settings)
+    running.initialise_gaussian(slide.poses[0], 5e-3, 0.1)
     return [
         running.step(odometry, touch, elapsed=0.05)
-        for odometry, touch in zip(world.odometry_of(measured), touches, strict=True)
+        for odometry, touch in zip(world.odometry_of(measured), slide.touches, strict=True)
     ]
 
 
@@ -55,37 +30,37 @@ def jitter():
     return se3.exp(noise * np.repeat([2e-4, math.radians(0.4)], 3))
 
 
-def test_a_push_is_told_and_followed(world, slide, jitter):
-    poses = slide[1]
+def test_a_push_is_told_and_followed(world, mapped_slide, jitter):
+    poses = mapped_slide.poses
     push = poses[80] @ se3.exp([2e-3, 2e-3, 4e-3, 0.06, 0.06, 0]) @ se3.inverse(poses[80])
     measured = poses @ jitter
     measured[80:] = push @ measured[80:]
-    answers = play(world, slide, measured)
+    answers = play(world, mapped_slide, measured)
     first = next(i for i, answer in enumerate(answers) if moved(answer))
     assert 80 <= first <= 90
     assert "the object moved by" in answers[first].status.reason
     assert np.linalg.norm(answers[110].pose[:3, 3] - poses[110, :3, 3]) < 2e-3
 
 
-def test_an_object_at_rest_is_not_said_to_move(world, slide, jitter):
-    answers = play(world, slide, slide[1] @ jitter)
+def test_an_object_at_rest_is_not_said_to_move(world, mapped_slide, jitter):
+    answers = play(world, mapped_slide, mapped_slide.poses @ jitter)
     assert not any(moved(answer) for answer in answers)
 
 
-def test_a_mount_askew_is_learnt_and_published_with_its_uncertainty(world, slide, jitter):
+def test_a_mount_askew_is_learnt_and_published_with_its_uncertainty(world, mapped_slide, jitter):
     mount = se3.exp([2e-3, 0, 0, 0, 0, 0])
-    found = play(world, slide, slide[1] @ mount @ jitter)[-1].calibration
+    found = play(world, mapped_slide, mapped_slide.poses @ mount @ jitter)[-1].calibration
     wrong = se3.log(se3.inverse(mount) @ found.mount)
     assert found.touches > 50
     assert found.known[:3].any()
     assert (np.abs(wrong) < 4 * found.sigma[:6] + [2e-4, 2e-4, 2e-4, 0.01, 0.01, 0.01]).all()
 
 
-def test_both_can_be_switched_off(world, slide, jitter):
-    poses = slide[1]
+def test_both_can_be_switched_off(world, mapped_slide, jitter):
+    poses = mapped_slide.poses
     measured = poses @ jitter
     measured[80:] = poses[80] @ se3.exp([0, 0, 4e-3, 0, 0, 0]) @ se3.inverse(poses[80]) @ measured[80:]
-    answers = play(world, slide, measured, calibration=False, object_motion=False)
+    answers = play(world, mapped_slide, measured, calibration=False, object_motion=False)
     assert answers[-1].calibration is None
     assert not any(moved(answer) for answer in answers)
 

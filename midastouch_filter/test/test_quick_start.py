@@ -17,11 +17,11 @@ def test_a_mesh_alone_is_enough_for_a_filter(monkeypatch):
     loaded = quick_start.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
     assert (loaded.name, loaded.sensor.height) == ("eyebolt", 160)
     assert loaded.network_id.startswith("tcn_fast")
+    spacing, gap = loaded.filter.object.lookup.spacing, loaded.filter.object.gap
     assert loaded.density == (
-        f"codebook of 300 poses, {1e3 * loaded.filter.codebook_spacing:.1f} mm apart"
-        f" (codes alone tell a place to {1e3 * loaded.filter.codebook_gap:.1f} mm)"
+        f"codebook of 300 poses, {1e3 * spacing:.1f} mm apart (codes alone tell a place to {1e3 * gap:.1f} mm)"
     )
-    assert 1e-3 < loaded.filter.codebook_spacing < 20e-3
+    assert 1e-3 < spacing < 20e-3
     loaded.filter.initialise_uniform()
     assert len(loaded.filter.poses) == 200
 
@@ -38,13 +38,15 @@ def test_it_grows_once_it_is_localised_on(monkeypatch):
     monkeypatch.setattr(quick_start, "levels", levels)
     config = FilterConfig(min_particles=100, max_particles=200)
     loaded = quick_start.build_object(EYEBOLT, "fast", "digit_tacto", config, seed=0)
-    assert loaded.denser() is loaded
+    before = loaded.density
+    loaded.take_growth()
+    assert loaded.density == before
     loaded.growth.start()
     finished.wait()
     loaded.growth.close()
     assert loaded.coarse.endswith("; growing")
-    loaded = loaded.denser()
-    assert (loaded.filter.codebook_size, loaded.growth.failure, loaded.coarse) == (400, "", "")
+    loaded.take_growth()
+    assert (len(loaded.filter.object.lookup), loaded.growth.failure, loaded.coarse) == (400, "", "")
     assert loaded.density.startswith("codebook of 400 poses")
 
 

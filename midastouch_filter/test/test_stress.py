@@ -16,12 +16,13 @@ from hypothesis.extra.numpy import arrays
 
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.gates import Gates, RestGate
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.motion_model import MotionModel, Odometry
 from midastouch_filter.particles import Particles
 from midastouch_filter.surface import SurfaceConstraint
+from midastouch_filter.touch import Measurement
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError

@@ -28,53 +28,19 @@ std::vector<float> padded(const T* map, std::size_t size) {
     return out;
 }
 
-// Robust normal equations in a pose's tangent space and in the logarithm of the depth's scale, the cost, and the share
-// of touched pixels explained.
+// Robust normal equations in a pose's tangent space, the cost, and the share of touched pixels explained.
 struct Equations {
     Matrix6 hessian{};
-    Vector6 gradient{}, mixed{};  // mixed: second derivatives by pose and scale
-    double scale_hessian = 0, scale_gradient = 0;
+    Vector6 gradient{};
     double cost = 0, fit = 0;
-};
-
-// The depth's scale, seen from the pose: what is left of its equations after the scale's own are solved (Schur
-// complement). Its logarithm has the prior N(0, variance).
-class ScaleElimination {
-public:
-    ScaleElimination(Equations& at, double log_scale, double variance)
-        : mixed_(at.mixed), shrink_(1 / (1 + variance * at.scale_hessian)) {
-        spread_ = variance * shrink_;
-        step_ = spread_ * at.scale_gradient - shrink_ * log_scale;
-        for (int i = 0; i < 6; ++i) {
-            at.gradient[i] -= mixed_[i] * step_;
-            for (int j = 0; j < 6; ++j) at.hessian[6 * i + j] -= spread_ * mixed_[i] * mixed_[j];
-        }
-        if (variance > 0) at.cost += log_scale * log_scale / variance;
-    }
-
-    // Of the scale, given the pose's.
-    double step(const Vector6& pose_step) const {
-        double out = step_;
-        for (int i = 0; i < 6; ++i) out -= spread_ * mixed_[i] * pose_step[i];
-        return out;
-    }
-
-    // Of the prior over the posterior.
-    double log_precision() const { return -std::log(shrink_); }
-
-private:
-    Vector6 mixed_;
-    double shrink_, spread_, step_;
 };
 
 class MapAlignment {
 public:
-    // Tangents and depth of the undeformed gel (H, W); information of one pixel [1 / m^2]; standard deviation of the
-    // logarithm of felt over true depth, one for each map.
+    // Tangents and depth of the undeformed gel (H, W); information of one pixel [1 / m^2].
     MapAlignment(const Scene& scene, In<double, -1, -1> tangent_x, In<double, -1, -1> tangent_y,
-                 In<double, -1, -1> gel_depth, double information, double scale)
-        : scene_(scene), pixels_(static_cast<std::size_t>(scene.height()) * scene.width()), information_(information),
-          scale_variance_(scale * scale) {
+                 In<double, -1, -1> gel_depth, double information)
+        : scene_(scene), pixels_(static_cast<std::size_t>(scene.height()) * scene.width()), information_(information) {
         if (tangent_x.size() != pixels_ || tangent_y.size() != pixels_ || gel_depth.size() != pixels_)
             throw nb::value_error("tangents and gel depth of another size than the scene's");
         tangent_x_ = padded(tangent_x.data(), pixels_), tangent_y_ = padded(tangent_y.data(), pixels_);
@@ -129,15 +95,14 @@ private:
         const Transform from_centre = inverse(centre);
         std::vector<float> rendered(felt.size());
         Patch patch(scene_);
-        double settled = INFINITY, log_scale = 0;
+        double settled = INFINITY;
         for (int k = first;; ++k) {
             const bool last = k == kIterations;
             const double width = kWidths[std::min(k, kIterations - 1)];
             if (width == settled && !last) continue;
             std::fill(rendered.begin(), rendered.end(), 0.0f);
             patch.draw(state, rendered.data());
-            Equations at = accumulate(rendered, felt, static_cast<float>(width), std::exp(log_scale));
-            const ScaleElimination scale(at, log_scale, scale_variance_);
+            Equations at = accumulate(rendered, felt, static_cast<float>(width));
             const Vector6 offset = logarithm(from_centre * state);
             Vector6 pull = at.gradient;
             for (int i = 0; i < 6; ++i)
@@ -145,29 +110,22 @@ private:
                     pull[i] -= prior[6 * i + j] * offset[j];
                     at.cost += offset[i] * prior[6 * i + j] * offset[j];
                 }
-            if (last) {
-                at.cost += scale.log_precision();
-                return at;
-            }
+            if (last) return at;
             if (at.fit > kNear) settled = width;
             const Vector6 step = Cholesky(sum_of(prior, at.hessian)).solve(pull);
             state = state * exponential(step);
-            log_scale += scale.step(step);
             if (std::max({std::abs(step[0]), std::abs(step[1]), std::abs(step[2])}) < kSmallStep[0] &&
                 std::max({std::abs(step[3]), std::abs(step[4]), std::abs(step[5])}) < kSmallStep[1])
                 settled = width;
         }
     }
 
-    // The rendered map counts from the scene's margin below the gel; both maps are padded. scale: of felt depths.
-    Equations accumulate(const std::vector<float>& rendered, const std::vector<float>& felt, float width,
-                         double scale) const {
+    // The rendered map counts from the scene's margin below the gel; both maps are padded.
+    Equations accumulate(const std::vector<float>& rendered, const std::vector<float>& felt, float width) const {
         const int columns = scene_.width();
         const Lanes margin = all(static_cast<float>(scene_.margin())), nothing = all(-0.999f) * margin;
         const Lanes distance = all(static_cast<float>(scene_.gel_distance()));
-        const Lanes enlarged = all(static_cast<float>(scale));
-        Lanes hessian[21] = {}, gradient[6] = {}, mixed[6] = {}, cost = {}, explained = {}, touched = {};
-        Lanes scale_hessian = {}, scale_gradient = {};
+        Lanes hessian[21] = {}, gradient[6] = {}, cost = {}, explained = {}, touched = {};
         Mask column{};
         for (int l = 0; l < kLanes; ++l) column[l] = l;
         for (int v = 1; v < scene_.height() - 1; ++v) {
@@ -177,12 +135,9 @@ private:
                 // elsewhere nothing is felt and nothing expected
                 const Mask touch = ((measured > 0) | (here > 0)) & (column + u < columns - 1);
                 if (!any(touch)) continue;
-                const Lanes residual = measured - enlarged * here, ratio = residual / width;
+                const Lanes residual = measured - here, ratio = residual / width;
                 const Lanes weight = touch ? 1 / (1 + ratio * ratio) : Lanes{};
                 const Lanes pull = weight * weight;  // Geman-McClure's influence
-                const Lanes deeper = here > 0 ? enlarged * here : Lanes{};  // by its logarithm
-                scale_gradient += pull * deeper * residual;
-                scale_hessian += pull * deeper * deeper;
                 cost += weight * residual * residual;
                 explained += weight;
                 touched += touch ? all(1) : Lanes{};
@@ -207,7 +162,7 @@ private:
                                     (magnitude(az) <= kSteepest * magnitude(ax)) &
                                     (magnitude(bz) <= kSteepest * magnitude(by)) & (towards < 0);
                 if (!any(usable)) continue;
-                const Lanes inverse = usable ? enlarged / towards : Lanes{};
+                const Lanes inverse = usable ? 1 / towards : Lanes{};
                 const Lanes px = tx(0) * d, py = ty(0) * d, pz = distance - d;
                 const Lanes jacobian[6] = {nx * inverse,
                                            ny * inverse,
@@ -218,19 +173,15 @@ private:
                 for (int i = 0, k = 0; i < 6; ++i) {
                     const Lanes weighted = pull * jacobian[i];
                     gradient[i] += weighted * residual;
-                    mixed[i] += weighted * deeper;
                     for (int j = 0; j <= i; ++j) hessian[k++] += weighted * jacobian[j];
                 }
             }
         }
         Equations out;
         out.cost = information_ * sum(cost);
-        out.scale_gradient = information_ * sum(scale_gradient);
-        out.scale_hessian = information_ * sum(scale_hessian);
         out.fit = sum(explained) / std::max(sum(touched), 1.0);
         for (int i = 0, k = 0; i < 6; ++i) {
             out.gradient[i] = information_ * sum(gradient[i]);
-            out.mixed[i] = information_ * sum(mixed[i]);
             for (int j = 0; j <= i; ++j) out.hessian[6 * i + j] = out.hessian[6 * j + i] = information_ * sum(hessian[k++]);
         }
         return out;
@@ -238,7 +189,7 @@ private:
 
     const Scene scene_;
     const std::size_t pixels_;
-    const double information_, scale_variance_;
+    const double information_;
     std::vector<float> tangent_x_, tangent_y_, gel_depth_;
 };
 
@@ -246,10 +197,8 @@ private:
 
 void bind_alignment(nb::module_& m) {
     nb::class_<MapAlignment>(m, "MapAlignment", "Aligns poses on one scene to penetration maps.")
-        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double,
-                      double>(),
-             nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"),
-             nb::arg("scale"))
+        .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double>(),
+             nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"))
         .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("felt"), named("start"),
              "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).");

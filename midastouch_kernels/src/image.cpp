@@ -1,6 +1,7 @@
 // Images and maps at a coarser resolution, by means over blocks of pixels.
 #include "arrays.hpp"
 
+#include <algorithm>
 #include <vector>
 
 namespace {
@@ -21,6 +22,56 @@ Out<float> halve_image(In<uint8_t, -1, -1, kColours> image) {
             const int32_t* from = both.data() + 2 * u * kColours;
             for (std::size_t c = 0; c < kColours; ++c) to[c] = 0.25f * static_cast<float>(from[c] + from[c + kColours]);
         }
+    }
+    return out;
+}
+
+// The median, of an even number of values the mean of the two in the middle; their order is lost.
+float median(std::vector<float>& values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return values.size() % 2 ? *middle : (*std::max_element(values.begin(), middle) + *middle) / 2;
+}
+
+// An image (H, W, 3) less a background (H, W, 3), after each colour was divided by its gain, but no less than `least`:
+// the median of the products of every so many pixels, along both sides, with the sparse ones.
+Out<float> change_beside_gain(In<float, -1, -1, kColours> image, In<float, -1, -1, kColours> background,
+                              In<float, -1, -1, kColours> sparse, std::size_t every, float least) {
+    const std::size_t height = image.shape(0), width = image.shape(1);
+    if (background.shape(0) != height || background.shape(1) != width)
+        throw nb::value_error("an image and a background of different sizes");
+    if (!every || !sparse.size() || sparse.shape(0) != (height + every - 1) / every ||
+        sparse.shape(1) != (width + every - 1) / every)
+        throw nb::value_error("sparse pixels that are not every so many of the image's");
+    std::vector<float> ratios[kColours];
+    const float* each = sparse.data();
+    for (std::size_t v = 0; v < height; v += every)
+        for (std::size_t u = 0; u < width; u += every)
+            for (std::size_t c = 0; c < kColours; ++c)
+                ratios[c].push_back(image.data()[(v * width + u) * kColours + c] * *each++);
+    std::vector<float> gains(width * kColours);  // along a whole row: that loop is vectorised
+    for (std::size_t c = 0; c < kColours; ++c) {
+        const float gain = std::max(median(ratios[c]), least);
+        for (std::size_t u = 0; u < width; ++u) gains[u * kColours + c] = gain;
+    }
+    auto out = make_array<float>({height, width, kColours});
+    for (std::size_t v = 0; v < height; ++v) {
+        const std::size_t row = v * gains.size();
+        for (std::size_t i = 0; i < gains.size(); ++i)
+            out.data()[row + i] = image.data()[row + i] / gains[i] - background.data()[row + i];
+    }
+    return out;
+}
+
+// Images (N, H, W, 3) times a factor as planes (N, 3, H, W).
+Out<float> planes(In<float, -1, -1, -1, kColours> images, float factor) {
+    const std::size_t count = images.shape(0), pixels = images.shape(1) * images.shape(2);
+    auto out = make_array<float>({count, kColours, images.shape(1), images.shape(2)});
+    for (std::size_t n = 0; n < count; ++n) {
+        const float* from = images.data() + n * pixels * kColours;
+        float* to = out.data() + n * pixels * kColours;
+        for (std::size_t i = 0; i < pixels; ++i)
+            for (std::size_t c = 0; c < kColours; ++c) to[c * pixels + i] = from[kColours * i + c] * factor;
     }
     return out;
 }
@@ -51,6 +102,11 @@ Out<float> block_means(In<float, -1, -1> map, std::size_t rows, std::size_t colu
 void bind_image(nb::module_& m) {
     m.def("halve_image", &halve_image, named("image"),
           "Grey levels (H/2, W/2, 3) float32 of an image (H, W, 3) uint8 of even size, each pixel the mean of four.");
+    m.def("change_beside_gain", &change_beside_gain, named("image"), named("background"), named("sparse"),
+          nb::arg("every"), nb::arg("least"),
+          "An image (H, W, 3) less a background, each colour first divided by its gain, at least `least`: the median of "
+          "every so many pixels times the `sparse` ones.");
+    m.def("planes", &planes, named("images"), nb::arg("factor"), "Images (N, H, W, 3) times a factor as (N, 3, H, W).");
     m.def("block_means", &block_means, named("map"), nb::arg("rows"), nb::arg("columns"),
           "Means (H / rows, W / columns) float32 over blocks of a map (H, W) float32.");
 }

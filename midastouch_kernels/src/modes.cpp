@@ -16,7 +16,7 @@ constexpr double kValley = 0.5;  // two peaks stay two modes if the density betw
 typedef double Quad __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)), may_alias));
 constexpr std::size_t kCoordinates = 8, kSums = kCoordinates * kCoordinates + 1;
 
-// The regions as a graph: neighbours of region r are neighbour[start[r]] up to neighbour[start[r + 1]].
+// The regions as a graph: neighbours of region r are neighbour[start[r]] up to neighbour[start[r + 1]], ascending.
 struct RegionGraph {
     const int64_t* start;
     const int32_t* neighbour;
@@ -34,40 +34,44 @@ struct RegionGraph {
         return density;
     }
 
+    bool near(int64_t a, int64_t b) const {
+        const float* there = centre + kRecord * a;
+        return squared_pose_distance(there, there + 4, centre + kRecord * b) <= squared_radius;
+    }
+
     // Region at the peak that each region of `order` (by falling density) belongs to; -1 for all others.
     std::vector<int64_t> climb(const std::vector<int64_t>& order, const std::vector<double>& rho) const {
-        std::vector<int64_t> root(rho.size(), -1);
-        auto find = [&](int64_t r) {
-            while (root[r] != r) r = root[r] = root[root[r]];
-            return r;
+        const int32_t size = static_cast<int32_t>(order.size());
+        std::vector<int32_t> place(rho.size(), size), root(order.size()), denser;
+        for (int32_t i = 0; i < size; ++i) place[order[i]] = i;
+        auto find = [&](int32_t i) {
+            while (root[i] != i) i = root[i] = root[root[i]];
+            return i;
         };
-        for (const int64_t r : order) {
-            int64_t best = -1;
-            for (int64_t j = start[r]; j < start[r + 1]; ++j) {
-                const int64_t other = neighbour[j];
-                if (root[other] >= 0 && (best < 0 || rho[other] > rho[best])) best = other;
+        for (int32_t i = 0; i < size; ++i) {
+            const int64_t r = order[i];
+            denser.resize(start[r + 1] - start[r]);
+            std::size_t count = 0;
+            int32_t best = i;
+            for (int64_t j = start[r]; j < start[r + 1]; ++j) {  // without a branch, that nobody could predict
+                const int32_t other = place[neighbour[j]];
+                denser[count] = other, count += other < i, best = std::min(best, other);
             }
-            if (best < 0) {
-                root[r] = r;
-                continue;
-            }
-            int64_t own = root[r] = find(best);
-            for (int64_t j = start[r]; j < start[r + 1]; ++j) {
-                if (root[neighbour[j]] < 0) continue;
-                const int64_t rival = find(neighbour[j]);
+            int32_t own = root[i] = best < i ? find(best) : i;
+            for (std::size_t j = 0; j < count; ++j) {
+                const int32_t rival = find(denser[j]);
                 if (rival == own) continue;
-                const bool below = rho[rival] < rho[own];
-                const int64_t lower = below ? rival : own, higher = below ? own : rival;
-                const float* a = centre + kRecord * lower;
-                if (squared_pose_distance(a, a + 4, centre + kRecord * higher) <= squared_radius &&
-                    rho[r] >= kValley * rho[lower]) {
+                const bool below = rho[order[rival]] < rho[order[own]];
+                const int32_t lower = below ? rival : own, higher = below ? own : rival;
+                if (near(order[lower], order[higher]) && rho[r] >= kValley * rho[order[lower]]) {
                     root[lower] = higher;
                     if (own == lower) own = higher;
                 }
             }
         }
-        for (const int64_t r : order) root[r] = find(r);
-        return root;
+        std::vector<int64_t> peak(rho.size(), -1);
+        for (int32_t i = 0; i < size; ++i) peak[order[i]] = order[find(i)];
+        return peak;
     }
 };
 

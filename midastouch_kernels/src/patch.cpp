@@ -7,6 +7,7 @@
 namespace {
 
 constexpr double kSlack = 2e-3;  // m that what is seen may have moved before triangles are gathered anew
+constexpr std::size_t kPrefetch = 8;  // triangles ahead whose corners are fetched: they may lie anywhere
 constexpr float kOnEdge = 1e-4f;   // pixels, by which triangles overlap: more than single precision loses
 
 Lanes smaller(Lanes a, Lanes b) { return a < b ? a : b; }
@@ -59,18 +60,19 @@ bool Patch::covers(const Transform& pose) const {
 
 void Patch::gather(const Transform& pose) {
     centre_ = pose;
-    triangles_.clear();
-    std::size_t count = kLanes;
-    scene_.faces_near(pose.data(), kSlack, [&](int32_t face) {
-        if (count == kLanes) triangles_.emplace_back(), count = 0;
-        Triangles& last = triangles_.back();
-        last.face[count] = face;
-        const double* corners = scene_.corners(face);
+    const std::vector<int32_t> faces = scene_.faces_near(pose.data(), kSlack);
+    triangles_.resize((faces.size() + kLanes - 1) / kLanes);
+    for (std::size_t i = 0; i < faces.size(); ++i) {
+        Triangles& some = triangles_[i / kLanes];
+        const std::size_t l = i % kLanes;
+        __builtin_prefetch(scene_.corners(faces[std::min(i + kPrefetch, faces.size() - 1)]));
+        some.face[l] = faces[i];
+        some.count = l + 1;
+        const double* corners = scene_.corners(faces[i]);
         for (int k = 0; k < 3; ++k)
             for (int a = 0; a < 3; ++a)
-                last.corner[k][a][count] = static_cast<float>(corners[3 * k + a] - pose[4 * a + 3]);
-        last.count = ++count;
-    });
+                some.corner[k][a][l] = static_cast<float>(corners[3 * k + a] - pose[4 * a + 3]);
+    }
 }
 
 void Patch::draw(const Transform& pose, float* penetration) {

@@ -70,11 +70,12 @@ struct Scene::View {
     bool misses(const TriangleGrid::Ball& ball, float slack) const {
         const float x = ball.x - camera[0], y = ball.y - camera[1], z = ball.z - camera[2];
         const float radius = ball.radius + slack;
-        if (ball.nx * x + ball.ny * y + ball.nz * z > slack) return true;  // seen from behind
         const float depth = -(back[0] * x + back[1] * y + back[2] * z);
-        if (depth - radius >= deepest) return true;
-        if (std::abs(right[0] * x + right[1] * y + right[2] * z) > slope_x * depth + per_x * radius) return true;
-        return std::abs(up[0] * x + up[1] * y + up[2] * z) > slope_y * depth + per_y * radius;
+        const bool behind = ball.nx * x + ball.ny * y + ball.nz * z > slack;  // seen from there
+        const bool below = depth - radius >= deepest;
+        const bool beside = std::abs(right[0] * x + right[1] * y + right[2] * z) > slope_x * depth + per_x * radius;
+        const bool above = std::abs(up[0] * x + up[1] * y + up[2] * z) > slope_y * depth + per_y * radius;
+        return behind | below | beside | above;  // nobody could predict branches
     }
 };
 
@@ -121,13 +122,18 @@ void Scene::draw(const double* pose, float* penetration, int32_t* faces, std::ve
     });
 }
 
-void Scene::faces_near(const double* pose, double slack, const std::function<void(int32_t)>& take) const {
-    std::vector<bool> taken(faces());
+std::vector<int32_t> Scene::faces_near(const double* pose, double slack) const {
+    std::vector<uint8_t> left_out(faces());  // taken or missed already
+    std::vector<int32_t> near(1);
+    std::size_t count = 0;
     visit(pose, slack, [&](int32_t face, auto missed) {
-        if (taken[face]) return;
-        taken[face] = true;
-        if (!missed()) take(face);
+        if (count == near.size()) near.resize(2 * count);
+        near[count] = face;
+        count += !left_out[face] & !missed();
+        left_out[face] = true;
     });
+    near.resize(count);
+    return near;
 }
 
 void Scene::draw_face(int32_t face, const double* pose, float* penetration, int32_t* faces) const {

@@ -5,7 +5,6 @@
 #include "triangle_grid.hpp"
 
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 // A mesh in its grid of cells, and the sensor that sees it; keeps both alive.
@@ -34,8 +33,8 @@ public:
     // The same of one triangle.
     void draw_face(int32_t face, const double* pose, float* penetration, int32_t* faces) const;
 
-    // Calls take(face) once for each triangle that may be seen after everything in view has moved by `slack` [m].
-    void faces_near(const double* pose, double slack, const std::function<void(int32_t)>& take) const;
+    // The triangles that may be seen after everything in view has moved by `slack` [m].
+    std::vector<int32_t> faces_near(const double* pose, double slack) const;
 
 private:
     struct View;

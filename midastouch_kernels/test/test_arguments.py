@@ -133,6 +133,15 @@ def test_means_over_blocks_that_do_not_fit():
             kernels.block_means(np.zeros((4, 5), np.float32), rows, columns)
 
 
+def test_background_and_sparse_pixels_of_another_size():
+    image, background, sparse = (np.ones(shape, np.float32) for shape in ((8, 6, 3), (8, 5, 3), (2, 2, 3)))
+    with pytest.raises(ValueError, match="different sizes"):
+        kernels.change_beside_gain(image, background, sparse, 4, 0.1)
+    for every in (0, 3):
+        with pytest.raises(ValueError, match="every so many"):
+            kernels.change_beside_gain(image, image, sparse, every, 0.1)
+
+
 def test_threads():
     with pytest.raises(ValueError, match="negative"):
         kernels.set_threads(-1)

@@ -75,3 +75,20 @@ def test_shade_is_brighter_towards_the_light():
     assert (image[4:, :, 0] > 1.2 * image[:4, :, 0]).all()
     np.testing.assert_allclose(image[..., 2], image[..., 0] * 2 ** (1 / 2.2), rtol=1e-5)
     assert image[..., 1].max() < 1e-6
+
+
+@pytest.mark.parametrize("shape", [(160, 120), (9, 5), (8, 6)])
+def test_change_beside_each_colours_gain(shape):
+    rng = np.random.default_rng(5)
+    image, background = rng.uniform(20, 200, (2, *shape, 3)).astype(np.float32)
+    image[..., 2] *= np.float32(1e-3)
+    sparse = 1 / background[::4, ::4]
+    gain = np.median((image[::4, ::4] * sparse).reshape(-1, 3), axis=0)
+    assert gain[2] < 0.1 < gain[0]
+    expected = image / np.maximum(gain, np.float32(0.1)) - background
+    np.testing.assert_array_equal(kernels.change_beside_gain(image, background, sparse, 4, 0.1), expected)
+
+
+def test_planes():
+    images = np.random.default_rng(6).standard_normal((2, 5, 4, 3)).astype(np.float32)
+    np.testing.assert_array_equal(kernels.planes(images, 0.25), np.moveaxis(images / 4, -1, 1))

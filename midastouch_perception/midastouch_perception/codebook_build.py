@@ -141,10 +141,9 @@ def build_codebook(
     sensor: SensorModel,
     size: int = 50_000,
     seed: int = 0,
-    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Codebook:
     """Build a codebook in one go; see `CodebookBuild`."""
-    return CodebookBuild(mesh, tcn, sensor, size, seed).run(progress=progress)
+    return CodebookBuild(mesh, tcn, sensor, size, seed).run()
 
 
 def _part(chunk: int) -> slice:

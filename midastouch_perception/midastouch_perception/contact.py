@@ -10,6 +10,8 @@ from .sensor_model import SensorModel
 
 # Metres. Far below what the depth network can tell apart, far above what a cloud's float32 loses.
 _STEP = np.float32(1e-6)
+TOUCHED = 3e-5
+"""Penetration [m] from which a pixel counts as touched."""
 
 
 def in_steps(penetration: np.ndarray) -> np.ndarray:
@@ -30,7 +32,7 @@ class Contact:
 
     @classmethod
     def of(cls, penetration: np.ndarray, sensor: SensorModel) -> Contact:
-        """The contact with this penetration map; sensor: at the map's resolution."""
+        """The contact with this penetration map (H, W) m; sensor: at the map's resolution."""
         return cls(penetration, float(np.count_nonzero(penetration) * sensor.pixel_area))
 
     @property
@@ -43,17 +45,17 @@ class ContactDetector:
     """Contact begins above one area and ends below a smaller one, so that it does not flicker.
 
     The areas are small on purpose: a 2 mm wire is a contact too (paper appendix G). Args: sensor, at the map's
-    resolution; begin, end: areas [m^2]; depth [m], penetration from which a pixel counts.
+    resolution; begin, end: areas [m^2].
     """
 
-    def __init__(self, sensor: SensorModel, begin: float = 1.5e-6, end: float = 0.8e-6, depth: float = 3e-5):
+    def __init__(self, sensor: SensorModel, begin: float = 1.5e-6, end: float = 0.8e-6):
         self._sensor = sensor
-        self._begin, self._end, self._depth = begin, end, depth
+        self._begin, self._end = begin, end
         self._touching = False
 
     def update(self, penetration: np.ndarray) -> Contact:
         """The contact in one penetration map (H, W) m of the depth network."""
-        touched = np.where(penetration > self._depth, penetration, np.float32(0))
+        touched = np.where(penetration > TOUCHED, penetration, np.float32(0))
         contact = Contact.of(in_steps(touched), self._sensor)
         self._touching = contact.area_m2 >= (self._end if self._touching else self._begin)
         return contact if self._touching else self._nothing()

@@ -98,7 +98,7 @@ def pose_from_msg(pose: Any) -> np.ndarray:
 
 
 def xyzquat_from_msg(transform: Any) -> np.ndarray:
-    """[x y z qx qy qz qw] of a transform message, as they are."""
+    """[x y z qx qy qz qw] (7,) m of a transform message, as they are."""
     return np.array(_xyzquat(transform.translation, transform.rotation))
 
 

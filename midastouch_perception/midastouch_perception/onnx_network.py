@@ -33,11 +33,11 @@ class OnnxNetwork:
     missing or broken card.
     """
 
-    def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
+    def __init__(self, kind: str, name_or_path: str | Path):
         path = network_path(kind, name_or_path)
         options = onnxruntime.SessionOptions()
         # one small network a frame: more threads cost more in hand-over than they save
-        options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
+        options.intra_op_num_threads, options.inter_op_num_threads = 1, 1
         options.log_severity_level = 3
         try:
             self.session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
@@ -52,6 +52,7 @@ class OnnxNetwork:
         self.network_id = f"{path.stem}-{sha256(path)[:12]}"
 
     def run(self, *inputs: np.ndarray, output: str | None = None) -> np.ndarray:
-        """The output of that name, by default the first, for the network's inputs in their declared order."""
+        """The output of that name, by default the first, for the network's inputs in their
+        declared order, float32 with the batch first."""
         names = [output or self.outputs[0]]
         return self.session.run(names, dict(zip(self._inputs, inputs, strict=True)), self._options)[0]

@@ -128,7 +128,7 @@ class TouchPipeline:
         self.ms: dict[str, float] = {}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Touch:
-        """One frame; InputError for a bad image."""
+        """One frame: image and background (320, 240, 3) uint8 RGB; InputError for a bad image."""
         start = self._clock()
         contact = self._depth.process(image, background)
         middle = self._clock()

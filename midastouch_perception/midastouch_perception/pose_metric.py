@@ -16,7 +16,7 @@ ROTATION_SCALE = 0.01
 
 
 def pose_errors(poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances [m] and geodesic angles [rad] between poses."""
+    """Distances (...) [m] and geodesic angles (...) [rad] between poses (..., 4, 4), as far as they broadcast."""
     poses, truth = np.asarray(poses, float), np.asarray(truth, float)
     distance = np.linalg.norm(poses[..., :3, 3] - truth[..., :3, 3], axis=-1)
     relative = np.swapaxes(poses[..., :3, :3], -1, -2) @ truth[..., :3, :3]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,13 +17,6 @@ if TYPE_CHECKING:
     from midastouch_perception.mesh import ObjectMesh
 
     from ..evaluation.setup import Networks
-
-
-TEST_OBJECTS = ("004", "005", "006", "021", "025", "035", "037", "042", "048", "055")
-"""The paper's ten, by their YCB numbers."""
-HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
-"""Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
-seven only validated."""
 
 
 def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str = ""):
@@ -48,18 +39,6 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
 
 
-def add_object_options(parser: argparse.ArgumentParser) -> None:
-    """--meshes and --objects, which `chosen_meshes` takes."""
-    parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
-    parser.add_argument(
-        "--objects",
-        nargs="+",
-        metavar="NAME",
-        help="names, or how they begin; held_out: ten further of YCB; all: of the folder (default: the paper's ten of "
-        "--meshes, all of the bundled)",
-    )
-
-
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
     """--jobs and --cluster."""
     parser.add_argument(
@@ -70,25 +49,6 @@ def add_cluster_options(parser: argparse.ArgumentParser) -> None:
         help="at a time on this machine (default: one per core)",
     )
     parser.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, such as tcp://10.0.0.1:8786")
-
-
-def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
-    """--jobs, --cluster, --minutes, networks and --json, of a campaign of trials that are called `unit`."""
-    add_cluster_options(parser)
-    parser.add_argument("--minutes", type=positive, help=f"start no {unit} after this time")
-    add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
-
-
-def deadline_of(args: argparse.Namespace) -> float:
-    """When --minutes are over, in seconds of `time.monotonic`; infinite without them."""
-    return time.monotonic() + 60 * args.minutes if args.minutes else math.inf
-
-
-def say_what_is_left(missing: int, unit: str) -> None:
-    """Print how a campaign that its deadline has ended goes on."""
-    if missing:
-        print(f"{missing} {unit}s are left; the same command goes on with them")
 
 
 def positive_int(text: str) -> int:
@@ -162,30 +122,3 @@ def load_object(
             f"{path}: built for the sensor {book.meta['sensor']}, not for {networks.sensor.name}; build it again"
         )
     return loaded, book
-
-
-def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
-    """The meshes asked for, by name; InputError for a name that fits none or several."""
-    from midastouch_perception.mesh import ObjectMesh
-    from midastouch_perception.objects import bundled_objects
-
-    if folder is None:
-        available = bundled_objects()
-        names = names or sorted(available)
-    else:
-        if not Path(folder).is_dir():
-            raise InputError(f"{folder}: no such folder; give one with mesh files")
-        files = [path for path in Path(folder).iterdir() if path.suffix.lower() in (".ply", ".stl", ".obj")]
-        available = {path.stem: path for path in files}
-        if names == ["all"]:
-            return [ObjectMesh.load(path) for path in sorted(files)]
-        names = list(HELD_OUT) if names == ["held_out"] else names or list(TEST_OBJECTS)
-    return [ObjectMesh.load(_one(name, available, folder or "bundled objects")) for name in names]
-
-
-def _one(name: str, available: dict[str, Path], where: str) -> Path:
-    fitting = [name] if name in available else sorted(one for one in available if one.startswith(name))
-    if len(fitting) != 1:
-        found = f"fits {', '.join(fitting)}" if fitting else f"there are {', '.join(sorted(available)) or 'none'}"
-        raise InputError(f"{where}: no object '{name}': {found}; give its name with --objects")
-    return available[fitting[0]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from . import arguments
+from . import arguments, outcome
 
 if TYPE_CHECKING:
     from midastouch_filter.config import FilterConfig
@@ -56,7 +56,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
     arguments.add_network_options(parser)
     parser.set_defaults(sensor=None)  # --real has another default
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,7 +66,6 @@ def run(args: argparse.Namespace) -> int:
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
     from ..evaluation.real_table import BETA, PAPER_REAL, real_table, require_real
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.sequence_trials import TrialPlan, run_sequence
     from ..evaluation.setup import Networks, load_filter_config
     from ..evaluation.summary import summarise_trials, summary_table
@@ -106,12 +105,8 @@ def run(args: argparse.Namespace) -> int:
     result["summary"] = summarise_trials(result["trials"])
     if args.real:
         result["paper_real"] = PAPER_REAL
-    if args.json:
-        write_compact_json(args.json, result)
-    print(summary_table(result["summary"]))
-    if args.real:
-        print(f"\n{text_table(*real_table(result['summary']))}")
-    return 0
+    beside = ["", text_table(*real_table(result["summary"]))] if args.real else []
+    return outcome.conclude(args, result, summary_table(result["summary"]), *beside)
 
 
 def _identify(
@@ -126,7 +121,6 @@ def _identify(
 
     from ..evaluation.identification import identify, right_answer
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.sequence_trials import perceived
     from ..evaluation.setup import sequence_background
     from ..evaluation.table import text_table
@@ -148,8 +142,6 @@ def _identify(
         [t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}"]
         for t in trials
     ]
-    if args.json:
-        names = [entry.name for entry in catalogue.entries]
-        write_compact_json(args.json, {"machine": machine_info(), "catalogue": names, "identified": trials})
-    print(text_table(["sequence", "answer", "probability", "right"], rows, left=2))
-    return 0
+    names = [entry.name for entry in catalogue.entries]
+    result = {"machine": machine_info(), "catalogue": names, "identified": trials}
+    return outcome.conclude(args, result, text_table(["sequence", "answer", "probability", "right"], rows, left=2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -27,11 +27,19 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from ..evaluation.perception.check_tables import check_tables
+    from ..evaluation.table import text_table
+
+    result = _measured(args)
+    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+
+
+def _measured(args: argparse.Namespace) -> dict:
     import itertools
     from pathlib import Path
 
@@ -44,13 +52,11 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.training.backgrounds import load_backgrounds
 
     from ..datasets.ball_presses import load_ball_presses
-    from ..evaluation.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
-    from ..evaluation.check_tables import check_tables
-    from ..evaluation.diameter_checks import diameter_checks
     from ..evaluation.machine import machine_info
-    from ..evaluation.real_checks import real_checks
-    from ..evaluation.result_file import to_json, write_json
-    from ..evaluation.table import text_table
+    from ..evaluation.perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
+    from ..evaluation.perception.diameter_checks import diameter_checks
+    from ..evaluation.perception.real_checks import real_checks
+    from ..evaluation.result_file import to_json
     from ..progress import progress_bar
 
     sensor = SensorModel.load(args.sensor)
@@ -66,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     real = SensorModel.load("digit_real")
     felt_by = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
-    result = to_json(
+    return to_json(
         {
             "network": tdn.network_id,
             "sensor": args.sensor,
@@ -83,7 +89,3 @@ def run(args: argparse.Namespace) -> int:
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )
-    if args.json:
-        write_json(args.json, result)
-    print("\n\n".join(text_table(*table) for table in check_tables(result)))
-    return 0

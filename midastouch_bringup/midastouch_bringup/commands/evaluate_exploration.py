@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, campaigns, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -20,56 +20,40 @@ def add_parser(subparsers) -> None:
         "that nothing tells the remaining places apart, or the way is too long. Policies begin at the same places.\n"
         "Codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
     )
-    arguments.add_object_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--trials", type=arguments.positive_int, default=10, help="per object and policy (default 10)")
     parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: all)")
     parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
-    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
-    arguments.add_campaign_options(parser, "trial")
+    campaigns.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
-    from contextlib import ExitStack
     from pathlib import Path
 
-    from ..cluster import open_cluster
     from ..evaluation.exploration import Plan, chosen_policies, run_exploration
     from ..evaluation.exploration_summary import exploration_table, summarise_exploration
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
     from ..evaluation.stock import Stock
     from ..evaluation.table import text_table
     from ..evaluation.trial_log import TrialLog
-    from ..progress import progress_bar
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config), threads=1)
     plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
-    meshes = arguments.chosen_meshes(args.meshes, args.objects)
-    deadline = arguments.deadline_of(args)
-    with ExitStack() as opened:
-        bar = opened.enter_context(progress_bar(total=plan.trials * len(plan.policies) * len(meshes), unit="trial"))
-        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
-        trials, missing = run_exploration(
-            plan, meshes, TrialLog(folder / "exploration.jsonl"), cluster, deadline, bar.update
-        )
+    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
+    with campaigns.campaign(args, "trial") as means:
+        trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), *means)
     summary = summarise_exploration(trials)
-    if args.json:
-        result = {
-            "command": args.command_line,
-            "config": plan.describe(),
-            "machine": machine_info(),
-            "missing_trials": missing,
-            "exploration": summary,
-            "trials": trials,
-        }
-        write_compact_json(args.json, result)
-    print(text_table(*exploration_table(summary), left=2))
-    arguments.say_what_is_left(missing, "trial")
-    return 0
+    result = {
+        "config": plan.describe(),
+        "machine": machine_info(),
+        "missing_trials": missing,
+        "exploration": summary,
+        "trials": trials,
+    }
+    table = text_table(*exploration_table(summary), left=2)
+    return outcome.conclude(args, result, table, *campaigns.left(missing, "trial"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -44,7 +44,7 @@ def add_parser(subparsers) -> None:
         help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
     )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,10 +55,10 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tdn import load_tdn
 
     from ..datasets.ball_presses import load_ball_presses
-    from ..evaluation.held_out_calibrations import calibrations_of
     from ..evaluation.machine import machine_info
-    from ..evaluation.press_quality import measure_presses
-    from ..evaluation.result_file import to_json, write_json
+    from ..evaluation.perception.held_out_calibrations import calibrations_of
+    from ..evaluation.perception.press_quality import measure_presses
+    from ..evaluation.result_file import to_json
     from ..progress import progress_bar
 
     presses = load_ball_presses(args.folder)
@@ -76,30 +76,28 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(total=len(presses.images), unit="press") as bar:
         rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
     checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
-    result = {
-        "folder": str(Path(args.folder).resolve()),
-        **settings,
-        "px_per_mm": args.px_per_mm,
-        "tdn": args.tdn,
-        "network": tdn.network_id,
-        "sensor": args.sensor,
-        "machine": machine_info(),
-        "presses": rows,
-        "summary": summary,
-        **checked,
-    }
-    result = to_json(result)
-    if args.json:
-        write_json(args.json, result)
-    print(_table(result))
-    return 0
+    result = to_json(
+        {
+            "folder": str(Path(args.folder).resolve()),
+            **settings,
+            "px_per_mm": args.px_per_mm,
+            "tdn": args.tdn,
+            "network": tdn.network_id,
+            "sensor": args.sensor,
+            "machine": machine_info(),
+            "presses": rows,
+            "summary": summary,
+            **checked,
+        }
+    )
+    return outcome.conclude(args, result, _table(result))
 
 
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
     from midastouch_perception.errors import InputError
 
-    from ..evaluation.label_check import FittedBall
-    from ..evaluation.press_quality import measure_presses
+    from ..evaluation.perception.label_check import FittedBall
+    from ..evaluation.perception.press_quality import measure_presses
 
     if presses.circles is None:
         raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")

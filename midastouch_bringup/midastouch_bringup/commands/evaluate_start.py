@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, campaigns, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -18,13 +18,9 @@ def add_parser(subparsers) -> None:
         "Of each object a filter is asked for as by set_object with the mesh alone, and then given the first touch of\n"
         "each slide. Slides are kept in --out, as by `midastouch benchmark`. Wall time: let nothing else run.",
     )
-    arguments.add_object_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
-    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
-    arguments.add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    campaigns.add_object_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -33,32 +29,28 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_filter.quick_start import SIZE
 
-    from ..evaluation.first_pose import first_poses, summarise_first_poses
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
+    from ..evaluation.speed.first_pose import first_poses, summarise_first_poses
     from ..evaluation.stock import SlideKind, Stock
     from ..progress import progress_bar
 
     stock = Stock(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
-    config, meshes = load_filter_config(args.config), arguments.chosen_meshes(args.meshes, args.objects)
+    config, meshes = load_filter_config(args.config), campaigns.chosen_meshes(args.meshes, args.objects)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
         trials += first_poses(mesh, stock, range(args.slides), config)
     summary = summarise_first_poses(trials)
-    if args.json:
-        result = {
-            "command": args.command_line,
-            "config": {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
-            | {"networks": stock.describe()},
-            "machine": machine,
-            "start": summary,
-            "trials": trials,
-        }
-        write_compact_json(args.json, result)
     seconds = summary["first_pose_s"]
-    print(
+    settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
+    result = {
+        "config": settings | {"networks": stock.describe()},
+        "machine": machine,
+        "start": summary,
+        "trials": trials,
+    }
+    said = (
         f"{summary['trials']} first touches of {summary['objects']} objects: a pose after {seconds['value']:.1f} s"
         f" (median; at most {seconds['max']:.1f} s)"
     )
-    return 0
+    return outcome.conclude(args, result, said)

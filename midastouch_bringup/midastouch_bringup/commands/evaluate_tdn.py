@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from . import arguments
+from . import arguments, outcome
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from midastouch_perception.tdn import DepthNet
+
+    from ..datasets import Sequence
+    from ..evaluation.perception.depth_quality import DepthQuality
 
 
 def add_parser(subparsers) -> None:
@@ -22,7 +32,7 @@ def add_parser(subparsers) -> None:
         "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's)"
     )
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,12 +46,10 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets import load_sequence
     from ..datasets.sequence import read_image
-    from ..evaluation.depth_quality import DepthQuality
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_json
+    from ..evaluation.perception.depth_quality import DepthQuality
     from ..evaluation.setup import sequence_background
     from ..evaluation.table import number, text_table
-    from ..evaluation.timing import Stopwatch
     from ..progress import progress_bar
 
     sequences = [load_sequence(path) for path in args.sequences]
@@ -55,35 +63,33 @@ def run(args: argparse.Namespace) -> int:
         for sequence in sequences:
             bar.set_description(sequence.name)
             background, source = (given, args.background) if args.background else sequence_background(sequence)
-            quality, stopwatch = DepthQuality(), Stopwatch()
-            tdn.predict(sequence.image(sequence.ground_truth_frames[0]), background)  # warm-up, not timed
-            for i in sequence.ground_truth_frames:
-                image = sequence.image(i)
-                with stopwatch:
-                    predicted = tdn.predict(image, background)
-                quality.add(predicted, sequence.penetration_truth(i))
-                bar.update()
+            quality, ms = _measured(tdn, sequence, background, bar.update)
             total.merge(quality)
-            times += stopwatch.wall_ms
-            results.append(
-                {
-                    "sequence": sequence.name,
-                    **quality.result(),
-                    "ms_per_frame": float(np.mean(stopwatch.wall_ms)),
-                    "background": source,
-                }
-            )
+            times += ms
+            mean = {"ms_per_frame": float(np.mean(ms)), "background": source}
+            results.append({"sequence": sequence.name, **quality.result(), **mean})
     summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
-    if args.json:
-        content = {
-            "network": tdn.network_id,
-            "machine": machine_info(),
-            "sequences": results,
-            "summary": summary,
-        }
-        write_json(args.json, content)
+    result = {"network": tdn.network_id, "machine": machine_info(), "sequences": results, "summary": summary}
     keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
     rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
     rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])
-    print(text_table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"], rows))
-    return 0
+    header = ["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"]
+    return outcome.conclude(args, result, text_table(header, rows))
+
+
+def _measured(
+    tdn: DepthNet, sequence: Sequence, background: np.ndarray, progress: Callable[[int], object]
+) -> tuple[DepthQuality, list[float]]:
+    """Quality on the frames whose penetration is known, and the milliseconds of each."""
+    from ..evaluation.perception.depth_quality import DepthQuality
+    from ..evaluation.speed.timing import Stopwatch
+
+    quality, stopwatch = DepthQuality(), Stopwatch()
+    tdn.predict(sequence.image(sequence.ground_truth_frames[0]), background)  # warm-up, not timed
+    for i in sequence.ground_truth_frames:
+        image = sequence.image(i)
+        with stopwatch:
+            predicted = tdn.predict(image, background)
+        quality.add(predicted, sequence.penetration_truth(i))
+        progress(1)
+    return quality, stopwatch.wall_ms

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from . import arguments
+from . import arguments, campaigns, outcome
 
 
 def add_parser(subparsers) -> None:
@@ -19,50 +19,35 @@ def add_parser(subparsers) -> None:
         "catalogue, and once left out of it. Slides, codebooks and finished trials are kept in --out, as by\n"
         "`midastouch benchmark`: the same command goes on where it was stopped.",
     )
-    arguments.add_object_options(parser)
-    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
-    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
     parser.add_argument(
         "--codebook-size", type=arguments.positive_int, default=50_000, help="poses of an object (default 50000)"
     )
-    arguments.add_campaign_options(parser, "slide")
+    campaigns.add_campaign_options(parser, "slide")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from contextlib import ExitStack
     from pathlib import Path
 
-    from ..cluster import open_cluster
     from ..evaluation.identification import IdentityPlan, run_identification
     from ..evaluation.identification_summary import identification_table, summarise_identification
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import load_filter_config
     from ..evaluation.stock import SlideKind, Stock
     from ..evaluation.table import text_table
     from ..evaluation.trial_log import TrialLog
-    from ..progress import progress_bar
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
     plan = IdentityPlan(stock, load_filter_config(args.config), tuple(range(args.slides)))
-    meshes = arguments.chosen_meshes(args.meshes, args.objects)
+    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
     machine = machine_info()
-    deadline = arguments.deadline_of(args)
-    with ExitStack() as opened:
-
-        def start_progress(total: int):
-            return opened.enter_context(progress_bar(total=total, unit="slide")).update
-
-        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
-        log = TrialLog(folder / "identifications.jsonl")
-        trials, missing = run_identification(plan, meshes, log, cluster, deadline, start_progress)
+    with campaigns.campaign(args, "slide") as means:
+        trials, missing = run_identification(plan, meshes, TrialLog(folder / "identifications.jsonl"), *means)
     summary = summarise_identification(trials) if trials else None
     result = {
-        "command": args.command_line,
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "catalogue": [mesh.name for mesh in meshes],
@@ -70,11 +55,8 @@ def run(args: argparse.Namespace) -> int:
         "identification": summary,
         "trials": trials,
     }
-    if args.json:
-        write_compact_json(args.json, result)
+    shown = []
     if summary:
-        print(text_table(*identification_table(summary)))
-        for wrong, times in summary["answers"].items():
-            print(f"{wrong}: {times}")
-    arguments.say_what_is_left(missing, "slide")
-    return 0
+        shown = [text_table(*identification_table(summary))]
+        shown += [f"{wrong}: {times}" for wrong, times in summary["answers"].items()]
+    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from midastouch_perception.errors import InputError
 
 from ..output_paths import codebook_path
-from . import arguments
+from . import arguments, outcome
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
@@ -57,7 +57,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     arguments.add_network_options(parser)
-    parser.add_argument("--json", metavar="OUT", help="write the results here")
+    outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -68,11 +68,10 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.tcn import load_tcn
 
     from ..evaluation.machine import machine_info
-    from ..evaluation.result_file import write_compact_json
     from ..evaluation.setup import Networks
-    from ..evaluation.simulated_touch import Lighting
-    from ..evaluation.single_touch_object import SingleTouchPlan, measure_object
-    from ..evaluation.single_touch_summary import single_touch_table, summarise_objects
+    from ..evaluation.single_touch.per_object import SingleTouchPlan, measure_object
+    from ..evaluation.single_touch.simulated_touch import Lighting
+    from ..evaluation.single_touch.summary import single_touch_table, summarise_objects
     from ..progress import progress_bar
 
     wanted = _wanted(args)
@@ -104,10 +103,7 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    if args.json:
-        write_compact_json(args.json, content)
-    print(single_touch_table(content))
-    return 0
+    return outcome.conclude(args, content, single_touch_table(content))
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

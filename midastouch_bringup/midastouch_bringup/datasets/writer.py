@@ -15,10 +15,9 @@ from midastouch_perception.files import atomic_path
 from midastouch_perception.sensor_model import SensorModel
 
 from .sequence import IMAGE_SHAPE
-from .ycb_slide import BACKGROUND_FILE, PENETRATION_FILE
+from .ycb_slide import BACKGROUND_FILE, HEIGHT_UNIT, PENETRATION_FILE
 
 _JPEG_QUALITY = 95
-_HEIGHT_UNIT = 3e-5  # m per grey level
 _CONTACT = 1e-6  # m
 
 
@@ -47,19 +46,8 @@ def write_sequence(
     path = Path(path)
     if path.exists() and not (path / "tactile_data.pkl").is_file() and (not path.is_dir() or any(path.iterdir())):
         raise InputError(f"{path}: exists and is not a sequence; choose another folder")
-    dome = sensor.gel_distance - sensor.gel_depth
     with atomic_path(path) as folder:
-        for name in ("tactile_images", "gt_heightmaps", "gt_contactmasks"):
-            (folder / name).mkdir(parents=True)
-        penetrations = []
-        for i, (image, penetration) in enumerate(frames):
-            if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
-                raise InputError(f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240")
-            heights = np.clip(np.round((penetration + dome) / _HEIGHT_UNIT), 0, 255).astype(np.uint8)
-            _write_image(folder / "tactile_images" / f"{i}.jpg", image)
-            _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
-            _write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)
-            penetrations.append(np.round(penetration * 1e6).astype(np.int16))
+        penetrations = _write_frames(path, folder, frames, sensor)
         n = len(penetrations)
         if not n == len(poses_true) == len(poses_measured) or n == 0:
             raise InputError(
@@ -77,6 +65,24 @@ def write_sequence(
             "object_name": object_name,
         }
         (folder / "tactile_data.pkl").write_bytes(pickle.dumps(data, protocol=4))
+
+
+def _write_frames(
+    path: Path, folder: Path, frames: Iterable[tuple[np.ndarray, np.ndarray]], sensor: SensorModel
+) -> list[np.ndarray]:
+    """Images, heights and contact masks into the folder; penetrations (320, 240) int16 um. Errors name `path`."""
+    for name in ("tactile_images", "gt_heightmaps", "gt_contactmasks"):
+        (folder / name).mkdir(parents=True)
+    dome, penetrations = sensor.gel_distance - sensor.gel_depth, []
+    for i, (image, penetration) in enumerate(frames):
+        if image.shape != IMAGE_SHAPE or penetration.shape != IMAGE_SHAPE[:2]:
+            raise InputError(f"{path}: frame {i} is {image.shape}, {penetration.shape}; expected 320 x 240")
+        heights = np.clip(np.round((penetration + dome) / HEIGHT_UNIT), 0, 255).astype(np.uint8)
+        _write_image(folder / "tactile_images" / f"{i}.jpg", image)
+        _write_image(folder / "gt_heightmaps" / f"{i}.jpg", heights)
+        _write_image(folder / "gt_contactmasks" / f"{i}.jpg", (penetration > _CONTACT).astype(np.uint8) * 255)
+        penetrations.append(np.round(penetration * 1e6).astype(np.int16))
+    return penetrations
 
 
 def _write_image(file: Path, image: np.ndarray) -> None:

@@ -27,7 +27,8 @@ _SECOND = 1_000_000_000
 _SIMULATED_PERIOD = _SECOND // 10  # the paper's loop plays simulated slides at 10 Hz; they carry no stamps
 _FIRST_STAMP = _SECOND
 
-_HEIGHT_UNIT = 3e-5  # m per grey level of gt_heightmaps
+HEIGHT_UNIT = 3e-5
+"""m per grey level of gt_heightmaps."""
 # Rounding and JPEG leave noise of 0.0097 mm (one sigma) where nothing touches; four sigma count as zero.
 _HEIGHT_NOISE = 4e-5
 
@@ -119,7 +120,7 @@ def _penetration_of_height_map(file: Path) -> np.ndarray:
     heights = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
     if heights is None or heights.shape != (320, 240):
         raise InputError(f"{file}: not a readable 240 x 320 height map; get the file again")
-    penetration = heights * _HEIGHT_UNIT - _dome_height()
+    penetration = heights * HEIGHT_UNIT - _dome_height()
     return np.where(penetration > _HEIGHT_NOISE, penetration, 0).astype(np.float32)
 
 

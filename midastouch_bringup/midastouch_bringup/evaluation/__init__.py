@@ -1,1 +1,1 @@
-"""Offline evaluation: metrics, frame-exact runs, speed and accuracy, and the JSON files that hold their results."""
+"""Offline evaluation: frame-exact runs, campaigns of trials, their figures, and the JSON files that hold them."""

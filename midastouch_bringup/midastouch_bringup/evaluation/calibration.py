@@ -32,7 +32,8 @@ KINDS = ("one_mode", "several_modes", "converged", "right")
 def nees(estimate: Estimate, truth: np.ndarray) -> float:
     """Normalised estimation error squared of the published pose, e' C^-1 e: about 6 on average if C is right.
 
-    e: translation and rotation vector from the estimate to the truth, object frame, as the covariance has them.
+    e: translation [m] and rotation vector [rad] from the estimate to the truth (4, 4) `T_obj_gel`, object frame, as the
+    covariance has them.
     """
     turn = truth[:3, :3] @ estimate.pose[:3, :3].T
     error = np.concatenate([truth[:3, 3] - estimate.pose[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
@@ -52,7 +53,7 @@ class Coverage:
         self._counts = {kind: np.zeros(len(LEVELS) + 1, int) for kind in KINDS}
 
     def add(self, estimate: Estimate, truth: np.ndarray, right: bool) -> None:
-        """Count a frame with a published pose."""
+        """Count a frame with a published pose; truth (4, 4) `T_obj_gel`; whether the pose is `right`."""
         bin_ = int(np.searchsorted(_NEES, nees(estimate, truth)))
         status = estimate.status
         kinds = (status.n_modes == 1, status.n_modes > 1, status.state == CONVERGED, right)

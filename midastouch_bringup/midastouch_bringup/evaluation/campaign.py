@@ -20,9 +20,9 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
 from ..cluster import Cluster
-from . import dead_reckoning, paper_filter, registration
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
+from .peers import dead_reckoning, paper_filter, registration
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import TrialPlan
 from .short_codes import ShortCodes

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from midastouch_filter.filter import Measurement
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError

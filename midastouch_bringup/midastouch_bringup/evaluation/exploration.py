@@ -11,8 +11,10 @@ import numpy as np
 
 import midastouch_filter
 import midastouch_kernels
+from midastouch_filter.advisor import Advisor
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Estimate, ParticleFilter
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.suggestion import Wanted
@@ -85,11 +87,11 @@ def run_exploration(
     log: TrialLog,
     cluster: Cluster,
     deadline: float = np.inf,
-    progress: Callable[[int], object] = lambda done: None,
+    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet; all trials of the plan that are done, and how many are not.
 
-    Trials of all policies with one seed begin at the same place.
+    Trials of all policies with one seed begin at the same place. Other arguments as of `campaign.run_campaign`.
     """
     for _ in cluster.map(_make_book, [(plan.stock, mesh.path) for mesh in meshes]):
         pass
@@ -100,7 +102,7 @@ def run_exploration(
                 labels = {"object": mesh.name, "policy": policy, "seed": seed}
                 wanted[plan.key(mesh, labels)] = (mesh.path, labels)
     open_ = [(plan, key, *what) for key, what in wanted.items() if log.get(key) is None]
-    progress(len(wanted) - len(open_))
+    progress = start_progress(len(open_))
     for key, trial in cluster.map(_run, open_, deadline):
         log.add(key, trial)
         progress(1)
@@ -137,7 +139,7 @@ class _Trial:
         self._finger = SimulatedFinger(mesh, networks.sensor, self._rng, STEP)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
-        self._pipeline, self._filter = networks.pipeline(), particle_filter
+        self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
         self._policy, self._diagonal = policy, mesh.diagonal
         self._headings = np.random.default_rng([seed, 1])
         self._measured: np.ndarray | None = None
@@ -179,7 +181,7 @@ class _Trial:
         """Motions to try, until one of them leads anywhere."""
         if self._policy != "random":
             began = time.process_time()
-            advice = self._filter.advise(Wanted(lifts=self._policy == "lifts"))
+            advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
             self._asked_ms.append(1e3 * (time.process_time() - began))
             self._alike = self._alike + 1 if advice.indistinguishable else 0
             for each in advice.suggestions:

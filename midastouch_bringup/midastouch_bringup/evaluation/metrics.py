@@ -36,7 +36,7 @@ def min_cluster_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, floa
 
 
 def closest_mode_error(modes: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
-    """Distance [m] and angle [rad] of the one mode nearest to the truth in the 6-D sense; nan without
+    """Distance [m] and angle [rad] to the truth (4, 4) of the nearest of modes (K, 4, 4) in the 6-D sense; nan without
     modes."""
     if len(modes) == 0:
         return float("nan"), float("nan")

@@ -23,12 +23,12 @@ class Ratio:
     pairs: int
 
 
-def error_ratio(trials: list[dict], base: list[dict], error: str = "e_trans_mm") -> Ratio:
-    """Final error of trials over that of others, paired by object, slide, start and seed.
+def error_ratio(trials: list[dict], base: list[dict]) -> Ratio:
+    """Final error of the particles in trials over that of others, paired by object, slide, start and seed.
 
     The interval is a bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
     """
-    one, other = ({_identity(trial): trial["final"][error] for trial in each} for each in (trials, base))
+    one, other = ({_identity(trial): trial["final"]["e_trans_mm"] for trial in each} for each in (trials, base))
     common = sorted(one.keys() & other.keys())
     if not common:
         raise InputError("no trial has a partner in the other result; run both over the same slides and seeds")

@@ -207,7 +207,7 @@ class _Surface:
         self.radius = float(np.linalg.norm(self._points - self._points.mean(axis=0), axis=1).mean())
 
     def deviation(self, transform: np.ndarray) -> float:
-        """Distance [m] within which 90 % of the moved surface lies of the surface facing the same way."""
+        """Distance [m] within which 90 % of the surface, moved by (4, 4), lies of the surface facing the same way."""
         points = self._points @ transform[:3, :3].T + transform[:3, 3]
         normals = self._normals @ transform[:3, :3].T
         distance = np.full(len(points), np.inf)
@@ -220,7 +220,7 @@ class _Surface:
         return float(np.quantile(distance, _SHARE, method="higher"))
 
     def promising(self, transforms: np.ndarray) -> list[np.ndarray]:
-        """The motions that agree best before alignment, well apart from each other and from the identity."""
+        """Those of motions (K, 4, 4) that agree best before alignment, well apart from one another and the identity."""
         points = self._points[:_COARSE_POINTS]
         moved = np.einsum("kij,nj->kni", transforms[:, :3, :3], points) + transforms[:, None, :3, 3]
         distance = self._tree.query(moved.reshape(-1, 3))[0].reshape(len(transforms), -1).mean(axis=1)

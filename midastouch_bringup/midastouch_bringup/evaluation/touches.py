@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_filter.filter import Measurement
 from midastouch_filter.perceived import measurement_of
+from midastouch_filter.touch import Measurement
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 

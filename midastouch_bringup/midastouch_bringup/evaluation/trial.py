@@ -9,15 +9,17 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from midastouch_filter.filter import Estimate, Measurement, ParticleFilter
+from midastouch_filter.estimate import Estimate
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.state import CONVERGED
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.pose_metric import pose_errors
 
 from .calibration import Coverage, WeightReliability
-from .dead_reckoning import DeadReckoning
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse
-from .paper_filter import PaperFilter
+from .peers.dead_reckoning import DeadReckoning
+from .peers.paper_filter import PaperFilter
 from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
@@ -131,7 +133,7 @@ class _Record:
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
-        """Errors before the first step, of the start itself."""
+        """Errors before the first step, of the start itself; truth (4, 4) `T_obj_gel`."""
         poses = self._yardstick.counted(particle_filter.poses, truth)
         self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
 

@@ -12,9 +12,9 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
 from ..inspection import require_open3d
-from .dead_reckoning import DeadReckoning, OdometryConfig
-from .paper_filter import PaperConfig, PaperFilter
-from .registration import Registration, RegistrationConfig
+from .peers.dead_reckoning import DeadReckoning, OdometryConfig
+from .peers.paper_filter import PaperConfig, PaperFilter
+from .peers.registration import Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame
 
 DEFAULT = "default"

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 
 from midastouch_perception import se3
+from midastouch_perception.pose_metric import pose_errors
 
-from ..evaluation.metrics import pose_errors
 from ..report.object_view import ANGLE_COLOURS
 from ..report.snapshot import Hypothesis
 from ..view.appearance import Trail, ellipsoids

@@ -12,8 +12,9 @@ from std_msgs.msg import Header
 from digit_driver.calibration import Calibration
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_filter.nodes.resources import resolve
-from midastouch_filter.nodes.transform_source import TransformSource, Wait
+from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
+from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError

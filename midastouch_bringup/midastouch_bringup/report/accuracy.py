@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..evaluation.accuracy import (
+from ..evaluation.accuracy_tables import (
     coverage_table,
     object_table,
     paper_text,

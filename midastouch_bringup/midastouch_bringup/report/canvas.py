@@ -18,6 +18,7 @@ from .camera import Camera
 SURFACE_COLOUR = np.array([0.80, 0.82, 0.85])
 AXIS_COLOURS = np.array([[0.86, 0.16, 0.16], [0.13, 0.62, 0.22], [0.15, 0.33, 0.88]])
 _SAMPLES = 2
+_DEPTH_SLACK = 0.003  # m behind the surface that are still seen: a sensor is pressed up to 2 mm into it
 _CREASE_COSINE = np.cos(np.radians(40))
 _LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 
@@ -25,10 +26,10 @@ _LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 class Canvas:
     """Draw the mesh first, then what lies on it; `image()` gives the picture so far."""
 
-    def __init__(self, camera: Camera, background: tuple[float, float, float] = (1.0, 1.0, 1.0)):
+    def __init__(self, camera: Camera):
         self.camera = camera.scaled(_SAMPLES)
         shape = (self.camera.height, self.camera.width)
-        self._colour = np.ones((*shape, 3)) * background
+        self._colour = np.ones((*shape, 3))
         self._height = np.full(shape, -np.inf)
 
     def copy(self) -> Canvas:
@@ -37,8 +38,8 @@ class Canvas:
         other._colour, other._height = self._colour.copy(), self._height.copy()
         return other
 
-    def draw_mesh(self, mesh: ObjectMesh, colour: np.ndarray = SURFACE_COLOUR) -> None:
-        """Draw the surface in one colour, RGB in [0, 1]; `paint` changes it point by point."""
+    def draw_mesh(self, mesh: ObjectMesh) -> None:
+        """Draw the surface in `SURFACE_COLOUR`; `paint` changes it point by point."""
         corners, heights = self.camera.project(mesh.vertices[mesh.faces])
         normals = corner_normals(mesh) @ self.camera.rotation.T
         normal = np.zeros(self._colour.shape)
@@ -51,7 +52,7 @@ class Canvas:
         edges = self._edge_darkening()[self._rows, self._columns]
         self._light = (0.58 + 0.10 * n[:, 1] + 0.50 * diffuse) * edges
         self._gloss = 0.10 * gloss * edges
-        self.paint(np.broadcast_to(colour, (len(n), 3)))
+        self.paint(np.broadcast_to(SURFACE_COLOUR, (len(n), 3)))
 
     def surface_points(self) -> np.ndarray:
         """Where on the mesh each visible pixel lies: (P, 3) m, object frame."""
@@ -83,12 +84,10 @@ class Canvas:
         radius: float = 3.0,
         alpha: float = 0.85,
         hidden_alpha: float = 0.12,
-        depth_slack: float = 0.003,
     ) -> None:
         """Draw discs of `radius` px at points (N, 3) m with colours (3,) or (N, 3) in [0, 1].
 
-        What lies more than `depth_slack` m behind the surface is drawn with `hidden_alpha`. The slack lets a
-        sensor pose that is pressed up to 2 mm into the surface stay visible.
+        What lies behind the surface is drawn with `hidden_alpha`.
         """
         if len(points) == 0:
             return
@@ -97,7 +96,7 @@ class Canvas:
         colours = np.ascontiguousarray(np.broadcast_to(colours, (len(points), 3))[order], float)
         kernels.draw_discs(
             centres[order],
-            heights[order] + depth_slack,
+            heights[order] + _DEPTH_SLACK,
             colours,
             radius * _SAMPLES,
             alpha,
@@ -135,13 +134,13 @@ class Canvas:
             self.draw_lines(np.repeat(origin[None], 3, axis=0), tips, np.ones(3), radius + 1.3, hidden_alpha=0)
         self.draw_lines(np.repeat(origin[None], 3, axis=0), tips, AXIS_COLOURS, radius)
 
-    def draw_ellipse(self, centre: np.ndarray, covariance: np.ndarray, colour: np.ndarray, sigmas: float = 2.0) -> None:
-        """Outline the ellipse of a position covariance (3, 3) m^2 about `centre` (3,), seen by the camera."""
+    def draw_ellipse(self, centre: np.ndarray, covariance: np.ndarray, colour: np.ndarray) -> None:
+        """Outline the 2-sigma ellipse of a position covariance (3, 3) m^2 about `centre` (3,), seen by the camera."""
         plane = self.camera.rotation[:2]
         values, vectors = np.linalg.eigh(plane @ covariance @ plane.T)
         turn = np.linspace(0, 2 * np.pi, 73)
         circle = np.stack([np.cos(turn), np.sin(turn)])
-        outline = (vectors @ (sigmas * np.sqrt(np.maximum(values, 0))[:, None] * circle)).T @ plane + centre
+        outline = (vectors @ (2 * np.sqrt(np.maximum(values, 0))[:, None] * circle)).T @ plane + centre
         # lifted towards the viewer: an outline half sunk into the surface would read as two arcs
         outline = outline + 0.02 * self.camera.rotation[2]
         self.draw_lines(outline[:-1], outline[1:], colour, radius=1.0, hidden_alpha=0)

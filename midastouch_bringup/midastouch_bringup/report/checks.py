@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..evaluation.check_tables import check_tables
+from ..evaluation.perception.check_tables import check_tables
 from .page import Page
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..evaluation.press_quality import Press
+from ..evaluation.perception.press_quality import Press
 from .figures import PENETRATION_COLOURS
 
 _ACROSS = 2  # presses side by side

@@ -11,8 +11,8 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets.ball_presses import load_ball_presses
-from ..evaluation.held_out_calibrations import calibrations_of
-from ..evaluation.press_quality import Press, feel_presses
+from ..evaluation.perception.held_out_calibrations import calibrations_of
+from ..evaluation.perception.press_quality import Press, feel_presses
 from ..evaluation.table import number
 from .figures import save
 from .page import Page

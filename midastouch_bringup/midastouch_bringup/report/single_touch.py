@@ -16,8 +16,8 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
-from ..evaluation.single_touch_object import BASELINES, OURS
-from ..evaluation.single_touch_summary import table_cells, table_notes
+from ..evaluation.single_touch.per_object import BASELINES, OURS
+from ..evaluation.single_touch.summary import table_cells, table_notes
 from .code_colours import code_colours, codebook_places
 from .figures import PARTICLE_COLOUR, save
 from .object_view import ObjectView

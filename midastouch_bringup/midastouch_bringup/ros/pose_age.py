@@ -21,8 +21,9 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_filter.nodes.transform_source import TransformSource, Wait
+from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import PastExtrapolationError
+from midastouch_filter.transforms.queue import Wait
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos

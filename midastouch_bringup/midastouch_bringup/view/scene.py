@@ -81,12 +81,12 @@ class Scene:
         self._log("axes", self._rr.Arrows3D(origins=origins, vectors=vectors, colors=axes, radii=0.0004))
 
     def estimate(self, pose: np.ndarray) -> None:
-        """The published pose."""
+        """The published pose (4, 4) `T_obj_gel`."""
         self._log("gel", self._rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
         self._trail("estimate", pose, _ESTIMATE)
 
     def truth(self, pose: np.ndarray) -> None:
-        """The true pose, where a recording has one."""
+        """The true pose (4, 4) `T_obj_gel`, where a recording has one."""
         self._trail("truth", pose, _TRUTH)
 
     def contact(self, points: np.ndarray) -> None:

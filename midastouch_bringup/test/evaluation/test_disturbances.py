@@ -6,7 +6,7 @@ import pytest
 from midastouch_bringup.evaluation import disturbances
 from midastouch_bringup.evaluation.disturbances import Scene
 from midastouch_bringup.evaluation.trial import Event, TrialFrame
-from midastouch_filter.filter import Measurement
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.touches import Touches, made_from
-from midastouch_filter.filter import Measurement
+from midastouch_filter.touch import Measurement
 from midastouch_perception.errors import InputError
 
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.paper_filter import PaperConfig
+from midastouch_bringup.evaluation.peers.paper_filter import PaperConfig
 from midastouch_bringup.evaluation.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement
+from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 

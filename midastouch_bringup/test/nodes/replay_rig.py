@@ -15,6 +15,8 @@ from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.ros import qos
 from midastouch_perception.ros.conversions import stamp_from_ns
 
+PACED = {"ack_topic": "filter_status", "wait_for_subscribers": 1}
+
 
 def replay(graph, source, **parameters):
     return graph.add(Replay, {"source": str(source), "rate": 0.0, **parameters})

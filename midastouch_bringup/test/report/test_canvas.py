@@ -78,7 +78,7 @@ def test_a_copy_is_drawn_on_separately(canvas):
 
 
 def test_an_ellipse_has_the_size_of_its_covariance(canvas):
-    canvas.draw_ellipse(np.array([0.03, 0, 0]), np.diag([1e-6, 25e-6, 1e-6]), RED, sigmas=2)
+    canvas.draw_ellipse(np.array([0.03, 0, 0]), np.diag([1e-6, 25e-6, 1e-6]), RED)
     columns = np.nonzero(reddish(canvas.image()))[1]
     assert np.ptp(columns) * 2 * canvas.camera.pixel_size == pytest.approx(2 * 2 * 5e-3, rel=0.15)
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_bringup.evaluation.press_quality import measure_presses
+from midastouch_bringup.evaluation.perception.press_quality import measure_presses
 from midastouch_bringup.evaluation.result_file import to_json
 from midastouch_bringup.report.page import Page
 from midastouch_bringup.report.presses import press_section

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from midastouch_bringup.evaluation.single_touch_summary import summarise_objects
+from midastouch_bringup.evaluation.single_touch.summary import summarise_objects
 from midastouch_bringup.report.code_colours import code_colours, codebook_places
 from midastouch_bringup.report.results_page import write_results_page
 from midastouch_bringup.report.single_touch import error_picture, overview

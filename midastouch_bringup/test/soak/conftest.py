@@ -1,7 +1,7 @@
 """Load and faults over real DDS, short in the suite and long for the report.
 
 `make soak` sets SOAK_MINUTES (of images at 60 Hz; 10 of them go with 100,000 filter steps, 1000 malformed messages of
-every type and 20 loops of a bag) and SOAK_REPORT (the JSON to write).
+every type and 20 loops of a bag), SOAK_REPORT (the JSON to write) and SOAK_MESH (of the object; default: eyebolt).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from slide import Slide, make_slide
 
 from midastouch_bringup.evaluation.machine import machine_info
 from midastouch_bringup.evaluation.result_file import write_json
+from midastouch_perception.objects import bundled_objects
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -39,14 +40,15 @@ def minutes() -> float | None:
 
 
 @pytest.fixture(scope="session")
-def figures(minutes) -> Iterator[dict]:
+def figures(minutes, slide) -> Iterator[dict]:
     """What was measured, by the name of the test's subject; written when all tests have run."""
     measured: dict = {}
     yield measured
     if path := os.environ.get("SOAK_REPORT"):
-        write_json(path, {"minutes": minutes, "machine": machine_info(), **measured})
+        write_json(path, {"minutes": minutes, "machine": machine_info(), "object": slide.mesh.stem, **measured})
 
 
 @pytest.fixture(scope="session")
 def slide(tmp_path_factory) -> Slide:
-    return make_slide(tmp_path_factory.mktemp("slide"))
+    path = os.environ.get("SOAK_MESH") or bundled_objects()["eyebolt"]
+    return make_slide(Path(path), tmp_path_factory.mktemp("slide"))

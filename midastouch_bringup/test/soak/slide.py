@@ -20,7 +20,6 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_perception import se3
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
@@ -44,18 +43,18 @@ class Slide:
     images: list[np.ndarray]
 
 
-def make_slide(folder: Path) -> Slide:
-    """A slide of 4 cm over a bundled object, with a small codebook by the shipped network."""
+def make_slide(path: Path, folder: Path) -> Slide:
+    """A slide of 4 cm over the object of a mesh, with a small codebook by the shipped network."""
     rng = np.random.default_rng(3)
-    path = bundled_objects()["eyebolt"]
     mesh, sensor = ObjectMesh.load(path), SensorModel.load("digit_tacto")
-    build_codebook(mesh, load_tcn("fast", sensor), sensor, size=1000, seed=0).save(folder / "eyebolt.npz")
+    codebook = folder / f"{mesh.name}.npz"
+    build_codebook(mesh, load_tcn("fast", sensor), sensor, size=1000, seed=0).save(codebook)
     poses = simulate_slide(mesh, sensor, 0.04, rng)
     penetration, normals = PenetrationRenderer(mesh, sensor).render_with_normals(poses)
     background, optics = no_contact_image(sensor, rng), TactoOptics(sensor)
     cv2.imwrite(str(folder / "background.png"), cv2.cvtColor(background, cv2.COLOR_RGB2BGR))
     images = [optics.image(p, background, rng, n) for p, n in zip(penetration, normals, strict=True)]
-    return Slide(Path(path), folder / "eyebolt.npz", folder / "background.png", poses, images)
+    return Slide(path, codebook, folder / "background.png", poses, images)
 
 
 def filter_parameters(slide: Slide, **changes) -> dict:

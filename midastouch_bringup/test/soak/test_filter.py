@@ -11,9 +11,9 @@ from slide import Slide
 
 from midastouch_bringup.processes.process import resident_mb
 from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import Measurement, ParticleFilter
+from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.state import STATES
-from midastouch_filter.touch import reduced_penetration
+from midastouch_filter.touch import Measurement, reduced_penetration
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh

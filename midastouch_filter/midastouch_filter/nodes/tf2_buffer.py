@@ -10,7 +10,7 @@ from rclpy.time import Time
 from midastouch_perception.message_arrays import transform_from_msg
 from midastouch_perception.ros.conversions import stamp_from_ns
 
-from ..transforms import HISTORY_S, SECOND, FrameTree, Link, PastExtrapolationError, TransformBuffer, TransformError
+from ..transforms import SECOND, FrameTree, Link, PastExtrapolationError, TransformBuffer, TransformError
 from ..transforms.scalar_pose import Pose
 
 try:
@@ -33,8 +33,8 @@ class Tf2Buffer(FrameTree):
     reasons: what it is asked here it can answer.
     """
 
-    def __init__(self, history_s: float = HISTORY_S):
-        super().__init__(history_s)
+    def __init__(self):
+        super().__init__()
         self._core = tf2_py.BufferCore(Duration(nanoseconds=self._history))
         self._refusals = tf2_py.TransformException, ValueError
 

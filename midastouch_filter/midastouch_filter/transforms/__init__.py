@@ -9,10 +9,9 @@ from .errors import (
     TransformError,
     UnknownFrameError,
 )
-from .frame_tree import HISTORY_S, JUMP_S, SECOND, FrameTree, Insertion, Link, ancestors
+from .frame_tree import JUMP_S, SECOND, FrameTree, Insertion, Link, ancestors
 
 __all__ = [
-    "HISTORY_S",
     "JUMP_S",
     "SECOND",
     "DisconnectedError",

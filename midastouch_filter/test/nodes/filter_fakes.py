@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+from types import SimpleNamespace
 
 import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped
@@ -39,12 +40,13 @@ def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
 class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
-    Attributes: starts, odometry, measurements, others, elapsed and wanted are what it was asked; state, calibration and
-    alike, whether places cannot be told apart, are what it answers; reflections, how many measurements had come each
-    time it was asked to reflect on them.
+    Attributes: object, of which nothing is known; starts, odometry, measurements, others, elapsed and wanted, what it
+    was asked; state, calibration and alike, whether places cannot be told apart, what it answers; reflections, how
+    many measurements had come each time it was asked to reflect on them.
     """
 
     def __init__(self):
+        self.object = SimpleNamespace(density="")
         self.starts: list = []
         self.odometry: list = []
         self.measurements: list = []
@@ -129,7 +131,7 @@ def loader_of(filters: list[FakeFilter]):
         if mesh_path.name == "bad.ply":
             raise InputError(f"{mesh_path}: not a mesh")
         filters.append(FakeFilter())
-        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem, MAP_SENSOR)
+        return LoadedObject(filters[-1], DIAGONAL, mesh_path.stem, MAP_SENSOR, advisor=filters[-1])
 
     return load
 

@@ -22,6 +22,13 @@ def ask(graph, **wanted) -> SuggestMotion.Response:
     return graph.call(SuggestMotion, "suggest_motion", SuggestMotion.Request(**wanted))
 
 
+def touched(graph, **parameters) -> Bench:
+    """The node once it has felt something."""
+    bench = Bench(graph, **OBJECT, **parameters)
+    bench.frame(SECOND, T_BASE_OBJ)
+    return bench
+
+
 class Follower:
     """Asks the action, and keeps what it hears."""
 
@@ -47,8 +54,7 @@ class Follower:
 
 
 def test_suggestions_come_as_they_were_made(graph):
-    bench = Bench(graph, **OBJECT)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph)
     shown = graph.listen(MarkerArray, "suggestions")
     answer = ask(graph, max_length=0.1, lifts=True, count=2)
     assert (answer.success, answer.message, answer.indistinguishable) == (True, "two places compete", False)
@@ -66,8 +72,7 @@ def test_suggestions_come_as_they_were_made(graph):
 
 
 def test_parameters_stand_for_what_is_not_said(graph):
-    bench = Bench(graph, **OBJECT, suggestion_length=0.07, suggestion_count=1)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph, suggestion_length=0.07, suggestion_count=1)
     assert len(ask(graph).suggestions) == 1
     assert bench.filter.wanted[-1].max_length == 0.07
 
@@ -81,8 +86,7 @@ def test_who_asks_too_early_hears_why(graph):
 
 
 def test_convergence_is_told_however_slow_the_answers(graph):
-    bench = Bench(graph, **OBJECT, suggestion_rate=0.001)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph, suggestion_rate=0.001)
     follower = Follower(graph)
     bench.filter.state = "converged"
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.02))
@@ -104,8 +108,7 @@ def test_before_a_touch_there_is_no_advice(graph):
 
 @pytest.mark.parametrize("length", [-0.1, 3.0, math.nan, math.inf])
 def test_a_length_that_nobody_can_mean_is_refused(graph, length):
-    bench = Bench(graph, **OBJECT)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph)
     refused = ask(graph, max_length=length)
     assert not refused.success
     assert "max_length" in refused.message
@@ -113,8 +116,7 @@ def test_a_length_that_nobody_can_mean_is_refused(graph, length):
 
 
 def test_the_action_follows_the_belief_until_it_has_converged(graph):
-    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph, suggestion_rate=0.0)
     follower = Follower(graph, count=1)
     graph.spin_until(lambda: follower.feedback, "what is suggested at once")
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
@@ -129,8 +131,7 @@ def test_the_action_follows_the_belief_until_it_has_converged(graph):
 
 
 def test_the_action_ends_where_nothing_can_be_told_apart(graph):
-    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph, suggestion_rate=0.0)
     follower = Follower(graph)
     bench.filter.alike = True
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
@@ -139,8 +140,7 @@ def test_the_action_ends_where_nothing_can_be_told_apart(graph):
 
 
 def test_a_lift_on_the_way_does_not_end_the_action(graph):
-    bench = Bench(graph, **OBJECT, suggestion_rate=0.0)
-    bench.frame(SECOND, T_BASE_OBJ)
+    bench = touched(graph, suggestion_rate=0.0)
     follower = Follower(graph)
     bench.filter.state = "no_contact"
     bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.01))
@@ -151,8 +151,7 @@ def test_a_lift_on_the_way_does_not_end_the_action(graph):
 
 
 def test_the_action_can_be_cancelled(graph):
-    bench = Bench(graph, **OBJECT)
-    bench.frame(SECOND, T_BASE_OBJ)
+    touched(graph)
     follower = Follower(graph)
     cancelled = follower.goal.cancel_goal_async()
     graph.spin_until(cancelled.done, "the answer to the cancellation")
@@ -160,8 +159,7 @@ def test_the_action_can_be_cancelled(graph):
 
 
 def test_a_node_that_is_deactivated_ends_the_action(graph):
-    bench = Bench(graph, **OBJECT)
-    bench.frame(SECOND, T_BASE_OBJ)
+    touched(graph)
     follower = Follower(graph)
     assert graph.change_state("particle_filter", "deactivate")
     status, result = follower.result()

@@ -110,8 +110,9 @@ def test_without_a_codebook_a_coarse_one_is_built_and_that_is_said(graph):
 
     def build(mesh_path, network, sensor_model, config, seed):
         asked.append((mesh_path, network, sensor_model, seed))
-        density = "codebook of 5,000 poses, 6.0 mm apart"
-        return LoadedObject(FakeFilter(), 0.1, mesh_path.stem, None, "fake", density, growth)
+        running = FakeFilter()
+        running.object.density = "codebook of 5,000 poses, 6.0 mm apart"
+        return LoadedObject(running, 0.1, mesh_path.stem, None, "fake", growth=growth)
 
     bench = ObjectBench(graph, options={"build": build}, tcn="/nets/own.onnx", seed=3, object_folders="/data")
     health = graph.listen(DiagnosticArray, "/diagnostics")

@@ -4,73 +4,17 @@ import math
 import threading
 import time
 
-import fake_tf2
 import numpy as np
 import pytest
 from filter_fakes import SECOND, tf_msg, translation
 from tf2_msgs.msg import TFMessage
+from transform_rig import FRAMES, Listening, stamped
 
-from midastouch_filter.nodes import tf2_buffer, transform_source
-from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import PastExtrapolationError, TransformError
 from midastouch_filter.transforms.queue import Wait
 from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
-
-FRAMES = "base_link", "digit_gel_frame"
-
-
-def stamped(stamp: int, x: float, parent: str = "base_link", child: str = "digit_gel_frame"):
-    return tf_msg(stamp, translation(x), parent, child).transforms[0]
-
-
-class Listening:
-    """A source on the graph, with what it reported."""
-
-    def __init__(self, graph):
-        self.graph, self.updates, self.jumps, self.bad, self.marks = graph, 0, [], [], 0
-        self.buffer = tf2_buffer.make_buffer()
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(transform_source, "make_buffer", lambda: self.buffer)
-            self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
-        self.tf = graph.publisher(TFMessage, "/tf")
-
-    def _update(self):
-        self.updates += 1
-
-    def lookup(self, stamp):
-        return self.source.lookup(*FRAMES, stamp)
-
-    def send(self, *transforms) -> None:
-        """Publish, and wait until all is read: a mark, which nobody looks up, follows."""
-        self.marks += 1
-        self.tf.publish(TFMessage(transforms=[*transforms, stamped(0, self.marks, "mark", "mark_below")]))
-        self.graph.spin_until(self._marked, "the transforms to be read")
-
-    def _marked(self) -> bool:
-        try:
-            return self.source.newest("mark", "mark_below")[0, 3] == self.marks
-        except TransformError:
-            return False
-
-    def until(self, stamp):
-        """The pose at a stamp, once it is told that it is there."""
-        found = self.lookup(stamp)
-        while isinstance(found, Wait):
-            updates = self.updates
-            self.graph.spin_until(lambda updates=updates: self.updates > updates, "the transform")
-            found = self.lookup(stamp)
-        return found
-
-
-@pytest.fixture(params=["built-in", "tf2"])
-def listening(request, graph, monkeypatch):
-    monkeypatch.setattr(tf2_buffer, "tf2_py", fake_tf2 if request.param == "tf2" else None)
-    listening = Listening(graph)
-    assert listening.source.name == request.param
-    yield listening
-    listening.source.close()
 
 
 def test_source_waits_interpolates_and_reports(listening):
@@ -142,82 +86,6 @@ def test_asking_right_after_a_jump_is_never_fatal(listening):
         assert isinstance(listening.lookup(stamp), Wait)
     with pytest.raises(TransformError):
         listening.source.newest(*FRAMES)
-
-
-@pytest.fixture
-def tree(listening):
-    """A source that was sent world -> base_link -> tool -> digit_gel_frame and what hangs on these."""
-    static = listening.graph.publisher(TFMessage, "/tf_static", latched=True)
-    static.publish(tf_msg(0, translation(0.0), "tool", "digit_gel_frame"))
-
-    def send(stamp: int, *edges: tuple[str, str], x: float = 0.5) -> None:
-        listening.send(*(stamped(stamp * SECOND, x, *edge) for edge in edges))
-
-    for stamp in (50, 51):
-        send(stamp, ("world", "base_link"), ("base_link", "tool"), ("tool", "finger"), ("map", "camera"))
-    np.testing.assert_allclose(listening.until(51 * SECOND), translation(0.5))
-    return listening, send
-
-
-@pytest.mark.parametrize("edge", [("world", "base_link"), ("tool", "finger"), ("map", "camera"), ("map", "new")])
-def test_the_time_of_other_frames_is_their_own(tree, edge):
-    listening, send = tree
-    for stamp in (1, 2000, 1):
-        send(stamp, edge)
-    assert listening.jumps == []
-    assert not isinstance(listening.lookup(51 * SECOND), Wait)
-    listening.source.rewind(51 * SECOND)  # these are not from before a jump: their newest is of 51 s
-    assert not isinstance(listening.lookup(51 * SECOND), Wait)
-
-
-def test_the_newest_pose_of_another_frame_is_never_from_before_its_jump(tree):
-    listening, send = tree
-    for stamp in (1, 2, 0):
-        send(stamp, ("map", "camera"), x=0.1 * stamp)
-        np.testing.assert_allclose(listening.source.newest("map", "camera"), translation(0.1 * stamp))
-    assert listening.jumps == []
-
-
-def test_the_newest_pose_goes_through_every_link_at_its_newest(tree):
-    listening, send = tree
-    send(52, ("world", "base_link"), x=2.0)
-    send(60, ("tool", "finger"), x=0.25)
-    np.testing.assert_allclose(listening.source.newest("world", "finger"), translation(2.75))
-    np.testing.assert_allclose(listening.source.newest("/finger", "base_link"), translation(-0.75))
-    for other in ("cup", "map"):
-        with pytest.raises(TransformError, match=other):
-            listening.source.newest("world", other)
-
-
-def test_the_time_of_any_frame_in_between_is_the_recordings(tree):
-    listening, send = tree
-    send(1, ("tool", "finger"), ("base_link", "tool"), ("map", "camera"))
-    listening.graph.spin_until(lambda: listening.jumps, "the jump")
-    assert listening.jumps == [1 * SECOND]
-    assert isinstance(listening.lookup(51 * SECOND), Wait)
-    assert not isinstance(listening.lookup(1 * SECOND), Wait)
-
-
-def test_only_what_links_the_frames_is_kept_and_once(tree, monkeypatch):
-    listening, send = tree
-    kept = []
-    insert = listening.buffer.insert
-    monkeypatch.setattr(listening.buffer, "insert", lambda *what: kept.append(what[1:3]) or insert(*what))
-    for stamp in (52, 53):
-        send(stamp, ("world", "base_link"), ("base_link", "tool"), ("tool", "finger"), ("map", "camera"))
-    assert kept == [("tool", 52 * SECOND), ("tool", 53 * SECOND)]
-
-
-def test_a_frame_between_that_gets_another_parent_is_found_again(tree):
-    """The tool goes from one arm to another, of which nothing was kept before."""
-    listening, send = tree
-    send(52, ("base_link", "other_arm"), x=0.2)
-    for stamp in (53, 54):
-        send(stamp, ("other_arm", "tool"), x=0.1)
-        send(stamp, ("base_link", "other_arm"), x=0.2)
-    np.testing.assert_allclose(listening.until(54 * SECOND), translation(0.3))
-    with pytest.raises(PastExtrapolationError):
-        listening.lookup(51 * SECOND)
 
 
 def test_static_transforms_that_come_last_find_the_history_of_the_moving_ones(listening):

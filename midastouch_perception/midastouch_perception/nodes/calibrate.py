@@ -11,7 +11,8 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 from ..ball_calibration.collector import PressCollector
-from ..ball_calibration.fit import FEWEST, MOST, Result, calibrate
+from ..ball_calibration.fit import MOST, Result, calibrate
+from ..ball_calibration.held_out import FEWEST
 from ..errors import InputError
 from ..files import atomic_path
 from ..message_arrays import rgb_from_msg

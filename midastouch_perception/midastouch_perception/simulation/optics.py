@@ -45,9 +45,9 @@ class Illumination:
 class TactoOptics:
     """TACTO's images of penetration maps, for one sensor model at its resolution."""
 
-    def __init__(self, sensor: SensorModel, illumination: Illumination | None = None):
+    def __init__(self, sensor: SensorModel):
         self.sensor = sensor
-        self._illumination = illumination or Illumination.tacto()
+        self._illumination = Illumination.tacto()
         # TACTO's 7 x 7 Gaussian has 1.4 px at 240 x 320
         self._blur = 1.4 * sensor.height / 320
         self._rest = render_gel(np.zeros((sensor.height, sensor.width), np.float32), None, sensor, self._illumination)

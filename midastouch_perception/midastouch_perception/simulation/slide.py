@@ -13,6 +13,8 @@ from ..sensor_model import SensorModel
 from .contact_poses import Reachability
 from .surface_walk import MIN_PROGRESS, Grip, place, random_tangent, somewhere, straight_on
 
+_PRESS = 0.5e-3, 1e-3  # m
+_MAX_TILT = np.radians(5.0)
 _TRIES = 64
 _AROUND = 20_000  # surface points among which a leap looks for its goal
 _GOALS = 200  # of these, so many are looked at
@@ -42,8 +44,6 @@ def simulate_slide(
     length: float,
     rng: np.random.Generator,
     step: float = 1.5e-3,
-    press: tuple[float, float] = (0.5e-3, 1e-3),
-    max_tilt: float = np.radians(5.0),
     leap: Leap | None = None,
 ) -> np.ndarray:
     """Gel poses T_obj_gel (N, 4, 4) of one slide of `length` m in steps of `step` m.
@@ -54,7 +54,7 @@ def simulate_slide(
     smaller than a few steps).
     """
     n = max(round(length / step), 1)
-    walk = _Walk(mesh, sensor, rng, step, press, max_tilt)
+    walk = _Walk(mesh, sensor, rng, step)
     poses: list[np.ndarray] = []
     while len(poses) < n:
         if leap is not None and poses and len(poses) == leap.at(n):
@@ -67,11 +67,11 @@ def simulate_slide(
 class _Walk:
     """The sensor on its way over a surface."""
 
-    def __init__(self, mesh, sensor, rng, step, press, max_tilt):
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
         self._mesh, self._rng, self._step = mesh, rng, step
         self._reachability = Reachability(mesh, sensor)
-        self._position = somewhere(mesh, self._reachability, press[0], rng)
-        self._grip, self._yaw = Grip(rng, press, max_tilt), rng.uniform(0, 2 * np.pi)
+        self._position = somewhere(mesh, self._reachability, _PRESS[0], rng)
+        self._grip, self._yaw = Grip(rng, _PRESS, _MAX_TILT), rng.uniform(0, 2 * np.pi)
         self._heading, self._turn, self._left = np.zeros(3), 1.0, 0.0
         self._frames = 0
 

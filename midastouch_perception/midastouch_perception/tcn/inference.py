@@ -21,8 +21,8 @@ class TactileCodeNet:
     `tcn/train.py`); sensor, the map-resolution sensor model.
     """
 
-    def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1):
-        self._network = OnnxNetwork("tcn", name_or_path, threads)
+    def __init__(self, name_or_path: str | Path = "fast", sensor: SensorModel | None = None):
+        self._network = OnnxNetwork("tcn", name_or_path)
         self.sensor = (sensor or SensorModel.load("digit_tacto")).for_maps
         self.dim = int(self._network.card["dim"])
         self.calibration: dict[str, float] = self._network.card["calibration"]
@@ -40,11 +40,9 @@ class TactileCodeNet:
         return out[0] if single else out
 
 
-def load_tcn(
-    name_or_path: str | Path = "fast", sensor: SensorModel | None = None, threads: int = 1
-) -> TactileCodeNet | MinkLocCodeNet:
+def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = None) -> TactileCodeNet | MinkLocCodeNet:
     """A code network by name (`fast`) or path (ONNX, or an imported MinkLoc3D), for maps of `sensor` (default
-    `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, not `threads`."""
+    `digit_tacto`). MinkLoc3D runs with as many threads as NumPy's matrix products, the other with one."""
     if Path(name_or_path).suffix == SUFFIX:
         return MinkLocCodeNet(name_or_path, sensor)
-    return TactileCodeNet(name_or_path, sensor, threads)
+    return TactileCodeNet(name_or_path, sensor)

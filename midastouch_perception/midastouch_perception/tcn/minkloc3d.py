@@ -31,7 +31,7 @@ class MinkLocCodeNet:
     file, not a MinkLoc3D network, no model card.
     """
 
-    def __init__(self, path: str | Path, sensor: SensorModel | None = None, seed: int = 0):
+    def __init__(self, path: str | Path, sensor: SensorModel | None = None):
         path = require_file(path, "tcn network")
         try:
             with np.load(path, allow_pickle=False) as data:
@@ -48,7 +48,6 @@ class MinkLocCodeNet:
         self.calibration: dict[str, float] = card["calibration"]
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
-        self._seed = seed
 
     def encode(self, penetration: np.ndarray) -> np.ndarray:
         """Codes (D,) or (N, D) float32, L2-normalised, of penetration maps (H, W) or (N, H, W) m.
@@ -67,7 +66,7 @@ class MinkLocCodeNet:
     def _voxels(self, penetration: np.ndarray) -> Voxels:
         if not np.isfinite(penetration).all():
             raise InputError("penetration map: non-finite values; check the depth network's input")
-        cloud = contact_cloud(penetration, self._image_sensor, _POINTS, np.random.default_rng(self._seed))
+        cloud = contact_cloud(penetration, self._image_sensor, _POINTS, np.random.default_rng(0))
         if not len(cloud):
             return Voxels(np.zeros((1, 3)))
         return quantise(scaled_cloud(cloud), self._voxel_size)

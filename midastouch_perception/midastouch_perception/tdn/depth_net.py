@@ -24,10 +24,9 @@ class DepthNet(ABC):
         self,
         name_or_path: str | Path = "fast",
         sensor: SensorModel | None = None,
-        threads: int = 1,
         calibration: SensorCalibration | None = None,
     ):
-        self._network = OnnxNetwork("tdn", name_or_path, threads)
+        self._network = OnnxNetwork("tdn", name_or_path)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
         self._background: tuple[np.ndarray, ContactLight] | None = None

@@ -30,10 +30,9 @@ class FcrnDepthNet(DepthNet):
         self,
         name_or_path: str | Path,
         sensor: SensorModel | None = None,
-        threads: int = 1,
         calibration: SensorCalibration | None = None,
     ):
-        super().__init__(name_or_path, sensor, threads, calibration)
+        super().__init__(name_or_path, sensor, calibration)
         self._sag = (self.sensor.gel_distance - self.sensor.gel_depth).astype(np.float32)
 
     def height(self, image: np.ndarray) -> np.ndarray:

@@ -24,10 +24,9 @@ class TactileDepthNet(DepthNet):
         self,
         name_or_path: str | Path = "fast",
         sensor: SensorModel | None = None,
-        threads: int = 1,
         calibration: SensorCalibration | None = None,
     ):
-        super().__init__(name_or_path, sensor, threads, calibration)
+        super().__init__(name_or_path, sensor, calibration)
         self._geometry = geometry_input(self.sensor)[None]
 
     def predict(self, image: np.ndarray, background: np.ndarray, difference: np.ndarray | None = None) -> np.ndarray:
@@ -59,7 +58,6 @@ class TactileDepthNet(DepthNet):
 def load_tdn(
     name_or_path: str | Path = "fast",
     sensor: SensorModel | None = None,
-    threads: int = 1,
     calibration: SensorCalibration | None = None,
 ) -> DepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
@@ -73,4 +71,4 @@ def load_tdn(
         name_or_path = f"{name_or_path}_{sensor.light}"
     card = read_card(network_path("tdn", name_or_path))
     network = FcrnDepthNet if card.get("architecture") == "fcrn" else TactileDepthNet
-    return network(name_or_path, sensor, threads, calibration)
+    return network(name_or_path, sensor, calibration)

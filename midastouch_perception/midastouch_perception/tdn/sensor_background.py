@@ -48,7 +48,7 @@ class SensorBackground:
             self._set(self._running.image, f"the first {self._running.count} images")
 
     def replace(self, image: np.ndarray) -> str:
-        """Take a captured image; says in words whether it is kept for the next start."""
+        """Take a captured image (320, 240, 3) uint8 RGB; says in words whether it is kept for the next start."""
         self._running = None
         self._set(image, "capture_background")
         return self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"

@@ -1,0 +1,1 @@
+"""How well images are read: depth, contact, calibration, and the checks on them."""

@@ -1,0 +1,84 @@
+"""The cap that a ball of known radius presses into a domed gel: rendered, under an outline, nearest to a relief."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
+
+from .sphere_fit import fit_sphere
+
+_STEP = 3e-4  # m: first step of the search for the nearest cap
+
+
+def ball_penetration(centre: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
+    """Penetration (H, W) float32 m of a rigid ball, centre (3,) m in the gel frame, along the camera axis."""
+    tangent_x, tangent_y = sensor.rays
+    x, y, z = centre
+    # |depth * (tx, ty, -1) + (0, 0, d) - centre| = radius, the nearer of both depths
+    a = tangent_x**2 + tangent_y**2 + 1
+    height = sensor.gel_distance - z
+    b = tangent_x * x + tangent_y * y + height
+    root = b**2 - a * (x**2 + y**2 + height**2 - radius**2)
+    depth = (b - np.sqrt(np.maximum(root, 0))) / a
+    return np.where(root > 0, np.maximum(sensor.gel_depth - depth, 0), 0).astype(np.float32)
+
+
+def centre_under(outline: np.ndarray, radius: float) -> np.ndarray:
+    """Centre (3,) m of the ball that meets the undeformed gel in an outline: points (N, 3) m on the gel, N >= 4.
+
+    The least-squares one of the two below the gel. An outline wider than the ball has none: its points stay apart from
+    the ball (see `misfit`).
+    """
+    return fit_sphere(outline, radius).centre
+
+
+def misfit(outline: np.ndarray, centre: np.ndarray, radius: float) -> float:
+    """Root mean square distance [m] of an outline (N, 3) m from a ball."""
+    return float(np.sqrt(np.mean((np.linalg.norm(outline - centre, axis=1) - radius) ** 2)))
+
+
+def circle_outline(circle: tuple[float, float, float], scale: float, sensor: SensorModel) -> np.ndarray:
+    """Points (64, 3) m on the gel of a circle in an image: centre column, centre row, radius [px].
+
+    scale: pixels of `sensor` per pixel of that image.
+    """
+    column, row, radius = circle
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    # a label names a pixel; its centre is half a pixel further
+    pixels = np.column_stack([column + radius * np.cos(angle), row + radius * np.sin(angle)]) + 0.5
+    return sensor.gel_points(scale * pixels)
+
+
+def mask_outline(mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Points (N, 3) m on the gel of the outline of a mask (H, W) bool, round or so, where the image does not cut it."""
+    contours = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    pixels = max(contours, key=len)[:, 0] if contours else np.zeros((0, 2), int)
+    last = np.array(mask.shape[::-1]) - 1
+    inner = ((pixels > 0) & (pixels < last)).all(axis=1)
+    if not inner.any():
+        return np.zeros((0, 3))
+    outward = pixels - pixels.mean(axis=0)
+    # the outline runs between the last pixel inside and the first outside
+    outward *= 0.5 / np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+    return sensor.gel_points((pixels + outward)[inner] + 0.5)
+
+
+def nearest_cap(penetration: np.ndarray, contact: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
+    """Centre (3,) m of the ball whose penetration is nearest to a relief (H, W) m, by the squares over all pixels.
+
+    contact (H, W) bool, not empty: where the search starts from.
+    """
+    points = cloud_from_penetration(penetration, contact, sensor).astype(float)
+    start = fit_sphere(points, radius).centre if len(points) > 3 else points.mean(axis=0) - [0, 0, radius]
+
+    def distance(centre: np.ndarray) -> float:
+        return float(((ball_penetration(centre, radius, sensor) - penetration) ** 2).sum()) * 1e6
+
+    simplex = start + np.vstack([np.zeros(3), _STEP * np.eye(3)])
+    # the squares bend where pixels enter and leave the cap: no derivatives
+    options = {"initial_simplex": simplex, "xatol": 1e-6, "fatol": 1e-4}
+    return minimize(distance, start, method="Nelder-Mead", options=options).x

@@ -1,0 +1,1 @@
+"""How far one touch alone tells where the sensor is."""

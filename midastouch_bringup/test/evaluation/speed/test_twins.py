@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_bringup.evaluation.speed.twins import Twins
+from midastouch_filter.config import FilterConfig
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception import se3
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.mesh import ObjectMesh
+
+COUNT = 3
+
+
+@pytest.fixture(scope="module")
+def twins():
+    box = trimesh.creation.box((0.04, 0.02, 0.03))
+    mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
+    rng = np.random.default_rng(0)
+    points, normals, _ = mesh.sample_surface(600, rng)
+    poses = se3.make(se3.frame_from_normal(normals, rng.uniform(0, 6, len(points))), points)
+    codes = np.eye(8, dtype=np.float32)[rng.integers(0, 8, len(poses))]
+    return Twins(mesh, Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05}), COUNT)
+
+
+def test_copies_are_alike_and_apart(twins):
+    assert twins.mesh.area == pytest.approx(COUNT * 2 * (0.04 * 0.02 + 0.04 * 0.03 + 0.02 * 0.03))
+    poses = twins.codebook.poses.reshape(COUNT, 200, 4, 4)
+    shift = poses[:, 0, :3, 3] - poses[0, 0, :3, 3]
+    np.testing.assert_allclose(shift, np.outer(np.arange(COUNT), [0, 0.05, 0]), atol=1e-12)
+    for copy, offset in zip(poses, shift, strict=True):
+        np.testing.assert_allclose(copy[:, :3, 3], poses[0, :, :3, 3] + offset)
+    np.testing.assert_array_equal(twins.codebook.codes[:200], twins.codebook.codes[-200:])
+
+
+def test_a_start_around_a_prior_is_one_on_every_copy(twins):
+    config = FilterConfig(max_particles=300, min_particles=300, refinement=False)
+    particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, make_policies=twins.policies)
+    particle_filter.initialise_gaussian(twins.codebook.poses[0], 1e-3, 0.05)
+    on = np.round((particle_filter.poses[:, 1, 3] - twins.codebook.poses[0, 1, 3]) / 0.05)
+    np.testing.assert_array_equal(np.bincount(on.astype(int)), [100] * COUNT)
+    assert particle_filter.weights.sum() == pytest.approx(1)

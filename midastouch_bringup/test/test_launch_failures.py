@@ -1,0 +1,142 @@
+"""What the launch files refuse before anything is started, and what ends a launch."""
+
+import re
+import types
+
+import pytest
+from fake_launch import (
+    FACTS,
+    FILES,
+    OTHERS,
+    Command,
+    Launched,
+    ended,
+    installation,
+    load,
+)
+from launch_rig import AN_ARM, carry_out
+
+from midastouch_perception.errors import InputError
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_an_arm_without_its_calibration_is_warned_of():
+    asked = {"arm": "ur_driver", "robot_ip": "10.0.0.7"}
+    launched = Launched()
+    without = launched.carry_out("live_ur", **asked)["ur_robot_driver", "launch/ur_control.launch.py"]
+    assert "kinematics_params_file" not in without  # what the driver takes by itself is its own affair
+    assert "ur_calibration" in launched.said[0]
+    launched = Launched()
+    calibrated = launched.carry_out("live_ur", **asked, kinematics_params_file="/data/arm.yaml")
+    arguments = calibrated["ur_robot_driver", "launch/ur_control.launch.py"]
+    assert arguments["kinematics_params_file"] == "/data/arm.yaml"
+    launched.carry_out("live_ur", arm="ur_driver", use_mock_hardware="true")
+    launched.carry_out("live_ur")
+    assert launched.said == []
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_an_object_that_is_not_bundled_is_refused():
+    with pytest.raises(InputError, match="sofa: not bundled; there are"):
+        carry_out("filter", object="sofa")
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_failed_preparation_ends_the_launch():
+    (_, prepare) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
+    context = types.SimpleNamespace(launch_configurations={"object": "handle_tool"}, is_shutdown=False)
+    (process,) = prepare.kwargs["function"](context)
+    with pytest.raises(RuntimeError, match="midastouch-1 died with exit code 2"):
+        process.kwargs["on_exit"](ended(2, "midastouch-1"), context)
+    context.is_shutdown = True  # Ctrl-C
+    assert process.kwargs["on_exit"](ended(130), context) is None
+    assert process.kwargs["on_exit"](ended(0), context) is None
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp_path):
+    overlay = tmp_path / "mine.yaml"
+    for name, refused in (("partcile_filter", True), ("tdnn", True), ("amcl", False), ("ur_control", False)):
+        overlay.write_text(f"{name}: {{ros__parameters: {{seed: 3}}}}")
+        if refused:
+            with pytest.raises(InputError, match=f"mine.yaml: no node '{name}'; did you mean "):
+                carry_out("filter", params_overlay=str(overlay))
+        else:
+            carry_out("filter", params_overlay=str(overlay))
+
+
+WRONG = [
+    ("live_ur", {**AN_ARM, "seed": "abc"}, "seed:=abc: must be a whole number"),
+    ("live_ur", {**AN_ARM, "object": "sofa"}, "sofa: not bundled"),
+    ("live_ur", {**AN_ARM, "params_file": "/nowhere.yaml"}, "/nowhere.yaml: No such file"),
+    ("live_ur", {"arm": "rtde"}, "arm:=rtde: at which address"),
+    ("live_ur", {"arm": "rtde", "use_mock_hardware": "true"}, "arm:=rtde: at which address"),
+    ("live_ur", {"arm": "ur_driver"}, "arm:=ur_driver: at which address"),
+    ("replay", {"rate": "fast"}, "rate:=fast: must be a number"),
+    ("demo", {"object": "sofa"}, "sofa: not bundled"),
+    *((name, {"params_overlay": "/nowhere.yaml"}, "/nowhere.yaml") for name in ("driver", "filter", "localization")),
+]
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize(("name", "given", "reason"), WRONG)
+def test_a_wrong_argument_is_refused_before_anything_is_started(name, given, reason):
+    """What was begun before an action raises would go on without launch."""
+    assert FACTS["behaviour"]["an action raises after a process was begun"]["leaves"]
+    launched = Launched()
+    with pytest.raises(InputError, match=reason):
+        launched.carry_out(name, **given)
+    assert (launched.started, launched.ran) == ({}, [])
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_mount_that_cannot_be_described_is_refused_before_anything_is_started(monkeypatch):
+    def fails(line):
+        raise RuntimeError(f"executed command failed. Command: {line}")
+
+    monkeypatch.setattr(Command, "ran", staticmethod(fails))
+    launched = Launched()
+    with pytest.raises(RuntimeError, match="frames_file:=/nowhere"):
+        launched.carry_out("live_ur", **AN_ARM, frames_file="/nowhere")
+    assert launched.started == {}
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("missing", OTHERS)
+def test_what_is_not_installed_is_named_before_anything_is_started(missing, tmp_path, monkeypatch):
+    there = installation(tmp_path / "less", [package for package in OTHERS if package != missing])
+    monkeypatch.setenv("AMENT_PREFIX_PATH", there)
+    launched = Launched()
+    mend = f"{missing} is not installed: sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
+    with pytest.raises(InputError, match=re.escape(mend)):
+        launched.carry_out("live_ur", arm="ur_driver", robot_ip="the.arm")
+    assert launched.started == {}
+
+
+@pytest.mark.usefixtures("stand_ins")
+@pytest.mark.parametrize("name", FILES)
+def test_a_process_that_dies_for_good_ends_the_launch(name):
+    behaviour = FACTS["behaviour"]
+    assert behaviour["on_exit raises"] == {"exit": 1, "leaves": False}
+    assert behaviour["on_exit returns Shutdown while launch is shutting down"]["exit"] == 1
+    running, ending = (types.SimpleNamespace(is_shutdown=done) for done in (False, True))
+    for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
+        on_exit = kwargs["on_exit"]
+        assert on_exit(ended(-2), ending) is None
+        if executable == "rviz2":
+            assert type(on_exit(ended(0), running)).__name__ == "Shutdown"
+        else:
+            with pytest.raises(RuntimeError, match="node-1 died with exit code 2: ending all"):
+                on_exit(ended(2), running)
+    if name not in ("rviz", "demo"):
+        for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
+            # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
+            again = executable not in ("replay", "explorer", "rviz2")
+            assert (kwargs.get("respawn", False), kwargs["on_exit"] is None) == (again, again)
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
+    on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
+    said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
+    assert said.kwargs["msg"] == "replay-4 has finished; Ctrl-C ends the others"

@@ -1,0 +1,22 @@
+"""Asks the belief of a filter where to touch next."""
+
+from __future__ import annotations
+
+from .filter import ParticleFilter
+from .hypotheses import hypotheses_of
+from .noise_model import NoiseModel
+from .suggestion import Advice, Wanted, advise
+
+
+class Advisor:
+    """Advises on one filter's object, by what the filter takes for possible."""
+
+    def __init__(self, running: ParticleFilter):
+        self._running, self._noise = running, NoiseModel.of(running.config)
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """Where to touch next; None before something was felt."""
+        running, belief = self._running, self._running.belief
+        if belief is None or not belief.modes:
+            return None
+        return advise(hypotheses_of(belief, running.object, running.config), running.felt, wanted, self._noise)
