@@ -16,6 +16,7 @@ from pathlib import Path
 
 from midastouch_bringup.evaluation.calibration import WEIGHTS
 from midastouch_bringup.evaluation.paired import error_ratio
+from midastouch_bringup.evaluation.variants import DEFAULT
 from midastouch_filter.config import FilterConfig
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -50,6 +51,8 @@ COMMANDS = {
     },
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
+    "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
+    "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
     "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
     "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
     "real_plain": f"{_BENCHMARK} {_REAL}",
@@ -338,6 +341,51 @@ def _frames(one: dict) -> str:
     """Frames with their interval; none in the report: infinitely many."""
     value = "never" if one["value"] is None else f"{one['value']:.0f}"
     return f"{value} ({_between(one['interval'], '{:.0f}')})"
+
+
+def start() -> Table:
+    """How soon there is a pose on an object that comes without a codebook."""
+    header = ["first touches", "pose after, median", "longest", "median over an image of the paper's FCRN"]
+    header += ["CPU time of the codebook and the filter on it, mean", "report"]
+    if "start" not in reported():
+        return header, [[UNMEASURED, *["-"] * 5]]
+    one = report("start")["start"]
+    first = one["first_pose_s"]
+    cells = [f"too few ({one['trials']})"] * 4
+    if one["enough"]:
+        cells = [
+            f"{first['value']:.1f} s ({_between(first['interval'], '{:.1f}')})",
+            f"{first['max']:.1f} s",
+            f"{1e3 * first['value'] / report('bench')['fcrn_ms']['p50']:.0f}",
+            f"{one['build_cpu_s']:.1f} s",
+        ]
+    return header, [[f"{one['trials']}, of {one['objects']} objects", *cells, "[start]"]]
+
+
+def codebooks() -> Table:
+    """What fewer poses cost, on the same slides."""
+    header = ["poses", "right at the end", "paired difference", "particles, mean", "paired difference"]
+    header += ["closest mode, median", "CPU a frame", "report"]
+    if "codebooks" not in reported():
+        return header, [[UNMEASURED, *["-"] * 7]]
+    content, rows = report("codebooks"), []
+    compared = {one["variant"]: one for one in content["comparison"]}
+    for variant, poses in {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}.items():
+        one = compared[variant]
+        cells = [f"too few ({one['trials']})"] * 6
+        if one["trials"] >= ENOUGH:
+            (summary,) = content["summary"][variant].values()
+            right, error = (one[f"{what}_interval"] for what in ("right_difference", "difference_mm"))
+            cells = [
+                _of(summary["right"], summary["trials"]),
+                f"{one['right_difference']:+.0%} ({_between(right, '{:+.0%}')})",
+                _error(summary, "e", "mean"),
+                f"{one['difference_mm']:+.1f} mm ({_between(error, '{:+.1f}')})",
+                _error(summary, "closest_mode", "median"),
+                f"{one['cpu_ms_filter']:.1f} ms",
+            ]
+        rows.append([poses, *cells, "[codebooks]"])
+    return header, rows
 
 
 def peers() -> Table:
@@ -712,7 +760,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, converged, weights, regions, events, identification, exploration, real, grasps, peers,
+        paper, localisation, converged, weights, regions, events, identification, exploration, start, codebooks, real,
+        grasps, peers,
         variants, slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak,
         commands,
     )

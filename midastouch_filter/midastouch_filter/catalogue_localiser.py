@@ -136,7 +136,7 @@ class CatalogueLocaliser(Localiser):
             del self._loaded[next(iter(self._loaded))]
         self._start = self._prior = self._pending_prior = None
         self._begin(None)
-        self._object.filter.initialise_places(leading.places)
+        self._object.filter.initialise_places(leading.places, self._identification.window)
         self._on_object(entry)
 
     def _qualified(self, estimate: Estimate, identity: Identity) -> Estimate:

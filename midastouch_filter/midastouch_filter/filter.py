@@ -22,6 +22,7 @@ from .estimate import Estimate
 from .fingers import Finger, by_name, count
 from .gates import Gates
 from .initialisation import checked_prior
+from .keyframes import KeyframeWindow
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
@@ -100,8 +101,11 @@ class ParticleFilter:
         particles = self._do.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
         self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
-    def initialise_places(self, places: Sequence[Place]) -> None:
-        """Start half at these places, each by its probability, half over the whole surface; at least one of them."""
+    def initialise_places(self, places: Sequence[Place], felt: KeyframeWindow) -> None:
+        """Start half at these places, each by its probability, half over the whole surface; at least one of them.
+
+        felt: what the first finger has felt on the way to the present frame.
+        """
         count = self.config.max_particles
         shares = np.array([place.probability for place in places])
         numbers = np.round(0.5 * count * shares / shares.sum()).astype(int)
@@ -110,6 +114,7 @@ class ParticleFilter:
         particles = Particles.joined([*some, uniform])
         particles.log_weights[:] = -np.log(count)
         self._start(particles, None)
+        self._do.refine.recall(felt, self._object.measurement.log_ratio_of)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None

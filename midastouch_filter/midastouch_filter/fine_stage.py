@@ -14,6 +14,7 @@ from .estimate import Mode
 from .fingers import Finger
 from .gates import Gates
 from .initialisation import ParticleSource
+from .keyframes import KeyframeWindow
 from .mode_masses import impose_shares, pool_marginal_likelihoods
 from .motion_model import Odometry
 from .noise_model import NoiseModel
@@ -41,6 +42,9 @@ class CoarseOnly:
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
         """The look-up has other entries; arguments as `Reevaluation.score_anew`."""
+
+    def recall(self, felt: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        """After a restart: what was felt before it; arguments as of `Reevaluation.recall`."""
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         """The first finger moved, None at rest; `path` [m] of the others."""
@@ -99,6 +103,10 @@ class FineStage(CoarseOnly):
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
         if self._reevaluation:
             self._reevaluation.score_anew(log_ratio_of, places)
+
+    def recall(self, felt: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        if self._reevaluation:
+            self._reevaluation.recall(felt, log_ratio_of)
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         if self._reevaluation and motion is not None:

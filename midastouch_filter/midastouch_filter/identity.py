@@ -110,8 +110,8 @@ class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
     Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them; effort.
-    Attributes: found, by the last comparison, its places as they were then; contest, that it comes from, None before
-    the first.
+    Attributes: window of the kept touches; found, by the last comparison, its places as they were then; contest, that
+    it comes from, None before the first.
     """
 
     def __init__(
@@ -127,13 +127,13 @@ class Identification:
         self._scores = CodeScores(catalogue.codes, catalogue.calibration, config, Workers(config.threads))
         pace = Pace(effort.lookups_per_step)
         self._searches = [RivalSearch(entry.lookup, noise, effort, pace) for entry in catalogue.entries]
-        self._window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist)
+        self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 
     def restart(self) -> None:
         """Forget all touches."""
-        self._window.restart()
+        self.window.restart()
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
         self._news, self._patience, self.contest = 0, self._effort.anew, None
@@ -142,14 +142,14 @@ class Identification:
     @property
     def identity(self) -> Identity:
         """What was found, its places as they are now."""
-        return self.found.moved(se3.inverse(self._found_at) @ self._window.motion)
+        return self.found.moved(se3.inverse(self._found_at) @ self.window.motion)
 
     @property
     def felt(self) -> np.ndarray:
         """(F, 4, 4) of the gels of the kept touches since the last lift, in the frame of the present one."""
-        keyframes = self._window.keyframes
+        keyframes = self.window.keyframes
         since = [each.motion for each in keyframes if each.stretch == keyframes[-1].stretch]
-        return se3.inverse(self._window.motion) @ np.array(since).reshape(-1, 4, 4)
+        return se3.inverse(self.window.motion) @ np.array(since).reshape(-1, 4, 4)
 
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
         """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
@@ -158,9 +158,9 @@ class Identification:
         """
         require_network([touch], self._catalogue.network_id)
         self._move(odometry, touch.in_contact)
-        if self._window.due and touch.in_contact and self._is_usable(touch.penetration):
+        if self.window.due and touch.in_contact and self._is_usable(touch.penetration):
             self._keep(touch)
-        if self._running is None and self._news >= self._patience and len(self._window) >= self._effort.fewest:
+        if self._running is None and self._news >= self._patience and len(self.window) >= self._effort.fewest:
             self._news, self._running = 0, self._run()
         found = next(self._running) if self._running else None
         if found is None:
@@ -179,7 +179,7 @@ class Identification:
         if step is not None and step.distance > self._config.max_odometry_jump:
             self.restart()
         elif step is not None and (motion := self._rest.motion(step)) is not None:
-            self._window.moved(motion.transform, motion.path, in_contact)
+            self.window.moved(motion.transform, motion.path, in_contact)
 
     def _is_usable(self, penetration: np.ndarray | None) -> bool:
         shape = self._catalogue.entries[0].alignment.map_shape
@@ -190,9 +190,9 @@ class Identification:
             self._scores.score_codebook(self._scores.unit_code(touch.code))
         except ValueError:
             return
-        self._window.keep([touch], [self._scores.log_ratio])
+        self.window.keep([touch], [self._scores.log_ratio])
         self._news += 1
-        if self._window.lifted:  # what is under way was asked before, of an object that may have been exchanged
+        if self.window.lifted:  # what is under way was asked before, of an object that may have been exchanged
             self._running, self._patience = None, self._effort.anew
 
     def _believe(self, shares: np.ndarray, unknown: float) -> None:
@@ -206,12 +206,12 @@ class Identification:
             for entry, some in zip(self._catalogue.entries, places, strict=True)
         ]
         self.found = Identity(sorted(hypotheses, key=lambda each: -each.probability), unknown)
-        self._found_at = self._window.motion
+        self._found_at = self.window.motion
 
     # ------------------------------------------------------------------ one contest
 
     def _run(self) -> Iterator[Contest | None]:
-        window = Scored.of(list(self._window.keyframes), self._noise)
+        window = Scored.of(list(self.window.keyframes), self._noise)
         views = [replace(window, keyframes=[_seen(each, rows) for each in window.keyframes])
                  for rows in self._catalogue.rows]  # fmt: skip
         carried = self._carried(window.keyframes[-1].motion)
@@ -255,7 +255,7 @@ class Identification:
         kept: list[Followed] = []
         for k, replay in enumerate(replays):
             followed = sorted(replay.followed, key=lambda one: -self._support(window, one))
-            onward = [se3.inverse(window.keyframes[each.at].motion) @ self._window.motion for each in followed]
+            onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
             for i in distinct(poses, range(len(poses))):
                 owner.append(k)

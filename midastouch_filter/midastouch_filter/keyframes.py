@@ -100,6 +100,15 @@ class KeyframeWindow:
         gone = next((k + 1 for k in np.flatnonzero(bridged & first)), 0)
         return keyframes[:gone] + keyframes[gone + 1 :]
 
+    def take(self, other: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        """Go on from where another window is, with as many of its keyframes as fit; `log_ratio_of` as `score_anew`."""
+        self.motion, self.stretch = other.motion, other.stretch
+        self._path, self._in_the_air = other._path, other._in_the_air
+        self.keyframes = []
+        for each in other.keyframes:
+            self.keyframes = self._thinned([*self.keyframes, each])
+        self.score_anew(log_ratio_of)
+
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
         """The codebook has other entries: `log_ratio_of` a touch, (M,), is that of each of these."""
         for k, keyframe in enumerate(self.keyframes):

@@ -101,6 +101,11 @@ class Reevaluation:
         self._running, self._count = None, places
         self._window.score_anew(log_ratio_of)
 
+    def recall(self, felt: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        """After a restart: know the touches of another window, and compare at once; as `KeyframeWindow.take`."""
+        self._window.take(felt, log_ratio_of)
+        self._since = len(self._window)
+
     def moved(self, transform: np.ndarray, path: float, in_contact: bool = True) -> None:
         """The first gel moved by `transform` (4, 4), which counts as `path` [m]."""
         self.lifted |= self._window.moved(transform, path, in_contact)

@@ -120,3 +120,19 @@ def test_kept_touches_are_scored_anew_for_other_entries():
     np.testing.assert_array_equal(newest.log_ratios, [2 * np.arange(7), -2 * np.arange(7)])
     assert [set(best) for best in newest.shortlists] == [{5, 6}, {0, 1}]
     np.testing.assert_array_equal(newest.motion, motion)
+
+
+def test_another_window_goes_on_where_one_is():
+    window, other = (KeyframeWindow(length, 0.02, correlation=0.01, shortlist=2) for length in (6, 3))
+    keep(window, 5)
+    window.moved(STEP, 0.015, in_contact=True)
+    other.take(window, lambda touch: np.arange(4.0))
+    np.testing.assert_array_equal(other.motion, window.motion)
+    assert [each.motion.tolist() for each in other.keyframes] == [
+        each.motion.tolist() for each in window.keyframes[-3:]
+    ]
+    assert {tuple(sorted(each.shortlists[0])) for each in other.keyframes} == {(2, 3)}
+    assert not other.due
+    other.moved(STEP, 0.015, in_contact=True)
+    assert other.due
+    assert len(window) == 5

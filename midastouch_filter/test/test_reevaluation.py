@@ -6,6 +6,7 @@ import pytest
 from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
+from midastouch_filter.keyframes import KeyframeWindow
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.places import Prior, pose_distance
@@ -55,6 +56,16 @@ class Slide:
         self.truth = world.make_slide(mesh, 6 * steps, np.random.default_rng(8))[::6]
         self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
 
+    def scores(self, places: list[np.ndarray], k: int) -> np.ndarray:
+        """What the code of touch k says of every codebook entry; places as of `run`."""
+        nearest = np.full(len(self.book), np.inf)
+        for place in places:
+            pose = place @ self.truth[k]
+            gap = np.linalg.norm(self.book[:, :3, 3] - pose[:3, 3], axis=1)
+            angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
+            nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
+        return calibrated(nearest)
+
     def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
         self.reevaluation = reevaluation = Reevaluation(self.lookup, self.alignment, PLACES, CONFIG, NOISE, self.effort)
@@ -65,14 +76,7 @@ class Slide:
                 step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
                 reevaluation.moved(step, CONFIG.hindsight_spacing)
             assert reevaluation.due
-            nearest = np.full(len(self.book), np.inf)
-            for place in places:
-                pose = place @ self.truth[k]
-                gap = np.linalg.norm(self.book[:, :3, 3] - pose[:3, 3], axis=1)
-                angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
-                nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
-            log_ratio = calibrated(nearest)
-            keep(reevaluation, felt(penetration, log_ratio), *self.others[k : k + 1])
+            keep(reevaluation, felt(penetration, self.scores(places, k)), *self.others[k : k + 1])
             assert not reevaluation.due
         for _ in range(1000):
             self.answered += 1
@@ -125,6 +129,24 @@ def test_what_was_known_of_the_start_decides_between_twins(symmetric):
     assert share_at(places, truth) > 0.9
     # half a turn is three sigmas, and the way to the other side counts too
     assert 1e-4 < share_at(places, HALF_TURN @ truth) < 0.05
+
+
+def test_touches_of_another_window_count_at_once(uneven):
+    window = KeyframeWindow(len(uneven.truth), CONFIG.hindsight_spacing, NOISE.touch_correlation, shortlist=80)
+    scores = {}
+    for k, penetration in enumerate(uneven.penetrations):
+        if k:
+            window.moved(se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k], CONFIG.hindsight_spacing, in_contact=True)
+        touch, score = felt(penetration, uneven.scores([np.eye(4), HALF_TURN], k))
+        scores[id(touch)] = score
+        window.keep([touch], [score])
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, PLACES, CONFIG, NOISE, Effort())
+    assert reevaluation.rests(contradicted=True)
+    reevaluation.recall(window, lambda touch: scores[id(touch)])
+    assert not reevaluation.rests(contradicted=False)
+    answers = (reevaluation.compare([HALF_TURN @ uneven.truth[-1]]) for _ in range(1000))
+    found = next(answer for answer in answers if answer is not None)
+    assert share_at(found.places, uneven.truth[-1]) > 0.99
 
 
 def test_one_touch_says_nothing(symmetric):

@@ -25,8 +25,14 @@ seven only validated."""
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
-    """What every campaign is asked for: objects, folder, settings, workers, time, networks, --json. unit: what one
-    trial is called."""
+    """What every campaign is asked for: as `add_object_options`, workers and time. unit: what one trial is called."""
+    add_object_options(parser)
+    arguments.add_cluster_options(parser)
+    parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
+
+
+def add_object_options(parser: argparse.ArgumentParser) -> None:
+    """Objects, folder, settings, networks, --json."""
     parser.add_argument("--meshes", metavar="DIR", help="folder of mesh files (default: the bundled objects)")
     parser.add_argument(
         "--objects",
@@ -37,8 +43,6 @@ def add_campaign_options(parser: argparse.ArgumentParser, unit: str) -> None:
     )
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
-    arguments.add_cluster_options(parser)
-    parser.add_argument("--minutes", type=arguments.positive, help=f"start no {unit} after this time")
     arguments.add_network_options(parser)
     outcome.add_json_option(parser)
 

@@ -17,7 +17,7 @@ from midastouch_filter.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.identity import UNKNOWN
+from midastouch_filter.identity import UNKNOWN, Identification, Identity
 from midastouch_filter.motion_model import Odometry
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.state import CONVERGED
@@ -108,11 +108,12 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key
     entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
     sequence, touches = plan.stock.touches(entry.mesh, slide)
     frames = touches.frames(sequence, 1)
-    trials = []
-    for some in (catalogue, catalogue.without(entry.name)) if len(catalogue) > 1 else (catalogue,):
-        labels = {"object": entry.name, "slide": slide, "in_catalogue": some is catalogue, "objects": len(some)}
-        truth = entry.name if some is catalogue else UNKNOWN
-        trials.append(labels | identify(some, frames, truth, plan.settings, plan.unknown))
+    labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
+    trials = [labels | identify(catalogue, frames, entry.name, plan.settings, plan.unknown)]
+    if len(catalogue) > 1:
+        others = catalogue.without(entry.name)
+        labels |= {"in_catalogue": False, "objects": len(others)}
+        trials.append(labels | _refuse(others, frames, plan.settings, plan.unknown))
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
     trials[0] |= _alone(alone, frames)
@@ -130,35 +131,66 @@ def identify(
 ) -> dict:
     """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
 
-    answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
-    right_from_m: path from which the answer is right until the end, None if it is not; pose_right: the object is, the
-    state converged and the published pose within 10 mm; cpu_ms of a frame, of all but the networks; length_m.
+    What `_Answers.describe` says, and pose_right: the object is, the state converged and the published pose within
+    10 mm; cpu_ms of a frame, of all but the networks.
     """
-    localiser = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown)
-    path, cpu, estimate, last = 0.0, 0.0, None, None
-    answers: list[tuple[float, float, bool]] = []
+    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown), _Answers(truth)
+    cpu, count = 0.0, 0
     for frame in frames:
-        if last is not None:
-            path += Odometry.from_matrix(se3.inverse(last) @ frame.measured).distance
-        last = frame.measured
         start = time.process_time()
         estimate = localiser.process(frame.measured, frame.felt)
         cpu += time.process_time() - start
-        identity = localiser.identity
-        answers.append((path, max(identity.unknown, identity.leading.probability), identity.answer == truth))
-    wrong = [k for k, (_, _, right) in enumerate(answers) if not right]
-    since = wrong[-1] + 1 if wrong else 0
-    asked = [next(each for each in answers if each[0] >= at) for at in ASKED if at <= path]
-    return {
-        "answer": identity.answer,
-        "right": answers[-1][2],
-        "confidence": answers[-1][1],
-        "asked": [list(each) for each in asked],
-        "right_from_m": answers[since][0] if since < len(answers) else None,
+        count += 1
+        answers.note(frame, localiser.identity)
+    return answers.describe() | {
         "pose_right": _is_right(estimate, frame) and localiser.object.name == truth,
-        "cpu_ms": 1e3 * cpu / len(answers),
-        "length_m": path,
+        "cpu_ms": 1e3 * cpu / count,
     }
+
+
+def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterConfig, unknown: float) -> dict:
+    """A slide over an object that is not in the catalogue: what `_Answers.describe` says.
+
+    No filter runs: a `CatalogueLocaliser` would give the same answers, and a pose on a wrong object.
+    """
+    identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), _Answers(UNKNOWN)
+    last = None
+    for frame in frames:
+        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        answers.note(frame, identification.identity)
+        last = frame.measured
+    return answers.describe()
+
+
+class _Answers:
+    """What is answered along a slide; truth, the answer that is right."""
+
+    def __init__(self, truth: str):
+        self._truth, self._path, self._last = truth, 0.0, None
+        self._given: list[tuple[float, float, bool]] = []
+
+    def note(self, frame: TrialFrame, identity: Identity) -> None:
+        """What a frame has led to."""
+        if self._last is not None:
+            self._path += Odometry.from_matrix(se3.inverse(self._last) @ frame.measured).distance
+        self._last, self._answer = frame.measured, identity.answer
+        sure = max(identity.unknown, identity.leading.probability)
+        self._given.append((self._path, sure, identity.answer == self._truth))
+
+    def describe(self) -> dict:
+        """answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
+        right_from_m: path from which the answer is right until the end, None if it is not; length_m."""
+        wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
+        since = wrong[-1] + 1 if wrong else 0
+        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED if at <= self._path]
+        return {
+            "answer": self._answer,
+            "right": self._given[-1][2],
+            "confidence": self._given[-1][1],
+            "asked": [list(each) for each in asked],
+            "right_from_m": self._given[since][0] if since < len(self._given) else None,
+            "length_m": self._path,
+        }
 
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
