@@ -51,9 +51,9 @@ class _Walk:
     """N gels on their way over a surface."""
 
     def __init__(self, model: ObjectModel, starts: np.ndarray, headings: np.ndarray):
-        self._mesh = model.mesh
+        self._mesh, self._normals = model.mesh, model.normals
         self._position, _, face = self._mesh.closest_points(starts[:, :3, 3])
-        self._rotation = _laid_flat(starts[:, :3, :3], self._mesh.roughly_smooth_normals(self._position, face))
+        self._rotation = _laid_flat(starts[:, :3, :3], self._normals.at(self._position, face))
         ahead = np.stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))], axis=1)
         self._heading = np.einsum("nij,nj->ni", self._rotation, ahead)
         self.alive = np.ones(len(starts), bool)
@@ -71,7 +71,7 @@ class _Walk:
             here = self._position[going]
             position, _, face = self._mesh.closest_points(here + step * self._heading[going])
             moved = position - here
-            normal = self._mesh.roughly_smooth_normals(position, face)
+            normal = self._normals.at(position, face)
             tangent = moved - np.einsum("ni,ni->n", moved, normal)[:, None] * normal
             length = np.linalg.norm(tangent, axis=1)
             good = length > MIN_PROGRESS * step
