@@ -36,15 +36,17 @@ def predict_slides(
         alive.append(walk.alive.copy())
         before = distance
     every = np.stack(poses, axis=1).reshape(*shape, len(distances) + 1, 4, 4)
-    return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & touchable(model, every)
+    # farther from the codebook, the filter would rather take a touch for chance
+    near = log_weight_at(model, every) > np.log(model.measurement.outlier)
+    return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & near
 
 
-def touchable(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Which (...) of poses (..., 4, 4) are near some pose of the codebook: farther off, the filter would rather take
-    a touch for chance."""
+def log_weight_at(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
+    """Nats (...) <= 0 that the filter gives poses (..., 4, 4) of a gel that touches, by the nearest one of the
+    codebook."""
     _, distance = model.lookup.nearest(poses.reshape(-1, 4, 4))
     log_weight = model.surface.bounded_log_weight(np.zeros(len(distance)), distance, True, model.config.surface_sigma)
-    return (log_weight > np.log(model.measurement.outlier)).reshape(poses.shape[:-2])
+    return log_weight.reshape(poses.shape[:-2])
 
 
 class _Walk:
