@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .filter import ParticleFilter
-from .hypotheses import hypotheses_of
+from .hypotheses import Hypothesis, hypotheses_of
 from .noise_model import NoiseModel
 from .suggestion import Advice, Wanted, advise
 
@@ -14,9 +14,13 @@ class Advisor:
     def __init__(self, running: ParticleFilter):
         self._running, self._noise = running, NoiseModel.of(running.config)
 
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """What the belief takes for possible, most probable first; none before something was felt."""
+        running, belief = self._running, self._running.belief
+        return hypotheses_of(belief, running.object, running.config) if belief is not None and belief.modes else []
+
     def advise(self, wanted: Wanted) -> Advice | None:
         """Where to touch next; None before something was felt."""
-        running, belief = self._running, self._running.belief
-        if belief is None or not belief.modes:
-            return None
-        return advise(hypotheses_of(belief, running.object, running.config), running.felt, wanted, self._noise)
+        hypotheses = self.hypotheses
+        return advise(hypotheses, self._running.felt, wanted, self._noise) if hypotheses else None

@@ -1,10 +1,10 @@
 """How much the touches along slides are expected to say for the place that is right, against each other one.
 
-Each hypothesis has its own predicted path. If i is right, a touch feels as i's path has it there; how well would it fit
-j's path? By codes: a touch at i has the code of one of the codebook's entries around, and is scored against the others
-around i, and against those around j. By maps, between two narrow places: the map that i's path renders is aligned to
-the object from j's path. That the arm's motion may fit i's surface better than j's is left out: more may be learnt than
-is promised.
+If i is right, the finger follows i's surface, and a touch feels as i's path has it there. The arm's motion says where j
+has the gel then; how well would the touch fit there? By codes: it has the code of one of the codebook's entries around,
+and is scored against the others around i, and against those around j. By maps, between two narrow places: the map that
+i's path renders is aligned to the object from j's pose. Where j has the gel off its surface the touch speaks as much
+against it as one can: the filter's surface constraint weighs codes down, and nothing explains a map there.
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from midastouch_perception import se3
+from midastouch_perception.codebook_poses import PRESS
 
 from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
+from .slide_prediction import log_weight_at
 
 _AROUND = 9  # entries around a pose: a place lies between them
 _SOME = 16  # poses, from which it is told what is usual
@@ -30,54 +32,79 @@ def by_model(hypotheses: Sequence[Hypothesis]) -> Iterator[tuple[ObjectModel, np
         yield model, np.flatnonzero([each.model is model for each in hypotheses])
 
 
+def carried_along(starts: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """Poses (H, N, H, 4, 4): where hypothesis j (last) has the gel at touch n if i (first) is right.
+
+    starts (H, 4, 4), where each has it now; ways (H, N, 4, 4), where each would have it at N touches if it is right.
+    """
+    motion = se3.inverse(starts)[:, None] @ ways
+    return starts @ motion[:, :, None]
+
+
 def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.ndarray:
     """Nats (H, N, H) that the code of a touch speaks for hypothesis i (first axis) against j (last axis) if i is right.
 
-    poses (H, N, 4, 4): where each hypothesis has the gel at N touches. Where i and j feel alike it scatters about 0.
+    poses (H, N, H, 4, 4), as `carried_along`. Where i and j feel alike it scatters about 0.
     """
-    measurement = hypotheses[0].model.measurement
-    count, touches = poses.shape[:2]
-    codes = np.empty((touches, count, _AROUND, measurement.dimension), np.float32)
+    measurement, shape = hypotheses[0].model.measurement, poses.shape[:3]
+    codes, log_weight = np.empty((*shape, _AROUND, measurement.dimension), np.float32), np.empty(shape)
     for model, group in by_model(hypotheses):
-        entries = model.lookup.around(poses[group].reshape(-1, 4, 4), _AROUND)
-        codes[:, group] = model.measurement.codes[entries].reshape(len(group), touches, _AROUND, -1).swapaxes(0, 1)
-    flat = codes.reshape(touches, count * _AROUND, -1)
-    cosines = flat @ flat.swapaxes(1, 2)
+        some = poses[:, :, group]
+        entries = model.lookup.around(some.reshape(-1, 4, 4), _AROUND)
+        codes[:, :, group] = model.measurement.codes[entries].reshape(*some.shape[:3], _AROUND, -1)
+        log_weight[:, :, group] = log_weight_at(model, some)
+    every = np.arange(len(hypotheses))
+    touch = codes[every, :, every]
+    cosines = touch @ codes.reshape(*shape[:2], -1, measurement.dimension).swapaxes(2, 3)
     others = cosines < _SAME  # the touch is none of the entries itself
-    shape = touches, count, _AROUND, count, _AROUND
+    shape = *cosines.shape[:3], len(hypotheses), _AROUND
     similar = np.where(others, measurement.similarity(cosines), 0).reshape(shape).sum(axis=4)
     mean = similar / np.maximum(others.reshape(shape).sum(axis=4), 1)
-    score = measurement.log_ratio_between(flat.reshape(-1, flat.shape[2]), mean.reshape(-1, count)).reshape(shape[:4])
-    of_right = np.take_along_axis(score, np.arange(count)[None, :, None, None], axis=3)
-    return (of_right - score).mean(axis=2).swapaxes(0, 1)
+    score = measurement.log_ratio_between(touch.reshape(-1, touch.shape[3]), mean.reshape(-1, len(hypotheses)))
+    score = np.maximum(score.reshape(shape[:4]) + log_weight[:, :, None], np.log(measurement.outlier))
+    of_right = score[every, :, :, every][..., None]
+    return (of_right - score).mean(axis=2)
 
 
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
     """Share (N,) of each map that is left once poses (N, 4, 4), known as well as entries are, are aligned to it."""
     align = model.alignment.align
-    pairs = list(zip(poses, maps, strict=True))
+    pairs = list(zip(_settled(model, poses), maps, strict=True))
     return 1.0 - np.array(model.workers.map(lambda pair: align(pair[0], noise.between_entries, pair[1]).fit, pairs))
 
 
+def _settled(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) moved along their axes onto a near surface: no contact would have no slope to align along."""
+    normal, reach = poses[:, :3, 2], model.surface.reach
+    off = np.clip(model.surface.distance_of(poses[:, :3, 3]) + PRESS, -reach, reach)
+    return se3.make(poses[:, :3, :3], poses[:, :3, 3] - off[:, None] * normal)
+
+
 def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
-    """Share of a map that the right place leaves: what alignment from as far off as entries lie leaves of maps at some
-    of its poses (N, 4, 4), and what it left of the last real map."""
+    """Share of a rendered map that the right place leaves: what alignment from as far off as entries lie leaves of
+    those at some of its poses (N, 4, 4)."""
     some = poses[:: max(len(poses) // _SOME, 1)]
     directions = np.random.default_rng(0).standard_normal((len(some), 6))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     off = some @ se3.exp(np.sqrt(np.diag(noise.between_entries)) * directions)
-    found = unexplained(right.model, off, right.model.alignment.render(some), noise)
-    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
-    return float(np.median(found)) + real
+    return float(np.median(unexplained(right.model, off, right.model.alignment.render(some), noise)))
 
 
 def map_evidence(
-    right: Hypothesis, wrong: Hypothesis, at_right: np.ndarray, at_wrong: np.ndarray, noise: NoiseModel
+    right: Hypothesis,
+    wrong: Sequence[Hypothesis],
+    at_right: np.ndarray,
+    at_wrong: np.ndarray,
+    noise: NoiseModel,
 ) -> np.ndarray:
-    """Nats (N,) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right place against the
-    wrong one, which has the gel at poses `at_wrong` (N, 4, 4). Both are narrow."""
+    """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right place against each of
+    W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. What is wrong with real maps, as
+    with the last one, no place explains."""
     if not len(at_right):
-        return np.zeros(0)
-    usual = usually_unexplained(right, at_right, noise)
-    found = unexplained(wrong.model, at_wrong, right.model.alignment.render(at_right), noise)
-    return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(np.minimum(found, 1.0)), 0.0)
+        return np.zeros(at_wrong.shape[:2])
+    maps, usual = right.model.alignment.render(at_right), usually_unexplained(right, at_right, noise)
+    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
+    found = np.stack([unexplained(each.model, at_wrong[:, k], maps, noise) for k, each in enumerate(wrong)], axis=1)
+    usual, found = np.minimum(usual + real, 1.0), np.minimum(found + real, 1.0)
+    # a touch of which less is left than usual is simple, not evidence against the right place
+    return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(found), 0.0)

@@ -14,6 +14,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 from .config import FilterConfig
 from .lookup import PoseLookup, neighbours_and_links, space_filling_order
+from .rough_normals import RoughNormals
 from .surface import SurfaceGrid
 from .workers import Workers
 
@@ -25,10 +26,11 @@ _PREFIX = "index1_"
 
 
 class ObjectIndex:
-    """Look-up among the codebook's poses and distances to the surface of one object.
+    """Look-up among the codebook's poses, distances to the surface of one object and its normals.
 
-    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers; surface,
-    if it is known. Attributes: order (M,), of the codebook's entries in `lookup`; lookup; surface.
+    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers; known,
+    another index of the same object. Attributes: order (M,), of the codebook's entries in `lookup`; lookup; surface;
+    normals.
     Raises InputError if the derived arrays are broken.
     """
 
@@ -38,7 +40,7 @@ class ObjectIndex:
         codebook: Codebook,
         config: FilterConfig,
         workers: Workers,
-        surface: SurfaceGrid | None = None,
+        known: ObjectIndex | None = None,
     ):
         kept = codebook.derived
         self.order = space_filling_order(codebook.poses)
@@ -48,7 +50,11 @@ class ObjectIndex:
         fits = float(kept.get(_PREFIX + "band", np.nan)) == band
         try:
             self.lookup = PoseLookup(poses, workers, _graph(kept, len(poses)))
-            self.surface = surface or SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
+            if known is not None:
+                self.surface, self.normals = known.surface, known.normals
+            else:
+                self.surface = SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
+                self.normals = RoughNormals(mesh, kept.get(_PREFIX + "normals"))
         except ValueError as error:
             raise InputError(f"{codebook.source}: {error}; build it again with `midastouch build-codebook`") from error
 
@@ -74,6 +80,7 @@ def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray
         "links": links,
         "band": np.array(band),
         "distances": SurfaceGrid(mesh, band).values,
+        "normals": RoughNormals(mesh).values,
     }
     return {_PREFIX + name: array for name, array in arrays.items()}
 

@@ -39,10 +39,9 @@ class ObjectModel:
     A denser codebook of the same object can take the place of the first: whoever refers to a part of the model then has
     the new entries.
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
-    surface, the constraint to be at it; gap, typical distance [m] of a point of the surface to the nearest one that a
-    codebook pose touches; measurement model; regions and
-    mode_finder, for KLD sampling and clustering; alignment to penetration maps, None if the codebook does not name its
-    sensor or none is asked for.
+    surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
+    nearest one that a codebook pose touches; measurement model; regions and mode_finder, for KLD sampling and
+    clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is asked for.
     Raises InputError if the codebook cannot be used.
     """
 
@@ -58,9 +57,9 @@ class ObjectModel:
 
     def _make_entries(self, codebook: Codebook, index: ObjectIndex) -> None:
         config, workers = self.config, self.workers
-        self._grid, self.order, self.lookup = index.surface, index.order, index.lookup
+        self._index, self.order, self.lookup, self.normals = index, index.order, index.lookup, index.normals
         self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
-        self.surface = SurfaceConstraint(self._grid, self.lookup.largest_gap, config, workers)
+        self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)
         self.gap = _gap(self.mesh, self.lookup.poses)
         self.regions = Regions(self.lookup, config.region_radius)
         self.mode_finder = ModeFinder(self.lookup, self.regions, config.mode_radius, config.min_mode_mass, workers)
@@ -69,7 +68,7 @@ class ObjectModel:
         """A model of the same object by another codebook, for `take`. It may be made beside a running filter."""
         _require_usable(codebook)
         other = copy.copy(self)
-        other._make_entries(codebook, ObjectIndex(self.mesh, codebook, self.config, self.workers, self._grid))
+        other._make_entries(codebook, ObjectIndex(self.mesh, codebook, self.config, self.workers, self._index))
         return other
 
     def take(self, other: ObjectModel) -> None:

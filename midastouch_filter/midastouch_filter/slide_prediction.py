@@ -36,24 +36,26 @@ def predict_slides(
         alive.append(walk.alive.copy())
         before = distance
     every = np.stack(poses, axis=1).reshape(*shape, len(distances) + 1, 4, 4)
-    return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & touchable(model, every)
+    # farther from the codebook, the filter would rather take a touch for chance
+    near = log_weight_at(model, every) > np.log(model.measurement.outlier)
+    return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & near
 
 
-def touchable(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Which (...) of poses (..., 4, 4) are near some pose of the codebook: farther off, the filter would rather take
-    a touch for chance."""
+def log_weight_at(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
+    """Nats (...) <= 0 that the filter gives poses (..., 4, 4) of a gel that touches, by the nearest one of the
+    codebook."""
     _, distance = model.lookup.nearest(poses.reshape(-1, 4, 4))
     log_weight = model.surface.bounded_log_weight(np.zeros(len(distance)), distance, True, model.config.surface_sigma)
-    return (log_weight > np.log(model.measurement.outlier)).reshape(poses.shape[:-2])
+    return log_weight.reshape(poses.shape[:-2])
 
 
 class _Walk:
     """N gels on their way over a surface."""
 
     def __init__(self, model: ObjectModel, starts: np.ndarray, headings: np.ndarray):
-        self._mesh = model.mesh
+        self._mesh, self._normals = model.mesh, model.normals
         self._position, _, face = self._mesh.closest_points(starts[:, :3, 3])
-        self._rotation = _laid_flat(starts[:, :3, :3], self._mesh.roughly_smooth_normals(self._position, face))
+        self._rotation = _laid_flat(starts[:, :3, :3], self._normals.at(self._position, face))
         ahead = np.stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))], axis=1)
         self._heading = np.einsum("nij,nj->ni", self._rotation, ahead)
         self.alive = np.ones(len(starts), bool)
@@ -71,7 +73,7 @@ class _Walk:
             here = self._position[going]
             position, _, face = self._mesh.closest_points(here + step * self._heading[going])
             moved = position - here
-            normal = self._mesh.roughly_smooth_normals(position, face)
+            normal = self._normals.at(position, face)
             tangent = moved - np.einsum("ni,ni->n", moved, normal)[:, None] * normal
             length = np.linalg.norm(tangent, axis=1)
             good = length > MIN_PROGRESS * step

@@ -16,19 +16,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 
 import numpy as np
 
 from midastouch_perception.pose_metric import ROTATION_SCALE
 
-from .expected_evidence import by_model, code_evidence, map_evidence
+from .expected_evidence import by_model, carried_along, code_evidence, map_evidence
 from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .slide_prediction import predict_slides
 
 HEADINGS = 8
 _TOUCHES = 8  # of a slide, ever farther apart
+_PER_MOTION = 2  # touches on the shortest one: over an edge that it crosses there should be one
 CLEARANCE = 0.01
 """m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
 
@@ -87,17 +87,17 @@ class _Outlook:
         config = hypotheses[0].model.config
         self._certain = math.log(config.converged_probability / (1.0 - config.converged_probability))
         self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
-        self._distances = touches_on_the_way(
-            wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
-        )
+        length, shortest = wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
+        self._distances = touches_on_the_way(length, shortest / _PER_MOTION)
+        self._long_enough = self._distances >= min(shortest, length)
         self._tracks, self._touchable = self._predicted()
         self._slid = np.logical_and.accumulate(self._touchable, axis=2)
         evidence = self._evidence()
         news = independence_on_the_way(self._tracks, felt, config.correlation_length)
         self._by_slide = np.maximum(np.cumsum(evidence * (news * self._slid)[..., None], axis=2), 0.0)
-        evidence = np.maximum(evidence, 0.0) * self._touchable[..., None]
+        self._elsewhere = np.maximum(evidence, 0.0) * self._touchable[..., None]
         moved = noise.change_lifted
-        self._by_lift = -np.log((1.0 - moved) * np.exp(-evidence) + moved)
+        self._by_lift = -np.log((1.0 - moved) * np.exp(-self._elsewhere) + moved)
 
     def _predicted(self) -> tuple[np.ndarray, np.ndarray]:
         shape = len(self._hypotheses), HEADINGS, len(self._distances) + 1
@@ -111,20 +111,23 @@ class _Outlook:
         """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow places by their maps."""
         ways = self._tracks[:, :, 1:]
         flat = ways.reshape(len(ways), -1, 4, 4)
-        evidence = code_evidence(self._hypotheses, flat)
-        for i, j in permutations(self._with_maps(), 2):
-            evidence[i, :, j] = 0.0  # what tells two rivals apart does not tell which place is right
-            if 0 in (i, j):
-                both = np.flatnonzero((self._slid[i] & self._touchable[j]).ravel())
-                evidence[i, both, j] = map_evidence(
-                    self._hypotheses[i], self._hypotheses[j], flat[i, both], flat[j, both], self._noise
-                )
+        poses = carried_along(self._tracks[:, 0, 0], flat)
+        evidence = code_evidence(self._hypotheses, poses)
+        places = self._with_maps()
+        for i in places:
+            rivals = [j for j in places if j != i]
+            evidence[i][:, rivals] = 0.0  # what tells two rivals apart does not tell which place is right
+            rivals = rivals if i == 0 else [0]
+            within_reach = self._touchable if self._wanted.lifts else self._slid
+            some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in rivals]
+            at = np.ix_([i], some, rivals)
+            evidence[at] = map_evidence(self._hypotheses[i], against, flat[i, some], poses[at][0], self._noise)
         return evidence.reshape(*ways.shape[:3], -1)
 
     def _with_maps(self) -> list[int]:
-        """Places whose maps can be compared, none if the most probable hypothesis is none of them."""
+        """Places whose maps can be compared, none if the most probable hypothesis is none of them, or the only one."""
         able = [k for k, each in enumerate(self._hypotheses) if each.place and each.model.alignment is not None]
-        return able if able[:1] == [0] else []
+        return able if able[:1] == [0] and len(able) > 1 else []
 
     def slides(self) -> list[Suggestion]:
         """The best one in each heading."""
@@ -139,7 +142,7 @@ class _Outlook:
 
     def _best(self, evidence: np.ndarray, possible: np.ndarray, cost: np.ndarray, lift: bool) -> list[Suggestion]:
         """possible (H, K, T); what most of the belief would not let happen is not suggested."""
-        likely = np.tensordot(self._probability, possible, axes=1) > 0.5
+        likely = (np.tensordot(self._probability, possible, axes=1) > 0.5) & self._long_enough
         information = np.where(likely, mixture_information(self._probability, evidence), -1.0)
         out = []
         for k, t in enumerate(np.argmax(information / cost, axis=1)):
@@ -178,10 +181,11 @@ class _Outlook:
         if len(places) < 2:
             return []
         most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is felt by two of them
-        if self._wanted.lifts:
-            most = np.maximum(most, self._by_lift.max(axis=(1, 2)))
+        if self._wanted.lifts:  # wherever the object is by then, touches there tell
+            most = np.maximum(most, self._elsewhere.max(axis=(1, 2)))
         top = places[0]
-        alike = [k for k in places if k == top or min(most[top, k], most[k, top]) < self._certain]
+        odds = np.log(self._probability[top] / self._probability)
+        alike = [k for k in places if k == top or odds[k] + min(most[top, k], most[k, top]) < self._certain]
         mass, named = (sum(self._probability[k] for k in some) for some in (alike, places))
         sure = self._probability[top] / mass
         certain = self._hypotheses[0].model.config.converged_probability

@@ -132,7 +132,11 @@ class SurfaceConstraint:
 
     def distance(self, particles: Particles) -> np.ndarray:
         """Signed distances (N,) float32 [m] of the gel's apex, negative inside; saturated beyond `dead_distance`."""
-        return self._grid.distance(particles.positions, self._workers)
+        return self.distance_of(particles.positions)
+
+    def distance_of(self, positions: np.ndarray) -> np.ndarray:
+        """The same of positions (N, 3)."""
+        return self._grid.distance(np.ascontiguousarray(positions, np.float32), self._workers)
 
     def bounded_log_weight(
         self, distance: np.ndarray, codebook_distance: np.ndarray, in_contact: bool, sigma: float

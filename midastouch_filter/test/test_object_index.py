@@ -39,6 +39,7 @@ def test_a_kept_index_is_the_one_that_would_be_made(world, codebook):
     assert followed(kept) == followed(made)
     assert kept.lookup.stride == made.lookup.stride
     np.testing.assert_array_equal(kept.surface.values, made.surface.values)
+    np.testing.assert_array_equal(kept.normals.values, made.normals.values)
 
 
 def test_it_outlives_a_file(world, codebook, tmp_path):
@@ -62,6 +63,7 @@ def test_other_limits_ask_for_another_grid(world, codebook):
         ("neighbours", lambda a: -np.ones_like(a)),
         ("distances", lambda a: a[1:]),
         ("distances", lambda a: a.astype(float)),
+        ("normals", lambda a: a[1:]),
     ],
 )
 def test_broken_arrays_are_refused_naming_the_file(world, codebook, name, change, tmp_path):

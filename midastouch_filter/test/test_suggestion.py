@@ -1,11 +1,13 @@
 """Where to touch next: on an object whose two halves are alike, or differ in one place only."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.expected_evidence import carried_along, map_evidence
 from midastouch_filter.hypotheses import Hypothesis
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.object_model import ObjectModel
@@ -87,6 +89,39 @@ def test_of_two_objects_the_difference_counts(world, alike, handed):
     assert "twofold at" in advice.message
     assert "handed at" in advice.message
     assert advice.suggestions[0].information > 0.3
+
+
+def test_the_arm_carries_every_place_along(alike):
+    starts, ways = alike.lookup.poses[:3], alike.lookup.poses[10:25].reshape(3, 5, 4, 4)
+    poses = carried_along(starts, ways)
+    for i in range(3):
+        np.testing.assert_allclose(poses[i, :, i], ways[i], atol=1e-12)
+        for j in range(3):
+            np.testing.assert_allclose(se3.inverse(starts[j]) @ poses[i, 2, j], se3.inverse(starts[i]) @ ways[i, 2])
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.0, False), (0.002, False), (0.03, True)])
+def test_a_twin_is_refuted_off_the_surface_only(world, alike, off, told):
+    """By a millimetre its pose may be wrong: then the gel would hover, and not be somewhere else."""
+    right, twin = twins(world, alike)
+    way = predict_slides(alike, right.pose[None], np.zeros(1), np.array([0.01, 0.02, 0.03]))[0][0, 0]
+    at_twin = HALF_TURN @ way @ se3.make(np.eye(3), np.array([0.0, 0.0, off]))
+    evidence = map_evidence(right, [twin], way, at_twin[:, None], NOISE)
+    assert evidence.shape == (4, 1)
+    assert (np.abs(evidence).max() < 0.3) != told
+    assert (evidence.min() > 2.0) == told
+
+
+def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
+    many = advise(twins(world, handed), NOTHING_FELT, Wanted(count=8), NOISE).suggestions
+    assert all(each.length >= CONFIG.correlation_length for each in many)
+
+
+def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
+    here, there = twins(world, handed)
+    for share, hopeless in (0.5, True), (0.9, False):
+        belief = [replace(here, probability=share), replace(there, probability=1 - share)]
+        assert advise(belief, NOTHING_FELT, Wanted(max_length=0.03), NOISE).indistinguishable == hopeless
 
 
 def test_best_first_and_no_more_than_wanted(world, handed):

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
@@ -188,19 +187,6 @@ class ObjectMesh:
         facing = np.einsum("nkj,nj->nk", normals[index], normals[index[:, 0]]) > -0.2
         mean = np.einsum("nk,nkj->nj", weight * facing, normals[index])
         return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
-
-    @cached_property
-    def _smoothed(self) -> tuple[cKDTree, np.ndarray]:
-        points, _, _ = self.sample_surface(10_000, np.random.default_rng(0))
-        return cKDTree(points), self.smooth_normals(points)  # without threads: queries are small
-
-    def roughly_smooth_normals(self, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """As `smooth_normals` of the nearest of 10,000 surface points that faces as `faces` (N,), in a fraction of the
-        time."""
-        tree, normals = self._smoothed
-        near = normals[tree.query(points, k=4)[1]]
-        facing = np.einsum("nkj,nj->nk", near, self.face_normals[faces]) > 0
-        return near[np.arange(len(near)), np.argmax(facing, axis=1)]
 
     @cached_property
     def _search(self) -> _ClosestPointSearch:

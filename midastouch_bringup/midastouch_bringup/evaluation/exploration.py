@@ -41,6 +41,7 @@ POLICIES = {
 STEP = 1.5e-3
 """m between two images, as of simulated slides."""
 _HELD = 10  # frames, that a state or an answer must last
+_RIVAL = 0.2  # probability of a place that competes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,7 +145,7 @@ class _Trial:
         self._headings = np.random.default_rng([seed, 1])
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
-        self._held, self._alike = 0, 0
+        self._held, self._alike, self._rivalled = 0, 0, False
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
@@ -153,7 +154,8 @@ class _Trial:
 
         ending: "converged", "alike" (it was said that nothing tells places apart) or "given up"; path_m from the first
         touch to where that began; truth and pose (4, 4) then, and whether it is right; whether the truth was among the
-        places; asked_ms, median and longest CPU time of an answer.
+        places; rivalled: before some motion the true place and another one were both probable; asked_ms, median and
+        longest CPU time of an answer.
         """
         ending, began = "given up", length
         self._follow(self._finger.leap(0.0, 0.0))
@@ -173,12 +175,14 @@ class _Trial:
             "pose": pose,
             "right": bool(pose_errors(pose, self._finger.pose)[0] <= RIGHT),
             "truth_among_places": bool(among <= RIGHT),
+            "rivalled": self._rivalled,
             "places": len(places),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
         }
 
     def _motions(self) -> Iterator[Iterable[np.ndarray]]:
         """Motions to try, until one of them leads anywhere."""
+        self._rivalled |= self._has_rival()
         if self._policy != "random":
             began = time.process_time()
             advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
@@ -193,6 +197,11 @@ class _Trial:
             heading = self._headings.uniform(-np.pi, np.pi)
             length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
             yield self._finger.slide(heading, length)
+
+    def _has_rival(self) -> bool:
+        """Whether the true place and another one are probable."""
+        likely = [each for each in self._advisor.hypotheses if each.place and each.probability >= _RIVAL]
+        return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
 
     def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
         """Go on a way, until a trial's end."""

@@ -12,7 +12,8 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """By policy, over all trials and by object, shares and medians with their 95 % intervals.
 
     trials; shares that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of the
-    latter those with the truth among the places; path_m, median until converged and right, infinite for all others;
+    latter those with the truth among the places; rivalled, share in which another place competed with the true one, and
+    `told_apart`, of these those that end right; path_m, median until converged and right, infinite for all others;
     asked_ms, median of the longest CPU time of an answer; path_ratio, of the median path to that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
@@ -33,6 +34,7 @@ def _figures(trials: list[dict]) -> dict:
     converged = [t["ending"] == "converged" for t in trials]
     right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
     alike = [t["ending"] == "alike" for t in trials]
+    rivalled = [bool(t["rivalled"]) for t in trials]
     named = [a and t["truth_among_places"] for a, t in zip(alike, trials, strict=True)]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
 
@@ -48,6 +50,8 @@ def _figures(trials: list[dict]) -> dict:
         "wrong": share([c and not r for c, r in zip(converged, right, strict=True)], ones),
         "alike": share(alike, ones),
         "alike_truly": share(named, [int(a) for a in alike]),
+        "rivalled": share(rivalled, ones),
+        "told_apart": share([a and b for a, b in zip(rivalled, right, strict=True)], [int(a) for a in rivalled]),
         "path_m": {"value": float(np.median(paths)), "interval": bootstrap_interval(paths, groups, np.median)},
         "asked_ms": float(np.median(asked)) if asked else None,
     }
@@ -59,10 +63,10 @@ def exploration_table(summary: dict[str, dict]) -> tuple[list[str], list[list[ob
     for policy, one in summary.items():
         for name, each in [*one["objects"].items(), ("all", one)]:
             path = each["path_m"]["value"]
-            cells = [_percent(each[key]["share"]) for key in ("right", "wrong", "alike")]
+            cells = [_percent(each[key]["share"]) for key in ("right", "wrong", "alike", "told_apart")]
             median = "never" if np.isinf(path) else f"{1e3 * path:.0f} mm"
             rows.append([policy, name, each["trials"], *cells, median, number(each["asked_ms"], 0)])
-    header = ["policy", "object", "trials", "converged right", "converged wrong", "said alike"]
+    header = ["policy", "object", "trials", "converged right", "converged wrong", "said alike", "rivals told apart"]
     return [*header, "path until right, median", "longest answer, CPU ms"], rows
 
 

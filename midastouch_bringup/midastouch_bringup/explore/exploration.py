@@ -13,6 +13,7 @@ _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuc
 _LEAPS = 0.25  # share of the motions at random: slides alone stay for long where they began
 _PATIENCE = 3  # motions that feel nothing, refused or hopeless suggestions: so many in a row are too many
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
+_BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
 _SHARES = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
 
 Poses = Iterator[np.ndarray]
@@ -51,6 +52,7 @@ class Exploration:
         self.path, self.slides, self.lifts = 0.0, 0, 0
         self.verdict: Verdict | None = None
         self._unfelt = self._refused = self._hopeless = self._sure = 0
+        self._blocked = False
 
     def touch(self) -> Poses:
         """Down onto the surface."""
@@ -58,7 +60,11 @@ class Exploration:
             self.verdict = Verdict(False, f"the finger does not reach {self.world.mesh.name} below it")
 
     def go(self, suggested: Sequence[Motion]) -> Poses:
-        """The first of these motions that can be carried out; without one of them one at random."""
+        """The first of these motions that can be carried out; without one of them one at random.
+
+        Lifts come first where the last slide was blocked: what it was to find out is behind that.
+        """
+        suggested = sorted(suggested, key=lambda motion: not motion.lift) if self._blocked else suggested
         slides = [self.random_slide() for _ in range(_TRIES)]
         leaps = [self.random_leap() for _ in range(_TRIES)]
         at_random = [*leaps, *slides] if self._rng.random() < _LEAPS else [*slides, *leaps]
@@ -113,13 +119,14 @@ class Exploration:
 
     def _carry_out(self, motion: Motion) -> Generator[np.ndarray, None, bool]:
         """Whether it went anywhere."""
-        finger, went = self.world.finger, False
+        finger, went, before = self.world.finger, False, self.path
         last = finger.pose[:3, 3]
         for pose in (finger.leap if motion.lift else finger.slide)(motion.heading, motion.length):
             if not motion.lift:
                 self.path += float(np.linalg.norm(pose[:3, 3] - last))
             last, went = pose[:3, 3], True
             yield pose
+        self._blocked = not motion.lift and self.path - before < _BLOCKED * motion.length
         self.lifts += went and motion.lift
         self.slides += went and not motion.lift
         return went

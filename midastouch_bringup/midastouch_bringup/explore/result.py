@@ -12,7 +12,8 @@ from ..demo.result import result_rows as rows_of_run
 
 @dataclass(frozen=True)
 class Ended:
-    """How it ended: the explorer's state and reason, way on the surface [m], motions; whether a person ended it."""
+    """How it ended: the explorer's state, or "failed", and the reason, way on the surface [m], motions; whether a
+    person ended it."""
 
     state: str
     reason: str
@@ -28,17 +29,12 @@ class Ended:
         return Ended(*fields, by_hand=by_hand)
 
 
-def exploration_result(record: RunRecord, object_name: str, ended: Ended, answering: float, seconds: float) -> dict:
-    """The content of `result.json`; seconds: of the whole run, from the start of the nodes on, and of these from the
-    first answer to the last."""
-    result = demo_result(record, object_name, answering)
-    # one that was told is known
-    objects = record.snapshots[-1].objects or {object_name: 1.0}
-    answer = max(objects, key=objects.get)
-    known = result["state"] == "converged" and answer == object_name
-    right = known and is_found(result["final"]["published pose"])
+def ending(ended: Ended, object_name: str, seconds: float) -> dict:
+    """What `result.json` says of every end, also of one before the filter had an answer; seconds: of the whole run,
+    from the start of the nodes on."""
     return {
-        "right": right,
+        "object": object_name,
+        "right": False,
         "ended": ended.state,
         "reason": ended.reason,
         "by_hand": ended.by_hand,
@@ -46,6 +42,20 @@ def exploration_result(record: RunRecord, object_name: str, ended: Ended, answer
         "slides": ended.slides,
         "lifts": ended.lifts,
         "seconds": seconds,
+    }
+
+
+def exploration_result(record: RunRecord, object_name: str, ended: Ended, answering: float, seconds: float) -> dict:
+    """The content of `result.json`: `ending`, and what the filter answered; answering [s], from its first answer to the
+    last."""
+    result = demo_result(record, object_name, answering)
+    # one that was told is known
+    objects = record.snapshots[-1].objects or {object_name: 1.0}
+    answer = max(objects, key=objects.get)
+    known = result["state"] == "converged" and answer == object_name
+    return {
+        **ending(ended, object_name, seconds),
+        "right": known and is_found(result["final"]["published pose"]),
         "answer": answer,
         "object_probability": objects[answer],
         **result,
@@ -53,15 +63,16 @@ def exploration_result(record: RunRecord, object_name: str, ended: Ended, answer
 
 
 def result_rows(result: dict) -> tuple[list[str], list[list[str]]]:
-    """Header and rows of the table of a result."""
-    header, rows = rows_of_run(result)
+    """Header and rows of the table of a result, or of a mere ending."""
     motions = f"{result['slides']} slides, {result['lifts']} lifts"
     ended = "ended by hand" if result["by_hand"] else f"{result['ended']}: {result['reason']}"
-    own = [
+    rows = [
         ["exploration", ended],
-        ["object for the filter", f"{result['answer']}, {result['object_probability']:.1%}"],
         ["says that it knows, and is right", "yes" if result["right"] else "no"],
         ["way on the surface", f"{1e3 * result['path_m']:.0f} mm, {motions}"],
         ["time from the start of the nodes", f"{result['seconds']:.0f} s"],
     ]
-    return header, own + rows
+    if "answer" in result:
+        rows.insert(1, ["object for the filter", f"{result['answer']}, {result['object_probability']:.1%}"])
+        rows += rows_of_run(result)[1]
+    return [result["object"], ""], rows

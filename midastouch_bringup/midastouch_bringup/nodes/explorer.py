@@ -9,19 +9,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
-from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
 
-from midastouch_filter.nodes.markers import object_mesh
 from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import diagnostics, qos, spin
-from midastouch_perception.ros.conversions import stamp_from_ns
+from midastouch_perception.ros import qos, spin
 from midastouch_perception.ros.node import PipelineNode
 from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.sensor_model import SensorModel
@@ -30,13 +25,13 @@ from ..explore.exploration import Exploration, Motion, Poses
 from ..explore.world import World
 from .explorer_control import ExplorerControl, Order, motion_of
 from .explorer_parameters import PARAMETERS
+from .explorer_report import ExplorerReport
 from .finger_tf import FingerTf
 from .object_change import ObjectChange
 from .suggestion_client import SuggestionClient
 
 _IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
 _AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
-_LAST_WORD_S = 2.0
 _SUGGESTIONS = 24  # asked for: all that are offered
 
 
@@ -57,7 +52,6 @@ class Explorer(PipelineNode):
         self._exploration = Exploration(self._world, rng, settings["max_path"])
 
         self._on_end, self.gave_up = on_end, False
-        self._state, self._reason = ExplorerStatus.STATE_WAITING, "for the filter to see that nothing touches"
         self._heard_at = time.monotonic()
         self._filter_state, self._felt = "", False
         self._poses: Poses | None = None
@@ -65,45 +59,41 @@ class Explorer(PipelineNode):
 
         frames = {name: settings[f"{name}_frame_id"] for name in ("base", "object", "sensor")}
         self._tf = FingerTf(self, self._world, settings["fps"], frames)
-        self._status = self.create_publisher(ExplorerStatus, "~/status", qos.latched())
+        self._report = ExplorerReport(self, self._exploration, frames["base"], frames["object"], lambda: self._tf.stamp)
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
-        self._mesh = self.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
         self._suggestions = SuggestionClient(self, self._on_suggestions, self._refused)
         self._change = ObjectChange(self, self._on_object_changed)
         ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._diagnostics = diagnostics.Diagnostics(self, self._describe)
-        self._show_object()
-        self._tell()
 
     # --- the next pose, once the filter has answered
 
     def _look(self) -> None:
         """Keep images coming while nothing moves, and an answer that does not come from being awaited for ever."""
         now = time.monotonic()
-        if self._over:
+        if self._report.over:
             return
         if (silent := now - self._heard_at) > self._settings["patience"]:
             whose = "of set_object" if self._change.pending else "on filter_status"
             self._end(False, f"no answer {whose} for {silent:.0f} s: do digit_sim and the localisation run?")
             return
-        at_rest = self._state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > _AT_REST_S
+        at_rest = self._report.state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > _AT_REST_S
         if at_rest and not self._change.pending:
             self._tf.publish()
         self._suggestions.look()
 
     def _on_filter(self, status: FilterStatus) -> None:
         ours = status.state != FilterStatus.STATE_WAITING and self._tf.answered(stamp_ns(status.header.stamp))
-        if not ours or self._over:
+        if not ours or self._report.over:
             return
         self._heard_at = time.monotonic()
         # one that does not know yet which object it is says nothing of contact
         touches = status.state != FilterStatus.STATE_NO_CONTACT
         self._filter_state, self._felt = status.state, self._felt or touches
-        if self._state == ExplorerStatus.STATE_WAITING:
+        if self._report.state == ExplorerStatus.STATE_WAITING:
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return  # it has not seen yet what the sensor looks like untouched
-            self._say(ExplorerStatus.STATE_EXPLORING, "touching")
+            self._report.say(ExplorerStatus.STATE_EXPLORING, "touching")
             self._poses = self._exploration.touch()
         self._go_on()
 
@@ -114,7 +104,7 @@ class Explorer(PipelineNode):
         while self._poses is not None and len(self._tf.awaited) < _IN_FLIGHT:
             if next(self._poses, None) is None:
                 self._poses = None
-                self._tell()
+                self._report.tell()
             else:
                 self._tf.publish()
         if self._poses is None and not self._suggestions.pending and not self._tf.awaited:
@@ -126,7 +116,7 @@ class Explorer(PipelineNode):
         if self._orders:
             self._poses = self._orders.popleft()()
             self._go_on()
-        elif self._state == ExplorerStatus.STATE_EXPLORING:
+        elif self._report.state == ExplorerStatus.STATE_EXPLORING:
             self._exploration.judge(self._filter_state, self._felt)
             self._felt = False
             if self._ended():
@@ -138,9 +128,9 @@ class Explorer(PipelineNode):
                 self._follow([])
 
     def _on_suggestions(self, response: SuggestMotion.Response) -> None:
-        if self._over:
+        if self._report.over:
             return
-        if self._state != ExplorerStatus.STATE_EXPLORING:  # a person has the finger by now
+        if self._report.state != ExplorerStatus.STATE_EXPLORING:  # a person has the finger by now
             self._go_on()
         elif not response.success:
             self._refused(response.message)
@@ -152,7 +142,7 @@ class Explorer(PipelineNode):
             self._follow(sorted(response.suggestions, key=lambda each: -each.information))
 
     def _refused(self, why: str) -> None:
-        self._diagnostics.problem("refused_suggestions", f"suggest_motion: {why}")
+        self._report.problem("refused_suggestions", f"suggest_motion: {why}")
         self._exploration.refused(why)
         self._follow([])
 
@@ -163,24 +153,24 @@ class Explorer(PipelineNode):
     def _move(self, motions: Sequence[Motion], reason: str) -> None:
         if self._ended():
             return
-        self._say(self._state, reason)
+        self._report.say(self._report.state, reason)
         self._poses = self._exploration.go(motions)
         self._go_on()
 
     # --- a person
 
     def _take(self, order: Order | None, reason: str) -> str:
-        if self._over or self._state == ExplorerStatus.STATE_WAITING:
-            return f"not while {self._state}: {self._reason}"
+        if self._report.over or self._report.state == ExplorerStatus.STATE_WAITING:
+            return f"not while {self._report.state}: {self._report.reason}"
         if order is not None:
             self._orders.append(order)
-        self._say(ExplorerStatus.STATE_PAUSED, reason)
+        self._report.say(ExplorerStatus.STATE_PAUSED, reason)
         self._go_on()
         return ""
 
     def _resume(self) -> None:
-        if self._state == ExplorerStatus.STATE_PAUSED:
-            self._say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
+        if self._report.state == ExplorerStatus.STATE_PAUSED:
+            self._report.say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
             self._go_on()
 
     def _exchange(self, request: SetObject.Request) -> Poses:
@@ -191,24 +181,18 @@ class Explorer(PipelineNode):
     def _on_object_changed(self, mesh_path: str, why_not: str) -> None:
         """Explore the new object; or leave the finger to the person who wanted one."""
         if why_not:
-            self._say(ExplorerStatus.STATE_PAUSED, f"the object was not changed: {why_not}")
+            self._report.say(ExplorerStatus.STATE_PAUSED, f"the object was not changed: {why_not}")
             return
         try:
             self._world.put(_load(mesh_path))
         except InputError as error:
             self._end(False, str(error))
             return
-        self._show_object()
+        self._report.show_object()
         self._exploration.restart()
         self._poses = self._exploration.touch()
-        self._say(ExplorerStatus.STATE_EXPLORING, f"there is another object: {self._world.mesh.name}")
+        self._report.say(ExplorerStatus.STATE_EXPLORING, f"there is another object: {self._world.mesh.name}")
         self._go_on()
-
-    # --- what it says
-
-    @property
-    def _over(self) -> bool:
-        return self._state in (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
     def _ended(self) -> bool:
         """Whether the exploration has come to a verdict; it is told then."""
@@ -217,32 +201,9 @@ class Explorer(PipelineNode):
         return verdict is not None
 
     def _end(self, known: bool, words: str) -> None:
-        self._say(ExplorerStatus.STATE_KNOWN if known else ExplorerStatus.STATE_GAVE_UP, words)
-        self._status.wait_for_all_acked(Duration(seconds=_LAST_WORD_S))  # the process may end now
+        self._report.end(known, words)
         self.gave_up = not known
         self._on_end()
-
-    def _say(self, state: str, reason: str) -> None:
-        self._state, self._reason = state, reason
-        self.get_logger().info(f"{state}: {reason}")
-        self._tell()
-
-    def _tell(self) -> None:
-        did = self._exploration
-        header = Header(stamp=stamp_from_ns(self._tf.stamp), frame_id=self._settings["base_frame_id"])
-        status = ExplorerStatus(header=header, state=self._state, reason=self._reason)
-        status.path_length, status.slides, status.lifts = did.path, did.slides, did.lifts
-        self._status.publish(status)
-
-    def _show_object(self) -> None:
-        """What is really there, where it is; the filter shows what it takes it for."""
-        header = Header(frame_id=self._settings["object_frame_id"])
-        self._mesh.publish(object_mesh(self._world.mesh.path.resolve().as_uri(), header))
-
-    def _describe(self) -> tuple[bytes, str, dict]:
-        did, level = self._exploration, diagnostics.ERROR if self.gave_up else diagnostics.OK
-        values = {"path_m": f"{did.path:.3f}", "slides": did.slides, "lifts": did.lifts}
-        return level, f"{self._state}: {self._reason}", values
 
 
 def _load(mesh: str) -> ObjectMesh:

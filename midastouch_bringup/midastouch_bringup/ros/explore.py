@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -20,6 +21,7 @@ from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.message_arrays import stamp_ns
@@ -30,9 +32,9 @@ from ..bags.messages import IMAGE_TYPE, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..evaluation.result_file import write_json
 from ..evaluation.table import text_table
-from ..explore.page import write_page
+from ..explore.page import write_page, write_words
 from ..explore.preparation import prepare
-from ..explore.result import Ended, exploration_result, result_rows
+from ..explore.result import Ended, ending, exploration_result, result_rows
 from ..nodes.recorder import TOPICS, Recorder
 from ..output_paths import quick_codebook
 from ..processes.local_domain import LogFolder, local_environment
@@ -66,13 +68,16 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     untold = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
     print(f"a simulated finger explores '{Path(touched).stem}'{untold}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
+    with atomic_path(bag) as temporary:
+        seat = _explore(programs, touched, temporary, out / "log", domain)
+    seconds = time.monotonic() - started
     try:
-        with atomic_path(bag) as temporary:
-            seat = _explore(programs, touched, temporary, out / "log", domain)
-    except NodeFailed as error:
-        print(f"midastouch: error: {error}", file=sys.stderr)
-        return 1
-    seconds, record = time.monotonic() - started, read_run(bag)
+        record = read_run(bag)
+    except InputError as error:  # it ended before the filter had an answer
+        result = ending(seat.ended, Path(seat.mesh).stem, seconds)
+        _tell(result, out)
+        print(f"the same as a page: {write_words(result, str(error), out)}")
+        return 0 if seat.ended.by_hand else 1
     if seat.mesh != touched:  # a person has changed it, and told: what came before was about another one
         record = record.last(1e-9 * seat.since_change_ns).told()
         changed = {"mesh": seat.mesh, "codebook": "", "objects": ""}
@@ -80,11 +85,15 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         touched, codebook = seat.mesh, explored(changed)["codebook"]
     mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, seat.ended, seat.answering, seconds)
-    write_json(out / "result.json", result)
-    print(f"\n{text_table(*result_rows(result))}\n", flush=True)
+    _tell(result, out)
     page = write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
     print(f"pictures and table: {page}\nrecording: {bag}")
     return 0 if result["right"] or seat.ended.by_hand else 1
+
+
+def _tell(result: dict, out: Path) -> None:
+    write_json(out / "result.json", result)
+    print(f"\n{text_table(*result_rows(result))}\n", flush=True)
 
 
 def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> _Seat:
@@ -128,13 +137,14 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, seat: _Sea
             executor.spin_once(timeout_sec=0.1)
             seat.carry_out_keys()
             supervisor.look_after()
-    except NodeFailed:
+    except NodeFailed as error:
         # the explorer ends like that when it gives up
         deadline = time.monotonic() + _LAST_WORDS_S
         while seat.ended is None and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)
         if seat.ended is None:
-            raise
+            print(f"midastouch: error: {error}", file=sys.stderr)
+            seat.fail(error.cause)
     # what the nodes had sent before may still be on its way to the recorder
     quiet_until = time.monotonic() + 0.5
     while time.monotonic() < quiet_until:
@@ -208,6 +218,10 @@ class _Seat(Node):
 
     def _quit(self) -> None:
         self.ended = Ended.of(self._explorer, by_hand=True)
+
+    def fail(self, why: str) -> None:
+        """It ended because a node died."""
+        self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
 
     @property
     def since_change_ns(self) -> int:

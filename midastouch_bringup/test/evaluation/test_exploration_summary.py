@@ -8,18 +8,18 @@ from midastouch_bringup.evaluation.exploration_summary import exploration_table,
 from midastouch_perception.errors import InputError
 
 
-def trial(policy, seed, ending="converged", right=True, path=0.1, among=True):
+def trial(policy, seed, ending="converged", right=True, path=0.1, among=True, rivalled=False):
     asked = None if policy == "random" else [20.0, 30.0]
     return {
         "object": "mug", "policy": policy, "seed": seed, "ending": ending, "right": right, "path_m": path,
-        "truth_among_places": among, "asked_ms": asked,
+        "truth_among_places": among, "rivalled": rivalled, "asked_ms": asked,
     }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def summary():
-    suggested = [trial("suggested", k, path=0.1) for k in range(4)]
-    suggested += [trial("suggested", 4, "alike"), trial("suggested", 5, right=False)]
+    suggested = [trial("suggested", k, path=0.1, rivalled=k < 3) for k in range(4)]
+    suggested += [trial("suggested", 4, "alike", rivalled=True), trial("suggested", 5, right=False)]
     random = [trial("random", k, path=0.2 + 0.1 * k) for k in range(3)]
     random += [trial("random", 3, "given up", path=1.0)]
     return summarise_exploration(suggested + random)
@@ -31,6 +31,8 @@ def test_shares_and_paths(summary):
     assert one["wrong"]["share"] == pytest.approx(1 / 6)
     assert one["alike"]["share"] == pytest.approx(1 / 6)
     assert one["alike_truly"]["share"] == 1.0
+    assert one["rivalled"]["share"] == pytest.approx(4 / 6)
+    assert one["told_apart"]["share"] == pytest.approx(3 / 4)
     assert one["path_m"]["value"] == pytest.approx(0.1)
     assert not one["enough"]
 

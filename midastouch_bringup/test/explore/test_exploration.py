@@ -53,6 +53,17 @@ def test_it_does_what_is_suggested_first(exploration):
     assert (exploration.slides, exploration.lifts) == (1, 1)  # the lift is the first touch
 
 
+def test_where_a_slide_was_blocked_it_lifts_first(exploration, monkeypatch):
+    finger = exploration.world.finger
+    blocked = lambda heading, length: iter([finger.pose])  # noqa: E731  # one image, no way
+    with monkeypatch.context() as patched:
+        patched.setattr(finger, "slide", blocked)
+        list(exploration.go([Motion(0.0, 0.03)]))
+    for motions_are in ((1, 2), (2, 2)):  # the slide comes first again after that
+        list(exploration.go([Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True)]))
+        assert (exploration.slides, exploration.lifts) == motions_are
+
+
 def test_without_a_suggestion_it_goes_somewhere(exploration):
     assert list(exploration.go([]))
     assert exploration.verdict is None

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.bags.run_record import RunRecord
-from midastouch_bringup.explore.result import Ended, exploration_result
+from midastouch_bringup.explore.page import write_words
+from midastouch_bringup.explore.result import Ended, ending, exploration_result
 from midastouch_bringup.report.snapshot import Hypothesis, Snapshot
 from midastouch_perception import se3
 
@@ -41,3 +42,12 @@ def test_else_it_is_wrong(wrong):
 def test_an_object_that_was_told_is_known():
     found = result({})
     assert (found["answer"], found["object_probability"], found["right"]) == ("mug", 1.0, True)
+
+
+def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
+    ended = Ended("gave_up", "still uninitialised after 1.50 m", 1.5, 9, 1)
+    result = ending(ended, "mug", 60.0)
+    assert not result["right"]
+    page = write_words(result, "no frame with a status", tmp_path).read_text()
+    for words in ("A finger explores: mug", ended.reason, "1500 mm, 9 slides, 1 lifts", "no frame with a status"):
+        assert words in page

@@ -72,11 +72,13 @@ def test_a_person_at_the_keyboard_pushes_the_object_and_ends_it(short, tmp_path)
     assert "ended by hand" in (tmp_path / "out" / "explore" / "index.html").read_text()
 
 
-def test_a_node_that_dies_ends_it(short, tmp_path, capsys):
+def test_a_node_that_dies_ends_it_and_the_page_says_so(short, tmp_path, capsys):
     (tmp_path / "broken.npz").write_bytes(b"no codebook")
     words = [word.replace("out/codebooks/eyebolt.npz", "broken.npz") for word in short]
     assert cli.main(["run", "explore", *words]) == 1
     error = capsys.readouterr().err
     assert "particle_filter died" in error
     assert "broken.npz" in error
-    assert not (tmp_path / "out" / "explore" / "index.html").exists()
+    page = (tmp_path / "out" / "explore" / "index.html").read_text()
+    assert "failed: particle_filter died" in page
+    assert "nothing to draw" in page

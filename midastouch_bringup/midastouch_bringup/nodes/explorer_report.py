@@ -1,0 +1,73 @@
+"""What an explorer says of itself: its status, the object that is really there, and diagnostics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from midastouch_filter.nodes.markers import object_mesh
+from midastouch_msgs.msg import ExplorerStatus
+from midastouch_perception.ros import diagnostics, qos
+from midastouch_perception.ros.conversions import stamp_from_ns
+
+from ..explore.exploration import Exploration
+
+_LAST_WORD_S = 2.0
+
+
+class ExplorerReport:
+    """Attributes: state and reason, as of `ExplorerStatus`.
+
+    Args: base and object, names of frames; stamp: of the newest image [ns].
+    """
+
+    def __init__(self, node: Node, exploration: Exploration, base: str, object_: str, stamp: Callable[[], int]):
+        self._did, self._base, self._object, self._stamp = exploration, base, object_, stamp
+        self._log = node.get_logger()
+        self._status = node.create_publisher(ExplorerStatus, "~/status", qos.latched())
+        self._mesh = node.create_publisher(MarkerArray, "~/object_mesh", qos.latched())
+        self._diagnostics = diagnostics.Diagnostics(node, self._describe)
+        self.state, self.reason = ExplorerStatus.STATE_WAITING, "for the filter to see that nothing touches"
+        self.show_object()
+        self.tell()
+
+    @property
+    def over(self) -> bool:
+        """Whether the exploration has ended."""
+        return self.state in (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+
+    def say(self, state: str, reason: str) -> None:
+        """Another state, or another reason."""
+        self.state, self.reason = state, reason
+        self._log.info(f"{state}: {reason}")
+        self.tell()
+
+    def tell(self) -> None:
+        """The same, with how far it has come."""
+        header = Header(stamp=stamp_from_ns(self._stamp()), frame_id=self._base)
+        status = ExplorerStatus(header=header, state=self.state, reason=self.reason)
+        status.path_length, status.slides, status.lifts = self._did.path, self._did.slides, self._did.lifts
+        self._status.publish(status)
+
+    def end(self, known: bool, words: str) -> None:
+        """The last word; the process may end once this returns."""
+        self.say(ExplorerStatus.STATE_KNOWN if known else ExplorerStatus.STATE_GAVE_UP, words)
+        self._status.wait_for_all_acked(Duration(seconds=_LAST_WORD_S))
+
+    def problem(self, name: str, words: str) -> None:
+        """Count a problem."""
+        self._diagnostics.problem(name, words)
+
+    def show_object(self) -> None:
+        """What is really there, where it is; the filter shows what it takes it for."""
+        mesh = self._did.world.mesh.path.resolve().as_uri()
+        self._mesh.publish(object_mesh(mesh, Header(frame_id=self._object)))
+
+    def _describe(self) -> tuple[bytes, str, dict]:
+        level = diagnostics.ERROR if self.state == ExplorerStatus.STATE_GAVE_UP else diagnostics.OK
+        values = {"path_m": f"{self._did.path:.3f}", "slides": self._did.slides, "lifts": self._did.lifts}
+        return level, f"{self.state}: {self.reason}", values
