@@ -86,7 +86,7 @@ COMMANDS = {
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested random",
     "bench": "midastouch bench --paper-networks",
-    "soak": "make soak",
+    "soak": "make soak MINUTES=1",
 }
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved untold"}
 ENOUGH = 100
