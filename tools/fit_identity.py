@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from midastouch_bringup.commands.campaigns import HELD_OUT
+from midastouch_bringup.commands.campaigns import meshes_to_fit_on
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.config import FilterConfig
@@ -26,7 +26,6 @@ from midastouch_filter.identity import Contest, Identification
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.training.objects import TEST_OBJECTS
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -93,8 +92,7 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=5_000, help="of each codebook")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    free = [path for path in sorted(args.meshes.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
-    meshes = [ObjectMesh.load(path) for path in free[:: args.every]]
+    meshes = [ObjectMesh.load(path) for path in meshes_to_fit_on(args.meshes)[:: args.every]]
     stock, slides = Stock(args.out, slides=SlideKind(0.3), codebook_size=args.poses), []
     order = np.random.default_rng(args.seed).permutation(len(meshes))
     for group in np.array_split(order, max(round(len(meshes) / args.catalogue), 1)):

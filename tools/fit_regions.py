@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
-from midastouch_bringup.commands.campaigns import HELD_OUT
+from midastouch_bringup.commands.campaigns import meshes_to_fit_on
 from midastouch_bringup.evaluation.calibration import nees
 from midastouch_bringup.evaluation.disturbances import Scene
 from midastouch_bringup.evaluation.protocols import PROTOCOLS
@@ -33,7 +33,6 @@ from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.policies import Policies, default_policies
 from midastouch_filter.state import CONVERGED
 from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.training.objects import TEST_OBJECTS
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)
@@ -74,9 +73,14 @@ class Scored:
         return np.array(rows).reshape(-1, 4)
 
 
+def surprise(rows: np.ndarray, white: float) -> np.ndarray:
+    """Squared Mahalanobis distances (N,) of the truth, of rows (N, 4), if the factor were of the bias alone."""
+    return rows[:, SURE] / (white + rows[:, BIAS]) ** 2
+
+
 def width(of: dict[str, np.ndarray], white: float) -> float:
     """With which the regions of each of the conditions, rows (N, 4), hold the truth at least as often as they say."""
-    scores = [rows[:, SURE] / (white + rows[:, BIAS]) ** 2 for rows in of.values() if len(rows)]
+    scores = [surprise(rows, white) for rows in of.values() if len(rows)]
     return max(float(np.quantile(each, LEVEL, method="higher")) for each in scores) / chi2.ppf(LEVEL, 6)
 
 
@@ -90,7 +94,7 @@ def sizes(of: dict[str, np.ndarray], white: float, factor: float) -> np.ndarray:
 def shares(of: dict[str, np.ndarray], white: float, factor: float) -> str:
     """How often the truth is in the region, by condition."""
     limit = factor * chi2.ppf(LEVEL, 6)
-    inside = {name: rows[:, SURE] / (white + rows[:, BIAS]) ** 2 <= limit for name, rows in of.items() if len(rows)}
+    inside = {name: surprise(rows, white) <= limit for name, rows in of.items() if len(rows)}
     return ", ".join(f"{name} {each.mean():.0%} of {len(each)}" for name, each in inside.items())
 
 
@@ -102,10 +106,9 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=4, help="n-th training scan is taken")
     parser.add_argument("--poses", type=int, default=20_000, help="of each codebook")
     args = parser.parse_args()
-    free = [path for path in sorted(args.meshes.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
     stock = Stock(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
     found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}
-    for path in free[:: args.every]:
+    for path in meshes_to_fit_on(args.meshes)[:: args.every]:
         mesh = ObjectMesh.load(path)
         slides = [touches.frames(slide, 1) for slide, touches in (stock.touches(mesh, k) for k in range(args.slides))]
         scored = Scored(stock, mesh)

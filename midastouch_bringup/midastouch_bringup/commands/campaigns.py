@@ -47,6 +47,13 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
     outcome.add_json_option(parser)
 
 
+def meshes_to_fit_on(folder: Path) -> list[Path]:
+    """Mesh files of a folder that judge nothing: neither the paper's ten objects nor the ten held out."""
+    from midastouch_perception.training.objects import TEST_OBJECTS
+
+    return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
+
+
 def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
     """The meshes asked for, by name; InputError for a name that fits none or several."""
     from midastouch_perception.mesh import ObjectMesh
