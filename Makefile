@@ -19,7 +19,7 @@ demo: setup
 
 # Without what takes long, a file at a time on every core: under four minutes on two.
 test: lint
-	$(BIN)/python -m pytest -m "not slow" --numprocesses logical --dist loadfile
+	$(BIN)/python -m pytest -m "not slow" --numprocesses logical --maxprocesses 4 --dist loadfile
 
 test-all: lint
 	$(BIN)/python -m pytest
