@@ -251,7 +251,7 @@ class _Seat(Node):
 
     def _show(self) -> None:
         path = f"{1e3 * self._explorer.path_length:.0f} mm"
-        self._bar.set_postfix_str(f"{self._explorer.state} {path} | {self._filter}")
+        self._bar.set_postfix_str(f"{self._explorer.state} {path} | {self._filter}", refresh=False)
 
 
 def _path_of(address: str) -> str:

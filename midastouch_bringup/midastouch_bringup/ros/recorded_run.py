@@ -89,8 +89,9 @@ class _Listener(Node):
         if not self._seen:
             self._first_at = self.heard_at
         self._seen.add(stamp)
+        belief = f"{status.state}, {status.n_particles} particles, {status.n_modes} modes"
+        self._bar.set_postfix_str(belief, refresh=False)
         self._bar.update()
-        self._bar.set_postfix_str(f"{status.state}, {status.n_particles} particles, {status.n_modes} modes")
         self.done = stamp >= self._last_stamp
 
     def destroy_node(self) -> None:
