@@ -99,6 +99,11 @@ VARIANTS = {
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
     "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
+    "codes_no_recovery": Variant(
+        "no alignment to penetration maps, no re-evaluation, no injection",
+        MECHANISM,
+        {"refinement": False, "recovery": False},
+    ),
     "no_kld": Variant("always 50,000 particles", MECHANISM, {"kld_sampling": False}),
     "no_surface": Variant(
         "no surface constraint (only far particles are dropped)",
