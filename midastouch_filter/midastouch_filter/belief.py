@@ -30,6 +30,7 @@ class Belief:
     def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):
         self._lookup, self._finder = lookup, finder
         self._path = 0.0  # since the last look-up
+        self._members: np.ndarray | None = None  # once somebody has asked since they changed
         self.modes: list[Mode] = []
         self.answers: list[Mode] = []
         self._forget_alignment()
@@ -37,7 +38,7 @@ class Belief:
 
     def hold(self, particles: Particles) -> None:
         """Believe in these particles from now on."""
-        self.particles, self.weights = particles, particles.weights
+        self.particles, self.weights, self._members = particles, particles.weights, None
 
     def follow_entries(self, now: np.ndarray) -> None:
         """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""
@@ -52,7 +53,7 @@ class Belief:
         """Set each particle's codebook entry; returns the pose distances (N,) [m] to it."""
         if self._path > self._lookup.reach:
             self._lookup.relocate(self.particles)
-        self._path = 0.0
+        self._path, self._members = 0.0, None
         return self._lookup.follow(self.particles)
 
     def reweigh(self, log_ratio: np.ndarray, tempered: np.ndarray) -> tuple[float, bool]:
@@ -71,6 +72,7 @@ class Belief:
     def cluster(self) -> None:
         """Find the modes anew (paper section 4.3, hypothesis clustering)."""
         self.modes = self.answers = modes_from_moments(self._finder.find(self.particles, self.weights))
+        self._members = None
         self._forget_alignment()
 
     def _forget_alignment(self) -> None:
@@ -95,7 +97,7 @@ class Belief:
             of_member, members = np.append(gains, 0.0), self.members  # the last stands for -1: no mode
             self.particles.log_weights += of_member[members]
             self.weights = self.weights * np.exp(of_member)[members]
-        self.modes = modes_from_moments(finder.moments(self.particles, self.weights))
+        self.modes, self._members = modes_from_moments(finder.moments(self.particles, self.weights)), None
         self.aligned = {k: of_peak[peak] for k, peak in enumerate(finder.peaks) if peak in of_peak}
         self.aligned_to = names
         self.answers = [
@@ -111,7 +113,9 @@ class Belief:
     @property
     def members(self) -> np.ndarray:
         """Mode (N,) int32 of each particle, -1 for none."""
-        return self._finder.members(self.particles)
+        if self._members is None:
+            self._members = self._finder.members(self.particles)
+        return self._members
 
     @property
     def covariance(self) -> np.ndarray:

@@ -100,9 +100,7 @@ class Refinement:
     ) -> dict[int, Aligned]:
         """Posterior of each mode that has a prior, but of those for which several starts disagree."""
         jitter, error = self._noise.jitter, self._noise.finger_error
-        tries = [
-            (k, start) for k in priors for start in self._starts(modes[k], particles, np.flatnonzero(members == k))
-        ]
+        tries = [(k, start) for k in priors for start in self._starts(k, modes[k], particles, members)]
         found = self._workers.map(
             lambda each: align_in_turn(
                 self._alignment, modes[each[0]].pose, priors[each[0]] + jitter, touches, error, each[1]
@@ -113,13 +111,13 @@ class Refinement:
         agreed = {k: self._agreed(optima) for k, optima in of_mode.items()}
         return {k: optimum for k, optimum in agreed.items() if optimum is not None}
 
-    def _starts(self, mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
-        """Poses (4, 4) to look for the optimum from: the mode's own and, if it may hold several, some particles'."""
+    def _starts(self, k: int, mode: Mode, particles: Particles, members: np.ndarray) -> list[np.ndarray]:
+        """Poses (4, 4) to look for mode k's optimum from: its own and, if it may hold several, some particles'."""
         starts = [mode.pose]
         translation, rotation = np.sqrt(np.diag(self._noise.between_entries))[[0, 3]]
         if mode.spread_translation > translation or mode.spread_rotation > rotation:
-            count = min(self._effort.starts, len(members))
-            some = members[np.linspace(0, len(members) - 1, count).astype(int)]
+            own = np.flatnonzero(members == k)
+            some = own[np.linspace(0, len(own) - 1, min(self._effort.starts, len(own))).astype(int)]
             rows = np.concatenate([particles.positions[some], particles.quaternions[some]], axis=1)
             starts += list(se3.from_xyzquat(rows))
         return starts

@@ -1,12 +1,17 @@
-// Eight single-precision numbers at a time, in GCC's and Clang's vector types: every processor runs them.
+// Eight single-precision or four double-precision numbers at a time, in GCC's and Clang's vector types: every processor
+// runs them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 
 inline constexpr int kLanes = 8;
 typedef float Lanes __attribute__((vector_size(kLanes * sizeof(float))));
 typedef int32_t Mask __attribute__((vector_size(kLanes * sizeof(int32_t))));
+
+inline constexpr std::size_t kQuad = 4;
+typedef double Quad __attribute__((vector_size(kQuad * sizeof(double))));
 
 #ifdef __clang__
 #define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
@@ -21,6 +26,14 @@ inline Lanes load(const float* p) {
 }
 
 inline void store(float* p, Lanes x) { std::memcpy(p, &x, sizeof(x)); }
+
+inline Quad load_quad(const double* p) {
+    Quad out;
+    std::memcpy(&out, p, sizeof(out));
+    return out;
+}
+
+inline void store_quad(double* p, Quad x) { std::memcpy(p, &x, sizeof(x)); }
 
 inline Lanes all(float value) { return Lanes{} + value; }
 

@@ -68,6 +68,19 @@ nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbou
     return nb::make_tuple(copy_of(rows), copy_of(others));
 }
 
+// The largest a + b of n; -inf if there are none.
+double largest_sum(const double* a, const double* b, std::size_t n) {
+    Quad most = Quad{} - INFINITY;
+    std::size_t i = 0;
+    for (; i + kQuad <= n; i += kQuad) {
+        const Quad sum = load_quad(a + i) + load_quad(b + i);
+        most = most < sum ? sum : most;
+    }
+    double out = std::max({most[0], most[1], most[2], most[3]});
+    for (; i < n; ++i) out = std::max(out, a[i] + b[i]);
+    return out;
+}
+
 // Bayes' rule in logarithms: log_weights = belief + tempered, normalised, and the weights; returns the logarithms of
 // the sums of exp(belief + evidence) and of exp(belief + tempered), -inf if every particle is ruled out.
 nb::tuple reweigh(In<double, -1> belief, In<double, -1> evidence, In<double, -1> tempered,
@@ -78,12 +91,9 @@ nb::tuple reweigh(In<double, -1> belief, In<double, -1> evidence, In<double, -1>
     double plain, total;
     {
         nb::gil_scoped_release released;
-        double top = -INFINITY, highest = -INFINITY;
-        for (std::size_t i = 0; i < n; ++i) {
-            top = std::max(top, belief.data()[i] + evidence.data()[i]);
-            const double value = log_weights.data()[i] = belief.data()[i] + tempered.data()[i];
-            highest = std::max(highest, value);
-        }
+        const double top = largest_sum(belief.data(), evidence.data(), n);
+        const double highest = largest_sum(belief.data(), tempered.data(), n);
+        for (std::size_t i = 0; i < n; ++i) log_weights.data()[i] = belief.data()[i] + tempered.data()[i];
         double sum_plain = 0, sum_tempered = 0;
         for (std::size_t i = 0; i < n; i += kLanes) {
             const std::size_t here = std::min<std::size_t>(kLanes, n - i);

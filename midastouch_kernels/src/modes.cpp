@@ -13,7 +13,6 @@
 namespace {
 
 constexpr double kValley = 0.5;  // two peaks stay two modes if the density between them falls below this share
-typedef double Quad __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)), may_alias));
 constexpr std::size_t kCoordinates = 8, kSums = kCoordinates * kCoordinates + 1;
 
 // The regions as a graph: neighbours of region r are neighbour[start[r]] up to neighbour[start[r + 1]], ascending.
@@ -129,9 +128,13 @@ Out<double> region_mass(In<int32_t, -1> of_entry, In<int32_t, -1> entries, In<do
 
 // How many of `count` regions the entries belong to.
 std::size_t occupied_regions(In<int32_t, -1> of_entry, In<int32_t, -1> entries, std::size_t count) {
-    std::vector<bool> taken(count);
-    for (std::size_t i = 0; i < entries.shape(0); ++i) taken[of_entry.data()[entries.data()[i]]] = true;
-    return static_cast<std::size_t>(std::count(taken.begin(), taken.end(), true));
+    std::vector<uint8_t> taken(count);
+    std::size_t found = 0;
+    for (std::size_t i = 0; i < entries.shape(0); ++i) {
+        uint8_t& here = taken[of_entry.data()[entries.data()[i]]];
+        found += !here, here = 1;
+    }
+    return found;
 }
 
 // The rank (N,) of the mode of each particle; the last one stands for mode -1.
@@ -148,8 +151,8 @@ Out<int32_t> members(In<int32_t, -1> entries, In<int32_t, -1> of_entry, In<int32
     return out;
 }
 
-// Sums per mode over particles [low, high): of w x x' (8, 8) for x = (1, position, quaternion), relative to the mode's
-// reference and on its quaternion's side; and their number.
+// Sums per mode over particles [low, high): of w x x' (8, 8), less its lower left quarter, for x = (1, position,
+// quaternion), relative to the mode's reference and on its quaternion's side; and their number.
 void sum_modes(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<float, -1, 4> quaternions,
                In<int32_t, -1> entries, In<double, -1> weights, In<int32_t, -1> of_entry,
                In<int32_t, -1> mode_of_region, In<double, -1, kRecord> reference, InOut<double, -1, kSums> out) {
@@ -170,10 +173,10 @@ void sum_modes(std::size_t low, std::size_t high, In<float, -1, 3> positions, In
                                         side * q[0], side * q[1],      side * q[2],      side * q[3]};
         const Quad first{x[0], x[1], x[2], x[3]}, last{x[4], x[5], x[6], x[7]};
         double* sum = out.data() + kSums * mode;
-        for (std::size_t a = 0; a < kCoordinates; ++a) {
-            Quad* row = reinterpret_cast<Quad*>(sum + kCoordinates * a);
-            row[0] += w * x[a] * first;
-            row[1] += w * x[a] * last;
+        for (std::size_t a = 0; a < kCoordinates; ++a) {  // the lower left quarter is the upper right one, turned
+            double* row = sum + kCoordinates * a;
+            if (a < kQuad) store_quad(row, load_quad(row) + w * x[a] * first);
+            store_quad(row + kQuad, load_quad(row + kQuad) + w * x[a] * last);
         }
         sum[kSums - 1] += 1;
     }
@@ -199,7 +202,10 @@ nb::tuple mode_moments(In<double, -1, -1, kSums> partial, In<double, -1, kRecord
         std::copy_n(record, 3, place.data() + 7 * k), std::copy_n(record + 4, 4, place.data() + 7 * k + 3);
         count[k] = static_cast<int64_t>(sums[kSums - 1]);
         const double whole = std::max(mass[k], std::numeric_limits<double>::min());
-        for (std::size_t i = 0; i + 1 < kSums; ++i) square.data()[(kSums - 1) * k + i] = sums[i] / whole;
+        double* mean = square.data() + (kSums - 1) * k;
+        for (std::size_t i = 0; i + 1 < kSums; ++i) mean[i] = sums[i] / whole;
+        for (std::size_t a = kQuad; a < kCoordinates; ++a)
+            for (std::size_t b = 0; b < kQuad; ++b) mean[kCoordinates * a + b] = mean[kCoordinates * b + a];
     }
     return nb::make_tuple(copy_of(order), place, copy_of(mass), copy_of(count), square);
 }

@@ -1,5 +1,6 @@
 // The codebook entry nearest to any pose, exactly: entries in a grid of cells by their position.
 #include "arrays.hpp"
+#include "huge_pages.hpp"
 #include "lanes.hpp"
 #include "pose_distance.hpp"
 #include "quaternion.hpp"
@@ -181,7 +182,7 @@ private:
     std::size_t size_;
     float origin_[3], cell_;
     int shape_[3];
-    std::vector<Eight> eights_;  // those of cell c: start_[c] up to start_[c + 1]
+    Table<Eight> eights_;  // those of cell c: start_[c] up to start_[c + 1]
     std::vector<std::size_t> start_;
 };
 

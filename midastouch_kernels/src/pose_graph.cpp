@@ -1,6 +1,7 @@
 // The codebook's entries as a graph: the one nearest to each particle, by walking along its links, and what its
 // neighbours say there.
 #include "arrays.hpp"
+#include "huge_pages.hpp"
 #include "parallel.hpp"
 #include "pose_distance.hpp"
 
@@ -185,10 +186,10 @@ private:
 
     std::size_t size_, links_, neighbours_, neighbour_count_;  // entries, and the lengths of their padded rows
     float centre_[3];
-    std::vector<float> records_;
-    std::vector<int32_t> link_;   // shortest first
-    std::vector<float> reach_;    // the shortest link of each eight
-    std::vector<int32_t> neighbour_;
+    Table<float> records_;
+    Table<int32_t> link_;  // shortest first
+    Table<float> reach_;   // the shortest link of each eight
+    Table<int32_t> neighbour_;
 };
 
 // Links (M, count) from the nearest entries (M, C), nearest first, at their distances (M, C).

@@ -1,5 +1,6 @@
 // Systematic resampling.
 #include "arrays.hpp"
+#include "lanes.hpp"
 
 #include <numeric>
 
@@ -25,8 +26,12 @@ Out<int64_t> systematic(In<double, -1> weights, std::size_t n, double offset) {
 
 // 1 / sum(w^2), in four sums that need not wait for each other.
 double effective_size(In<double, -1> weights) {
-    double sums[4] = {};
-    for (std::size_t i = 0; i < weights.size(); ++i) sums[i % 4] += weights.data()[i] * weights.data()[i];
+    const std::size_t n = weights.size();
+    const double* w = weights.data();
+    Quad sums{};
+    std::size_t i = 0;
+    for (; i + kQuad <= n; i += kQuad) sums += load_quad(w + i) * load_quad(w + i);
+    for (; i < n; ++i) sums[i % kQuad] += w[i] * w[i];
     return 1 / ((sums[0] + sums[1]) + (sums[2] + sums[3]));
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "arrays.hpp"
+#include "huge_pages.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -47,10 +48,10 @@ public:
     }
 
 private:
-    std::vector<double> corners_;  // (F, 3, 3)
-    std::vector<Ball> balls_;
-    std::vector<int64_t> start_;  // triangles of cell c: items_[start_[c]] up to items_[start_[c + 1]]
-    std::vector<int32_t> items_;
+    Table<double> corners_;  // (F, 3, 3)
+    Table<Ball> balls_;
+    Table<int64_t> start_;  // triangles of cell c: items_[start_[c]] up to items_[start_[c + 1]]
+    Table<int32_t> items_;
     double origin_[3], cell_;
     int64_t shape_[3];
 };

@@ -42,7 +42,8 @@ class DepthStage:
     An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
     teaches the stage how the light drifts.
 
-    Args: tdn; fit, a check that is shown what the network makes of the images; touched, one that is shown the images.
+    Args: tdn; fit, a check that is shown what the network makes of the images; touched, one that is shown the images:
+    both by `reflect`.
     Attributes: skipped, frames by the gate that spared them the network.
     """
 
@@ -53,6 +54,7 @@ class DepthStage:
         self._image: np.ndarray | None = None
         self._background: np.ndarray | None = None
         self._last: Contact | None = None
+        self._unchecked: tuple[np.ndarray, ...] | None = None
         self.skipped = {"image_unchanged": 0, "no_contact": 0}
 
     def process(self, image: np.ndarray, background: np.ndarray) -> Contact:
@@ -81,11 +83,18 @@ class DepthStage:
             self.skipped["no_contact"] += 1
             return self._detector.free()
         penetration = self._tdn.predict(image, background, difference)
+        self._unchecked = difference, penetration, image, background
+        return self._detector.update(penetration)
+
+    def reflect(self) -> None:
+        """Show the last frame to the checks, if it went through the network: best once its contact is out."""
+        if self._unchecked is None:
+            return
+        (difference, penetration, image, background), self._unchecked = self._unchecked, None
         if self._fit is not None:
             self._fit.observe(difference, penetration)
         if self._touched is not None:
             self._touched.observe(image, background)
-        return self._detector.update(penetration)
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:
         """Whether an image offered as no-contact image is `background` with something pressed onto the gel."""

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_perception.contact import Contact
+from midastouch_perception.contact import Contact, in_steps
 from midastouch_perception.errors import InputError
 from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
@@ -76,6 +76,32 @@ def test_an_unchanged_image_reuses_the_contact(touches):
     assert stage.process(images[1], background) is not first
     assert stage.process(images[1], background.copy()) is not first
     assert stage.skipped["image_unchanged"] == 1, "another image or another background is computed"
+
+
+class Watcher:
+    def __init__(self):
+        self.frames = []
+
+    def observe(self, *frame):
+        self.frames.append(frame)
+
+
+def test_checks_see_each_frame_of_the_network_once_after_its_contact_is_out(touches):
+    images, background, _ = touches
+    fit, touched = Watcher(), Watcher()
+    stage = DepthStage(load_tdn("fast"), fit, touched)
+    stage.reflect()
+    contact = stage.process(images[0], background)
+    assert fit.frames == touched.frames == []
+    stage.reflect()
+    assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
+    assert touched.frames[0][0] is images[0]
+    for unseen in (images[0].copy(), background.copy()):  # an unchanged image, and no contact
+        stage.process(unseen, background)
+        stage.reflect()
+    assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
+    felt = contact.penetration > 0
+    np.testing.assert_array_equal(in_steps(fit.frames[0][1])[felt], contact.penetration[felt])
 
 
 def test_the_way_through_a_cloud_changes_no_bit(touches, sensor):

@@ -145,6 +145,7 @@ class TdnNode(ManagedNode):
         self._observe_background(image)
         contact = self._stage.process(image, self._background.image)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
+        self._stage.reflect()
         self._rate.add(time.perf_counter() - started)
 
     def _observe_background(self, image: np.ndarray) -> None:
