@@ -39,7 +39,7 @@ class Stub:
 
 class LaunchConfiguration(Stub):
     def perform(self, given):
-        return given[self.args[0]]
+        return given[self.args[0]] if "default" not in self.kwargs else given.get(self.args[0], self.kwargs["default"])
 
 
 class EqualsSubstitution(Stub):

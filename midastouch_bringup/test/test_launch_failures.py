@@ -1,6 +1,10 @@
 """What the launch files refuse before anything is started, and what ends a launch."""
 
 import re
+import shlex
+import signal
+import subprocess
+import sys
 import types
 
 import pytest
@@ -13,6 +17,7 @@ from fake_launch import (
     ended,
     installation,
     load,
+    perform,
 )
 from launch_rig import AN_ARM, carry_out
 
@@ -64,6 +69,15 @@ def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp
         else:
             carry_out("filter", params_overlay=str(overlay))
 
+
+# its node prints to the test, and is heard to have begun before its parent is killed
+KILLED = """
+import os, shlex, signal, subprocess, sys
+os.mkfifo(sys.argv[2])
+subprocess.Popen(shlex.split(sys.argv[1]))
+open(sys.argv[2]).read()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
 
 WRONG = [
     ("live_ur", {**AN_ARM, "seed": "abc"}, "seed:=abc: must be a whole number"),
@@ -133,6 +147,18 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
             # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
             again = executable not in ("replay", "explorer", "rviz2")
             assert (kwargs.get("respawn", False), kwargs["on_exit"] is None) == (again, again)
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
+    """SIGKILL leaves it no time to end its processes; a prefix is put before a command."""
+    prefix, ready = perform(carry_out("driver")["digit_driver", "digit_driver"]["prefix"], {}), tmp_path / "ready"
+    node = f"trap 'echo told; exit' TERM; echo > {ready}; for _ in $(seq 1000); do sleep 0.1; done; echo forgotten"
+    command = [sys.executable, "-c", KILLED, f"{prefix} sh -c {shlex.quote(node)}", str(ready)]
+    killed = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    # the end of the output is that of the node
+    assert killed.communicate(timeout=120)[0] == "told\n"
+    assert killed.returncode == -signal.SIGKILL
 
 
 @pytest.mark.usefixtures("stand_ins")

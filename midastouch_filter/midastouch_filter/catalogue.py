@@ -150,7 +150,7 @@ def _read(
     mesh = ObjectMesh.load(mesh_path)
     if mesh.sha256 != meta["mesh_sha256"]:
         raise InputError(f"{source}: its mesh {mesh_path} has changed since; build the codebook again")
-    return mesh, Codebook.load(source, first=poses_worth(mesh)), source
+    return mesh, Codebook.load(source, mesh=mesh, first=poses_worth(mesh)), source
 
 
 def _entry(mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel) -> Entry:

@@ -17,14 +17,13 @@ from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 
 from .localiser import LoadedObject
+from .timeline import JUMP_NS
 from .touch import Measurement
 from .transforms.queue import Wait
 
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
 _PATIENCE = 0.25
 _BEHIND_NS = round(1e9 * _PATIENCE)
-# Stamps that run back by more than this are a new run (a looped bag).
-_JUMP_NS = 500_000_000
 _KEPT = 100  # codes
 
 
@@ -74,13 +73,13 @@ class FingerMemory:
 
     def rewind(self, stamp: int) -> None:
         """The reference's time ran back to `stamp` [ns]: forget what was felt before, but not what was felt since."""
-        if self._newest is not None and self._newest > stamp + _JUMP_NS:
+        if self._newest is not None and self._newest > stamp + JUMP_NS:
             self.clear()
         self._asked = min(self._asked, stamp)
 
     def add(self, stamp: int, measurement: Measurement) -> bool:
         """One more code of `stamp` [ns]; False if it or a later one was here before."""
-        if self._newest is not None and stamp <= self._newest - _JUMP_NS:
+        if self._newest is not None and stamp <= self._newest - JUMP_NS:
             self.clear()
         self._heard = self._now()
         if self._newest is not None and stamp <= self._newest:

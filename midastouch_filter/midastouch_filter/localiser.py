@@ -235,7 +235,8 @@ class Localiser:
         self._object.take_growth()
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
         told = moved is not None and stamp is not None and self._stamp is not None
-        elapsed = 1e-9 * (stamp - self._stamp) if told else None
+        # not where the last stamp was far ahead by mistake
+        elapsed = 1e-9 * (stamp - self._stamp) if told and stamp > self._stamp else None
         self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
         self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate

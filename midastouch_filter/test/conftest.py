@@ -75,12 +75,14 @@ class FourierEncoder:
         return (codes / np.linalg.norm(codes, axis=1, keepdims=True)).astype(np.float32)
 
 
-def make_codebook(poses: np.ndarray, codes: np.ndarray, mesh: ObjectMesh | None = None) -> Codebook:
-    """What the filter needs of a codebook; with the mesh, also what it derives from both."""
-    codebook = Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK})
-    if mesh is not None:
-        codebook.derived = derived_arrays(mesh, codebook)
-    return codebook
+def make_codebook(poses: np.ndarray, codes: np.ndarray, derived: dict[str, np.ndarray] | None = None) -> Codebook:
+    """What the filter needs of a codebook; derived: as of `Codebook`, which saves a second with each filter."""
+    return Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05, "tcn": NETWORK}, derived)
+
+
+def of_surface(derived: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What of the derived arrays is of the mesh alone, whatever its codebook."""
+    return {name: array for name, array in derived.items() if not name.endswith(("neighbours", "links"))}
 
 
 def make_slide(mesh: ObjectMesh, n: int, rng: np.random.Generator, step: float = 0.0015) -> np.ndarray:
@@ -117,15 +119,18 @@ def with_pose_noise(poses: np.ndarray, rng: np.random.Generator, sigma_t: float,
 
 @pytest.fixture(scope="session")
 def world() -> SimpleNamespace:
-    """mesh, poses (8000), encode, codebook, and functions above."""
+    """mesh, poses (8000), encode, codebook, of_surface (what is derived of the mesh), and functions above."""
     mesh = bumpy_mesh()
     poses = random_poses(mesh, 8000, np.random.default_rng(1))
     encode = FourierEncoder()
+    codebook = make_codebook(poses, encode(poses))
+    codebook.derived = derived_arrays(mesh, codebook)
     return SimpleNamespace(
         mesh=mesh,
         poses=poses,
         encode=encode,
-        codebook=make_codebook(poses, encode(poses), mesh),
+        codebook=codebook,
+        of_surface=of_surface(codebook.derived),
         bumpy_mesh=bumpy_mesh,
         make_codebook=make_codebook,
         random_poses=random_poses,
@@ -139,7 +144,7 @@ def world() -> SimpleNamespace:
 @pytest.fixture(scope="session")
 def mapped_slide(world) -> SimpleNamespace:
     """A slide on which maps are felt: poses (120, 4, 4); odometry and touches along them; make_filter(**settings)."""
-    book = make_codebook(world.poses, world.encode(world.poses), world.mesh)
+    book = make_codebook(world.poses, world.codebook.codes, world.codebook.derived)
     book.meta["sensor"] = "digit_tacto"
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
     renderer = PenetrationRenderer(world.mesh, SensorModel.load("digit_tacto").scaled(MAP_SCALE))
@@ -171,6 +176,7 @@ def gripper(world) -> SimpleNamespace:
 
     poses = random_poses(mesh, 8000, np.random.default_rng(1))
     book = make_codebook(poses, encode(poses))
+    book.derived = derived_arrays(mesh, book)
     book.meta["sensor"] = "digit_tacto"
     turns = np.linspace(0, 2 * np.pi, 75)
     circle = 0.018 * np.stack([1.4 * np.cos(turns), np.sin(turns), 0 * turns], axis=1)
@@ -219,7 +225,9 @@ def shelf(world):
     for k, mesh in enumerate(meshes):
         poses = world.random_poses(mesh, 3000, np.random.default_rng(k))
         poses = poses[np.maximum(renderers[k].render(poses), 0).max(axis=(1, 2)) > 0]
-        objects.append((mesh, Codebook(poses, encode(k, poses), meta), None))
+        book = Codebook(poses, encode(k, poses), meta)
+        book.derived = derived_arrays(mesh, book)
+        objects.append((mesh, book, None))
 
     def touches(k: int, steps: int = 130):
         truth = world.make_slide(meshes[k], steps, np.random.default_rng(5 + k))

@@ -14,7 +14,7 @@ from midastouch_perception.mesh import ObjectMesh
 NOISE = NoiseModel.of(FilterConfig(threads=1))
 
 
-def described(mesh, poses, codes, **other):
+def described(mesh, poses, codes, derived=None, **other):
     meta = {
         "format": 1,
         "mesh_name": mesh.name,
@@ -26,7 +26,7 @@ def described(mesh, poses, codes, **other):
         "temperature": 0.1,
         "outlier": 0.05,
     }
-    return Codebook(poses, codes, meta | other)
+    return Codebook(poses, codes, meta | other, derived)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,8 @@ def shelf(world, tmp_path_factory):
         poses = world.poses.copy()
         poses[:, :3, 3] *= scale
         book = folder / f"{name}.npz"
-        described(mesh, poses, world.encode(poses), **meta).save(book)
+        derived = world.codebook.derived if scale == 1.0 else None
+        described(mesh, poses, world.encode(poses), derived, **meta).save(book)
         return book
 
     return SimpleNamespace(folder=folder, add=add, books=[add("bumpy"), add("small", 0.8)])
@@ -74,7 +75,7 @@ def test_large_objects_are_worth_more_poses(world):
 
 def test_a_mesh_without_codebook_gets_one(world, shelf):
     mesh = ObjectMesh.load(shelf.folder / "bumpy.ply")
-    book = described(mesh, world.poses[:100], world.encode(world.poses[:100]))
+    book = described(mesh, world.poses[:100], world.encode(world.poses[:100]), world.of_surface)
     catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE)
     assert len(catalogue.codes) == 100
     assert "100 poses" in catalogue.entries[0].load(FilterConfig(threads=1), 0).density

@@ -117,7 +117,8 @@ def slide(world):
 
 
 def coarse_filter(world) -> ParticleFilter:
-    return ParticleFilter(world.mesh, world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500])), CONFIG)
+    codebook = world.make_codebook(world.poses[:1500], world.encode(world.poses[:1500]), world.of_surface)
+    return ParticleFilter(world.mesh, codebook, CONFIG)
 
 
 def test_belief_and_motion_go_on_over_a_denser_codebook(world, slide):

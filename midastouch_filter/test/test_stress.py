@@ -62,7 +62,7 @@ def assert_rigid(poses):
 def some_book(world, mesh, n=300, **changes):
     """A codebook of random contact poses on any mesh."""
     poses = world.random_poses(mesh, n, np.random.default_rng(2))
-    book = world.make_codebook(poses, world.encode(poses))
+    book = world.make_codebook(poses, world.encode(poses), world.of_surface if mesh is world.mesh else None)
     book.meta = {**book.meta, **changes}
     return book
 
@@ -361,8 +361,9 @@ def test_a_book_that_holds_every_pose_twice_works(world):
 )
 def test_books_that_do_not_fit_together_are_refused(world, change, said):
     poses = world.random_poses(world.mesh, 300, np.random.default_rng(2))
+    book = world.make_codebook(*change(poses, world.encode(poses)), world.of_surface)
     with pytest.raises(InputError, match=f"codebook: .*{said}"):
-        ParticleFilter(world.mesh, world.make_codebook(*change(poses, world.encode(poses))), SMALL, 0)
+        ParticleFilter(world.mesh, book, SMALL, 0)
 
 
 @pytest.mark.parametrize("key", ["temperature", "outlier"])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from . import se3
+from .codebook_poses import PRESS
 from .errors import InputError
 from .files import atomic_path, require_file
 from .mesh import ObjectMesh
@@ -15,6 +16,7 @@ from .npz_map import mapped_npz
 
 FORMAT = 1
 _CONTENT = ("poses", "codes", "meta")
+_OUTSIDE = 5e-3  # m outside its mesh's bounds that an entry touches at most; where the gel bridges a gap it is 2 mm
 _DESCRIPTION = ("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn")
 
 
@@ -87,7 +89,21 @@ class Codebook:
         if tcn is not None and tcn != meta["tcn"]:
             raise InputError(f"{path}: built with the network {meta['tcn']}, not with {tcn}; build it again")
         codes /= np.maximum(np.linalg.norm(codes, axis=1, keepdims=True), 1e-12)
-        return cls(se3.from_xyzquat(poses), codes, meta, derived, str(path))
+        book = cls(se3.from_xyzquat(poses), codes, meta, derived, str(path))
+        if mesh is not None:
+            book._require_on(mesh)
+        return book
+
+    def _require_on(self, mesh: ObjectMesh) -> None:
+        """Raise InputError unless all poses touch the space that the mesh takes."""
+        touched = self.poses[:, :3, 3] + PRESS * self.poses[:, :3, 2]
+        low, high = mesh.bounds
+        outside = max((low - touched).max(), (touched - high).max())
+        if outside > _OUTSIDE:
+            raise InputError(
+                f"{self.source}: its poses touch places {1e3 * outside:.0f} mm outside the mesh "
+                f"{mesh.path or mesh.name}; the two do not belong together: midastouch build-codebook makes it again"
+            )
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

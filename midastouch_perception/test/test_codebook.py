@@ -7,6 +7,7 @@ from midastouch_perception import se3
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.errors import InputError
+from midastouch_perception.mesh import ObjectMesh
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,19 @@ def test_mismatches_are_named(book, tool, block, tmp_path):
         Codebook.load(path, mesh=block)
     with pytest.raises(InputError, match=r"built with the network tcn_fast-.*, not with tcn_other"):
         Codebook.load(path, mesh=tool, tcn="tcn_other")
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1.0, 1e4), (1.0, 0.02), (1e3, 0.0)])
+def test_poses_that_are_not_on_the_mesh_are_refused_with_both_files(book, tool, tmp_path, scale, shift):
+    """As of a codebook in millimetres, or one whose poses were moved."""
+    path, mesh_path = tmp_path / "tool.npz", tmp_path / "tool.ply"
+    tool.save(mesh_path)
+    mesh = ObjectMesh.load(mesh_path)
+    poses = book.poses.copy()
+    poses[:, :3, 3] = scale * poses[:, :3, 3] + shift
+    Codebook(poses, book.codes, {**book.meta, "mesh_sha256": mesh.sha256}).save(path)
+    with pytest.raises(InputError, match=r"tool\.npz: .* mm outside the mesh .*tool\.ply; .*build-codebook"):
+        Codebook.load(path, mesh=mesh)
 
 
 def broken(book, path, **change):

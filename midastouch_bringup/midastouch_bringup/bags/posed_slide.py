@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from midastouch_perception.tdn.background import doubtful_share
 
 from ..datasets import load_sequence
 from .frames import read_bag
-from .messages import GEL_FRAME, TRUTH_FRAME
+from .messages import GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME
 from .reader import is_bag
 
 _BACKGROUND_FRAMES = 60
@@ -23,12 +24,19 @@ _MOST_DOUBTFUL = 0.1  # of the image
 class PosedSlide:
     """The slide at `path`. Attribute: poses, T_obj_gel (N, 4, 4), as the robot or a tracker measured them.
 
-    Of a bag, those of its transforms from `object_ground_truth` to `digit_gel_frame`. Raises InputError if there are
-    none, or `path` is no sequence and no bag.
+    Of a bag, the images on `image_topic` and the poses of its transforms from `base_frame`, the object's, to
+    `gel_frame`. Raises InputError if there are none, or `path` is no sequence and no bag.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(
+        self,
+        path: str | Path,
+        image_topic: str = IMAGE_TOPIC,
+        base_frame: str = TRUTH_FRAME,
+        gel_frame: str = GEL_FRAME,
+    ):
         self._path = Path(path)
+        self._frames = partial(read_bag, self._path, image_topic, base_frame, gel_frame)
         self._sequence = None if is_bag(self._path) else load_sequence(self._path)
         if self._sequence is not None:
             self.poses = self._sequence.poses_measured
@@ -60,6 +68,3 @@ class PosedSlide:
                 "(capture_background) and name its --serial"
             )
         return background
-
-    def _frames(self):
-        return read_bag(self._path, base_frame=TRUTH_FRAME, gel_frame=GEL_FRAME)

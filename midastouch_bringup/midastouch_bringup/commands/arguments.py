@@ -39,6 +39,21 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
 
 
+def add_bag_options(parser: argparse.ArgumentParser, base_frame: str = "base_link") -> None:
+    """Add --image-topic, --base-frame and --gel-frame: what `bag_options` takes."""
+    for option, default, metavar, what in (
+        ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
+        ("--base-frame", base_frame, "FRAME", "what the sensor's poses in the bag are told in"),
+        ("--gel-frame", "digit_gel_frame", "FRAME", "the sensor's, in the bag"),
+    ):
+        parser.add_argument(option, default=default, metavar=metavar, help=f"{what} (default {default})")
+
+
+def bag_options(args: argparse.Namespace) -> dict[str, str]:
+    """The values of these options, as arguments of whatever reads a bag."""
+    return {name: getattr(args, name) for name in ("image_topic", "base_frame", "gel_frame")}
+
+
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:
     """--jobs and --cluster."""
     parser.add_argument(

@@ -48,6 +48,7 @@ def add_parser(subparsers) -> None:
         "midastouch benchmark --protocol real_sensor)",
     )
     parser.add_argument("--page", metavar="DIR", help="write a page here that shows every press before and after")
+    arguments.add_bag_options(parser, base_frame="object_ground_truth")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -92,7 +93,7 @@ def _of_object(args: argparse.Namespace, store, sensor):
 
     from ..bags.posed_slide import PosedSlide
 
-    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source)
+    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source, **arguments.bag_options(args))
     chosen = choose_touches(slide.poses, mesh, sensor)
     kept = store.load(sensor.height, sensor.width) if store else None
     background = slide.background(kept)

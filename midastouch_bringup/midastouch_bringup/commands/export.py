@@ -27,6 +27,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
     parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder to write; an existing one is replaced")
+    arguments.add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from ..export.recording import Recording
 
     write = _writer(args.format)  # before a long bag is read
-    recordings = [Recording(path) for path in args.bags]
+    recordings = [Recording(path, **arguments.bag_options(args)) for path in args.bags]
     with atomic_path(args.out) as folder:
         folder.mkdir()
         frames = write(recordings, folder)

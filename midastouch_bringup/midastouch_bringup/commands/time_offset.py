@@ -19,9 +19,7 @@ def add_parser(subparsers) -> None:
         "moment at which images change is compared with that at which the arm moves.",
     )
     parser.add_argument("bag", metavar="BAG", help="bag with images and transforms (.mcap file or folder)")
-    parser.add_argument("--image-topic", default="/image_raw", metavar="TOPIC", help="images (default /image_raw)")
-    parser.add_argument("--base-frame", default="base_link", metavar="FRAME", help="(default base_link)")
-    parser.add_argument("--gel-frame", default="digit_gel_frame", metavar="FRAME", help="(default digit_gel_frame)")
+    arguments.add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -31,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     from ..bags.frames import read_bag
     from ..bags.time_offset import estimate_time_offset
 
-    frames = read_bag(args.bag, args.image_topic, args.base_frame, args.gel_frame)
+    frames = read_bag(args.bag, **arguments.bag_options(args))
     try:
         offset = estimate_time_offset(frames)
     except InputError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from midastouch_perception.message_arrays import image_from_msg, pose_from_msg
 
 from ..bags.frames import BagFrame, read_bag
 from ..bags.images import image_messages
-from ..bags.messages import header_stamp_ns
+from ..bags.messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, header_stamp_ns
 from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
 
@@ -59,11 +60,18 @@ class Recording:
     """The frames of a bag, read as often as asked for.
 
     Attributes: path; object_name, empty where the bag does not say it; columns, that it has. Raises InputError if it
-    is no bag with images and transforms.
+    is no bag with images on `image_topic` and transforms from `base_frame` to `gel_frame`.
     """
 
-    def __init__(self, path: str | Path):
-        self.path = Path(path)
+    def __init__(
+        self,
+        path: str | Path,
+        image_topic: str = IMAGE_TOPIC,
+        base_frame: str = BASE_FRAME,
+        gel_frame: str = GEL_FRAME,
+    ):
+        self.path, self._image_topic = Path(path), image_topic
+        self._posed_frames = partial(read_bag, self.path, image_topic, base_frame, gel_frame)
         self._topics = {topic.name for topic in bag_topics(path)}
         self.object_name = bag_metadata(path).get("object", "")
         self.columns = tuple(self._find_columns(next(self.frames())))
@@ -72,7 +80,7 @@ class Recording:
     def rate(self) -> float:
         """Images per second, as most of them follow each other. Raises InputError for fewer than two."""
         with readable(self.path):
-            stamps = [header_stamp_ns(message.data) for message in image_messages(self.path)]
+            stamps = [header_stamp_ns(message.data) for message in image_messages(self.path, self._image_topic)]
         distinct = np.unique(stamps)
         if len(distinct) < 2:
             raise InputError(f"{self.path}: one image is no recording; record a slide")
@@ -84,7 +92,7 @@ class Recording:
         states = answers(self.path) if STATUS in self._topics else {}
         felt = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
         newest = -1
-        for posed in read_bag(self.path):
+        for posed in self._posed_frames():
             stamp = posed.stamp_ns
             if stamp <= newest:
                 continue

@@ -111,7 +111,8 @@ class View(PipelineNode):
 
     def _status(self, msg: FilterStatus) -> None:
         stamp = stamp_ns(msg.header.stamp)
-        if msg.state != FilterStatus.STATE_WAITING:  # else earlier frames are still to be answered
+        # waiting: earlier frames are still to be answered; stale: its stamp may be what was wrong with it
+        if msg.state not in (FilterStatus.STATE_WAITING, FilterStatus.STATE_STALE):
             if stamp < self._stamp - _JUMP_NS:
                 self._scene.restart()
             self._stamp = stamp

@@ -6,6 +6,7 @@ description has begun, ends, and leaves them running.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from launch_ros.substitutions import ExecutableInPackage
 from midastouch_perception.errors import InputError
 
 from ..processes.parameter_files import written
+from ..processes.process import bound_to_us
 from .launch_arguments import ARGUMENTS, SHARE, parameters
 from .setups import SETUPS, Executable, Include
 
@@ -167,6 +169,8 @@ def _processes(executable: Executable) -> OpaqueFunction:
             "respawn_delay": 2.0,
             "on_exit": None if respawn else ends_the_launch(unless_done=executable.ends),
             "output": "screen",
+            # a launch that is killed cannot end its processes; then what it would take by itself (a debugger)
+            "prefix": [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")],
         }
         if executable.name in _LIFECYCLE_NODES:
             return [LifecycleNode(name=executable.name, **options)]

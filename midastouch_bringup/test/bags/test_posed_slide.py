@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from recorded import SECOND, image, tf, write
 
 from midastouch_bringup.bags.messages import SEQUENCE_TOPICS, sequence_messages
 from midastouch_bringup.bags.posed_slide import PosedSlide
@@ -49,3 +50,16 @@ def test_a_bag_without_the_object_s_place_is_refused(simulated_sequence, tmp_pat
 def test_what_is_no_slide_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such sequence folder"):
         PosedSlide(tmp_path / "nothing")
+
+
+def test_topic_and_frames_of_a_bag_may_have_other_names(tmp_path):
+    turned = [0.2, 0, 0, 0, 0, 1, 0]
+    messages = [
+        message
+        for stamp in (SECOND, 2 * SECOND)
+        for message in (tf(stamp, turned, "part", "left_gel"), image(stamp, topic="/left/image_raw"))
+    ]
+    names = {"image_topic": "/left/image_raw", "base_frame": "part", "gel_frame": "left_gel"}
+    slide = PosedSlide(write(tmp_path / "left.mcap", *messages), **names)
+    np.testing.assert_allclose(slide.poses[:, 0, 3], 0.2)
+    assert len(slide.images([0, 1])) == 2

@@ -1,9 +1,11 @@
-from types import SimpleNamespace
+import sys
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
 
+from midastouch_bringup import cli
 from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_perception.codebook import FORMAT, Codebook
@@ -77,3 +79,29 @@ def test_bundled_objects_are_meshes_by_name():
 def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
     with pytest.raises(InputError, match="handle_tool"):
         arguments.load_mesh("teapot")
+
+
+@pytest.mark.parametrize(
+    ("command", "reader"),
+    [
+        (["time-offset", "a.mcap"], "midastouch_bringup.bags.frames.read_bag"),
+        (["export", "a.mcap", "--format", "hdf5", "--out", "out"], "midastouch_bringup.export.recording.Recording"),
+        (
+            ["calibrate", "a.mcap", "--object", "handle_tool", "--out", "c.npz"],
+            "midastouch_bringup.bags.posed_slide.PosedSlide",
+        ),
+    ],
+)
+def test_whatever_reads_a_bag_takes_the_names_in_it(monkeypatch, capsys, command, reader):
+    asked = {}
+
+    def read(path, **names):
+        asked[str(path)] = names
+        raise InputError("asked")
+
+    monkeypatch.setitem(sys.modules, "h5py", ModuleType("h5py"))  # of an extra; nothing is written
+    monkeypatch.setattr(reader, read)
+    names = ["--image-topic", "/left/image_raw", "--base-frame", "part", "--gel-frame", "left_gel"]
+    assert cli.main([*command, *names]) == 2
+    assert "asked" in capsys.readouterr().err
+    assert asked == {"a.mcap": {"image_topic": "/left/image_raw", "base_frame": "part", "gel_frame": "left_gel"}}

@@ -50,6 +50,17 @@ def test_a_bag_with_compressed_images_alone_is_a_recording(tmp_path):
     assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
 
 
+def test_topic_and_frames_may_have_other_names(tmp_path):
+    """As of the left finger of two, on another arm."""
+    stamps = [SECOND, SECOND + SECOND // 10]
+    names = {"image_topic": "/left/image_raw", "base_frame": "a_base", "gel_frame": "left_gel"}
+    places = [tf(stamp, STILL, "a_base", "left_gel") for stamp in stamps]
+    images = [image(stamp, topic="/left/image_raw") for stamp in stamps]
+    recording = Recording(write(tmp_path / "left.mcap", *places, *images), **names)
+    assert recording.rate == pytest.approx(10)
+    assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
+
+
 def test_a_folder_is_no_bag(tmp_path):
     with pytest.raises(InputError, match="not a bag"):
         Recording(tmp_path)

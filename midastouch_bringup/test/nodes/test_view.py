@@ -139,6 +139,14 @@ def test_a_looped_bag_clears_the_scene_once(graph, scene, view):
     assert names == ["status", "status", "restart", "status", "status"]
 
 
+def test_a_frame_that_is_dropped_for_its_stamp_is_no_loop(graph, scene, view):
+    statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
+    for n, (stamp, state) in enumerate(((10, "ambiguous"), (0, "stale"), (11, "ambiguous"))):
+        statuses.publish(FilterStatus(header=header(stamp * SECOND), state=state))
+        graph.spin_until(lambda n=n: len(scene.of("status")) == n + 1, "a status")
+    assert scene.of("restart") == []
+
+
 def test_answers_behind_the_word_that_a_newer_frame_waits_are_no_loop(graph, scene, view):
     statuses = graph.publisher(FilterStatus, "filter_status", latched=True)
     for n, (stamp, state) in enumerate(((10, "ambiguous"), (13, "waiting"), (11, "lost"), (12, "lost"))):

@@ -16,7 +16,9 @@ from midastouch_perception.ros.managed_node import ManagedNode
 from ..localiser import Localiser
 from ..perceived import measurement_from_msg
 from ..state import STALE, UNINITIALISED
+from ..timeline import Judgement, Timeline
 from ..touch import Measurement
+from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics, fingers_of
@@ -24,9 +26,6 @@ from .map_source import MapSource
 from .node_clock import NodeClock
 from .status_report import StatusReport
 from .transform_source import TransformSource
-
-# Stamps that run back by more than this are a new run (a looped bag); by less, a message out of order.
-_JUMP_NS = 500_000_000
 
 
 class CodeProcessor:
@@ -50,7 +49,7 @@ class CodeProcessor:
         self._node, self._localiser, self._clock, self._on_estimate = node, localiser, clock, on_estimate
         self._parameters, self._problem = node.parameters, node.diagnostics.problem
         self.network_id = ""
-        self._newest: int | None = None
+        self._timeline = Timeline(self._newest_transform, clock.now)
         self._last_arrival: float | None = None
         self._silent = False
         self._base, self._sensor = self._parameters["base_frame_id"], self._parameters["sensor_frame_id"]
@@ -108,17 +107,38 @@ class CodeProcessor:
 
     def on_code(self, stamp: int, measurement: Measurement) -> None:
         """Take one code, stamp in ns; it is answered when its transform is there."""
-        if self._newest is not None and stamp < self._newest - _JUMP_NS:
-            self.transforms.rewind(stamp)
-            self._reset(stamp)
-        elif self._newest is not None and stamp <= self._newest:
+        judged = self._timeline.judge(stamp, measurement)
+        self._obey(judged)
+        if judged.held:
+            self.report.wait(stamp, "stamped before the last code: time ran back if the next code says so, too")
+        elif judged.late:
             self.report.counts["out_of_order"] += 1
             self.report.say(stamp, STALE, "out of order: this code or a later one was here before")
-            return
-        self._newest, self.network_id = stamp, measurement.network_id
-        self._last_arrival, self._silent = self._clock.now(), False
-        self._queue.push(stamp, measurement)
+
+    def _obey(self, judged: Judgement) -> None:
+        for stamp in judged.odd:
+            self._refuse(stamp)
+        if judged.ran_back:
+            self._reset(judged.taken[0][0])
+        for stamp, measurement in judged.taken:
+            self.network_id = measurement.network_id
+            self._last_arrival, self._silent = self._clock.now(), False
+            self._queue.push(stamp, measurement)
         self._process_queue()
+
+    def _refuse(self, stamp: int) -> None:
+        """A code whose stamp is wrong."""
+        self._queue.remove(stamp)
+        self.report.counts["odd_stamps"] += 1
+        reason = f"stamped {1e-9 * stamp:.3f} s, unlike the codes before and after: dropped"
+        self._problem("odd_stamps", f"tactile/code: {reason}; is the sensor's clock right, has it one publisher only?")
+        self.report.say(stamp, STALE, reason)
+
+    def _newest_transform(self) -> int | None:
+        try:
+            return self.transforms.latest_stamp(self._base, self._sensor)
+        except TransformError:
+            return None
 
     def forgive_silence(self) -> None:
         """Nobody was silent until now: the node did not listen."""
@@ -168,15 +188,13 @@ class CodeProcessor:
         self._localiser.reflect()
 
     def _on_transforms_jump(self, stamp: int) -> None:
-        # heard of later than it happened: codes from after the jump may be here already
-        if self._newest is not None and self._newest > stamp + _JUMP_NS:
-            self._reset(stamp)
+        self._obey(self._timeline.ask_again())
 
     def _reset(self, stamp: int) -> None:
-        """Time ran back to `stamp` [ns]. TF and codes may both tell of the same jump, so it counts once."""
+        """Time ran back to `stamp` [ns]."""
+        self.transforms.rewind(stamp)
         self._queue.clear()
         self._fingers.rewind(stamp)
-        self._newest = None
         if self._localiser.untouched:
             return
         self.report.counts["time_jumps"] += 1
@@ -184,7 +202,8 @@ class CodeProcessor:
         self._localiser.restart()
 
     def _on_timer(self) -> None:
-        self._process_queue()
+        self._obey(self._timeline.ask_again())
+        self._obey(self._timeline.give_up(self._parameters["transform_timeout"]))
         timeout = self._parameters["input_timeout"]
         if self._last_arrival is None or self._silent or self._queue:
             return

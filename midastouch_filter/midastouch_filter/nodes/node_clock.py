@@ -14,10 +14,13 @@ class NodeClock:
         self._node = node
         # paused simulated time must not run out the time-outs
         self._patience = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
+        self._last = self._gone = 0.0
 
     def now(self) -> float:
-        """Seconds by which time-outs run."""
-        return 1e-9 * self._patience.now().nanoseconds
+        """Seconds by which time-outs run; simulated time that jumps back does not turn them back."""
+        last, self._last = self._last, 1e-9 * self._patience.now().nanoseconds
+        self._gone += max(0.0, last - self._last)
+        return self._last + self._gone
 
     def steady_now(self) -> float:
         """Seconds that pass in any case."""

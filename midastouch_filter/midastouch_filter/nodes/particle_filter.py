@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from midastouch_perception.ros import spin
+from midastouch_perception.ros import diagnostics, spin
 from midastouch_perception.ros.managed_node import ManagedNode
+from midastouch_perception.ros.only_publisher import OnlyPublisher
 
 from ..catalogue import Catalogue
 from ..catalogue_localiser import CatalogueLocaliser
@@ -46,7 +47,7 @@ class ParticleFilterNode(ManagedNode):
         super().__init__("particle_filter", PARAMETERS, **node_options)
         self._load, self._build, self._subscribe = load, build, subscribe
         self._codes: CodeProcessor | None = None  # of the active node
-        self._time = NodeClock(self)
+        self._time, self._codes_from = NodeClock(self), OnlyPublisher(self, "tactile/code")
         self._out = EstimatePublisher(self, self.parameters, self._time.now)
         FilterServices(self, self._active_localiser, self._change_object)
         self._advice = MotionAdvice(
@@ -125,6 +126,8 @@ class ParticleFilterNode(ManagedNode):
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
         level, message, values = self._codes.report.describe()
+        if self._subscribe and (problem := self._codes_from.problem):
+            level, message = max(level, diagnostics.WARN), problem
         if (loaded := self._localiser.object) is not None:
             values["codebook"] = loaded.density
         if isinstance(self._localiser, CatalogueLocaliser) and (identity := self._localiser.identity) is not None:

@@ -74,6 +74,10 @@ class TransformQueue:
         """Queue `payload` until its transform at `stamp` [ns] is there."""
         self._items.append((stamp, payload, self._now(), self._steady()))
 
+    def remove(self, stamp: int) -> None:
+        """Forget what waits at `stamp` [ns], if it does."""
+        self._items = deque(item for item in self._items if item[0] != stamp)
+
     def clear(self) -> list[int]:
         """Forget everything that waits; returns the stamps [ns]."""
         stamps = [stamp for stamp, *_ in self._items]

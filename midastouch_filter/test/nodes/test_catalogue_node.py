@@ -40,7 +40,8 @@ def folder(shelf, tmp_path_factory):
             "mesh_path": str(path),
             "sensor_id": "",
         }
-        Codebook(entry.codebook.poses, entry.codebook.codes, entry.codebook.meta | meta).save(path.with_suffix(".npz"))
+        book = entry.codebook
+        Codebook(book.poses, book.codes, book.meta | meta, book.derived).save(path.with_suffix(".npz"))
     return folder
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
@@ -63,14 +66,21 @@ def test_image_older_than_all_transforms_is_given_up_at_once(graph):
     assert bench.statuses[1].state == "ambiguous"
 
 
-def test_paused_simulated_time_does_not_run_out(graph):
-    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
-    clock = graph.publisher(Clock, "/clock")
+def simulated_clock(bench: Bench) -> Callable[[float], None]:
+    """A function that sets the node's clock [s]."""
+    clock = bench.graph.publisher(Clock, "/clock")
 
-    def tick(seconds: float):
+    def tick(seconds: float) -> None:
         now = round(seconds * SECOND)
         clock.publish(Clock(clock=code_msg(now).header.stamp))
-        graph.spin_until(lambda: bench.node.get_clock().now().nanoseconds == now)
+        bench.graph.spin_until(lambda: bench.node.get_clock().now().nanoseconds == now)
+
+    return tick
+
+
+def test_paused_simulated_time_does_not_run_out(graph):
+    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
+    tick = simulated_clock(bench)
 
     tick(10.0)
     bench.codes.publish(code_msg(10 * SECOND))
@@ -79,4 +89,21 @@ def test_paused_simulated_time_does_not_run_out(graph):
     assert bench.statuses == []
     tick(10.5)
     graph.spin_until(lambda: bench.statuses)
+    assert bench.statuses[0].state == "stale"
+
+
+def test_simulated_time_that_jumps_back_does_not_stretch_the_timeout(graph):
+    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
+    tick = simulated_clock(bench)
+
+    tick(1e6)
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    tenths = itertools.count(100)
+
+    def goes_on() -> bool:
+        tick(0.1 * next(tenths))
+        return bool(bench.statuses)
+
+    graph.spin_until(goes_on, "the answer")
     assert bench.statuses[0].state == "stale"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
 from filter_fakes import SECOND, code_msg, tf_msg, translation
@@ -40,11 +41,53 @@ def test_looped_bag_whose_code_overtakes_its_transform(graph):
     bench = Bench(graph, **OBJECT)
     bench.frame(100 * SECOND, translation(1.0))
     bench.codes.publish(code_msg(10 * SECOND))
-    graph.spin_until(lambda: len(bench.filter.starts) == 2)
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    assert bench.filter.starts == ["uniform"]
     bench.tf.publish(tf_msg(10 * SECOND, translation(0.1)))
     graph.spin_until(lambda: bench.answered()[-1] == 10 * SECOND)
     assert bench.statuses[-1].state == "ambiguous"
     assert bench.filter.starts == ["uniform"] * 2
+
+
+def test_a_second_code_tells_of_a_loop_before_any_transform(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(1.0))
+    for stamp in (10, 11):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    graph.spin_until(lambda: len(bench.filter.starts) == 2, "the restart")
+    for stamp in (10, 11):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(0.1)))
+    graph.spin_until(lambda: bench.answered()[-2:] == [10 * SECOND, 11 * SECOND])
+    assert [status.state for status in bench.statuses[-2:]] == ["ambiguous"] * 2
+
+
+@pytest.mark.parametrize("wrong", [0, 50, 103, 5000])
+def test_a_single_wrong_stamp_is_dropped_and_said(graph, wrong):
+    """Of a driver that loses its clock for one image."""
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(0.0))
+    bench.codes.publish(code_msg(wrong * SECOND))
+    graph.spin_until(lambda: bench.waited(wrong * SECOND), "the word that it waits")
+    for stamp in (101, 102):
+        assert bench.frame(stamp * SECOND, translation(0.01)).state == "ambiguous"
+    assert bench.filter.starts == ["uniform"]
+    np.testing.assert_allclose(bench.filter.odometry[1], translation(0.01), atol=1e-9)
+    (refused,) = bench.answers(wrong * SECOND)
+    assert refused.state == "stale"
+    assert "dropped" in refused.reason
+    assert skipped(bench.statuses[-1])["odd_stamps"] == bench.node.diagnostics.counts["odd_stamps"] == 1
+    assert skipped(bench.statuses[-1])["time_jumps"] == 0
+
+
+def test_a_wrong_stamp_that_nobody_follows_is_answered_in_the_end(graph, patience):
+    bench = Bench(graph, **OBJECT, transform_timeout=0.5)
+    bench.frame(100 * SECOND)
+    bench.codes.publish(code_msg(0))
+    graph.spin_until(lambda: bench.waited(0), "the word that it waits")
+    patience.now += 0.6
+    graph.spin_until(lambda: bench.answers(0), "the answer")
+    assert bench.statuses[-1].state == "stale"
+    assert bench.filter.starts == ["uniform"]
 
 
 def test_repeated_and_late_stamps_are_answered_but_not_counted_twice(graph):

@@ -18,6 +18,7 @@ from ..pointcloud import penetration_from_cloud
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import float32_to_msg
 from ..ros.managed_node import AUTOSTART, ManagedNode
+from ..ros.only_publisher import OnlyPublisher
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
@@ -51,7 +52,7 @@ class TcnNode(ManagedNode):
         self._codes = self.create_publisher(
             TactileCode, "tactile/code", qos.stage_publisher(self.parameters["queue_depth"])
         )
-        self._rate = diagnostics.Rate()
+        self._rate, self._clouds_from = diagnostics.Rate(), OnlyPublisher(self, "tactile/points")
         self.autostart()
 
     def configure(self) -> None:
@@ -102,7 +103,9 @@ class TcnNode(ManagedNode):
 
     def describe(self) -> tuple[bytes, str, dict]:
         """Level, message and values for the diagnostics."""
-        return diagnostics.OK, "", {**self._rate.values(), **self._stage.skipped}
+        problem = self._clouds_from.problem if self._subscribe else ""
+        level = diagnostics.WARN if problem else diagnostics.OK
+        return level, problem, {**self._rate.values(), **self._stage.skipped}
 
 
 def main(args=None) -> int:

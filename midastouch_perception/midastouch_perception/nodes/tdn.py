@@ -19,6 +19,7 @@ from ..pointcloud import cloud_from_penetration
 from ..ros import diagnostics, qos, spin
 from ..ros.conversions import image_to_msg, points_to_msg
 from ..ros.managed_node import AUTOSTART, ManagedNode
+from ..ros.only_publisher import OnlyPublisher
 from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
@@ -96,7 +97,7 @@ class TdnNode(ManagedNode):
         self._penetration = self.create_publisher(Image, "tactile/penetration", out)
         self._contact = self.create_publisher(TactileContact, "tactile/contact", out)
         self._captures = CaptureService(self, self._contact_in, lambda image: self._background.replace(image))
-        self._rate = diagnostics.Rate()
+        self._rate, self._images_from = diagnostics.Rate(), OnlyPublisher(self, "image_raw")
         self._unseen_clouds = 0
         self.autostart()
 
@@ -186,7 +187,12 @@ class TdnNode(ManagedNode):
         values = {**self._rate.values(), "background": self._background.source, **self._stage.skipped}
         values["no_subscriber"] = self._unseen_clouds
         values |= {**self._fit.values, "calibration": str(self._calibration)}
-        if problem := self._background.problem or self._misfit() or self._calibration.problem:
+        if (
+            problem := self._images_from.problem
+            or self._background.problem
+            or self._misfit()
+            or self._calibration.problem
+        ):
             return diagnostics.WARN, problem, values
         if self._background.change > self.parameters["still_threshold"]:
             return (

@@ -45,22 +45,28 @@ def test_without_a_no_contact_image_one_is_made(digit, presses, real):
     assert made.figures["felt_radius_after"] == pytest.approx(RADIUS, rel=0.15)
 
 
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda digit: digit.image([]), "nothing touches the gel"),
-        (lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]), "two contacts"),
-        (lambda digit: digit.image([(3, 160, 1.5e-3)]), "cut off|not one ball"),
-        (lambda digit: np.zeros_like(digit.background), "black"),
-        (lambda digit: np.full_like(digit.background, 255), "saturated"),
-        (lambda digit: np.roll(digit.background, 60, axis=1), "differs from the no-contact image everywhere"),
-    ],
-)
-def test_images_that_cannot_be_used_are_named_with_the_reason(digit, presses, real, spoil, said):
-    made = calibrate({**presses, "bad.png": spoil(digit)}, digit.background, DIAMETER, real)
-    (bad,) = (press for press in made.presses if press.name == "bad.png")
+SPOILED = {
+    "nothing touches the gel": lambda digit: digit.image([]),
+    "two contacts": lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]),
+    "cut off|not one ball": lambda digit: digit.image([(3, 160, 1.5e-3)]),
+    "black": lambda digit: np.zeros_like(digit.background),
+    "saturated": lambda digit: np.full_like(digit.background, 255),
+    "differs from the no-contact image everywhere": lambda digit: np.roll(digit.background, 60, axis=1),
+}
+
+
+@pytest.fixture(scope="module")
+def beside_spoiled(digit, presses, real):
+    """A calibration from presses among which are images that cannot be used, named by what is wrong with them."""
+    spoiled = {said: spoil(digit) for said, spoil in SPOILED.items()}
+    return calibrate({**presses, **spoiled}, digit.background, DIAMETER, real)
+
+
+@pytest.mark.parametrize("said", SPOILED)
+def test_images_that_cannot_be_used_are_named_with_the_reason(beside_spoiled, said):
+    (bad,) = (press for press in beside_spoiled.presses if press.name == said)
     assert any(reason in bad.problem for reason in said.split("|")), bad.problem
-    assert made.calibration.presses >= 9
+    assert beside_spoiled.calibration.presses >= 9
 
 
 def test_too_few_usable_presses_are_refused_with_the_reasons(digit, presses, real):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from perception_fakes import BACKGROUND, image_msg, touched
+from rclpy.node import Node
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from tdn_rig import REPLAY, start, warnings_of
@@ -14,6 +15,7 @@ from tdn_rig import REPLAY, start, warnings_of
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
+from midastouch_perception.ros import qos
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore
@@ -138,3 +140,14 @@ def test_images_turned_since_the_background_are_named_in_the_diagnostics(graph, 
         images.publish(image_msg(lit_gel()[:, ::-1] + np.uint8(stamp % 3), stamp + 1))
     graph.spin_until(lambda: any("against" in text for text in warned()))
     assert "look mirrored left to right against the no-contact image" in next(t for t in warned() if "against" in t)
+
+
+def test_two_publishers_of_the_images_are_named(graph, depth, background):
+    """Two drivers that were started by mistake, or a bag beside a live camera."""
+    start(graph, depth, background=background)
+    warned = warnings_of(graph)
+    for name in ("digit_driver", "replay"):
+        assert warned() == []
+        graph.add(Node, node_name=name, namespace="cell").create_publisher(Image, "/image_raw", qos.stream_publisher())
+    graph.spin_until(lambda: warned())
+    assert warned()[0] == "/image_raw has 2 publishers: /cell/digit_driver, /cell/replay; stop all but one of them"

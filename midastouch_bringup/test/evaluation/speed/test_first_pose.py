@@ -2,7 +2,7 @@ import pytest
 
 from midastouch_bringup.evaluation.speed.first_pose import first_poses, summarise_first_poses
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
-from midastouch_filter import quick_start
+from midastouch_filter import growth, quick_start
 from midastouch_filter.config import FilterConfig
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
@@ -10,6 +10,7 @@ from midastouch_perception.objects import bundled_objects
 
 def test_the_first_touch_of_each_slide_is_answered(tmp_path, monkeypatch):
     monkeypatch.setattr(quick_start, "SIZE", 300)
+    monkeypatch.setattr(growth, "LEVELS", (400,))  # not what is measured
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
     stock = Stock(tmp_path, slides=SlideKind(0.02))
     trials = first_poses(mesh, stock, (0, 1), FilterConfig(max_particles=500, threads=1))
