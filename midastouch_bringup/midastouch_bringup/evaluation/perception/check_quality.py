@@ -192,6 +192,7 @@ def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -
     stage = DepthStage(tdn, check, touched)
     for image in images:
         stage.process(image, background)
+        stage.reflect()
     return check, touched
 
 
