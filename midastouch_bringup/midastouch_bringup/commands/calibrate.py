@@ -52,6 +52,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from midastouch_perception.ball_calibration.gain import require_gain
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn.background_store import store_of
 
@@ -72,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
             return code
     else:
         result, images = _of_object(args, store, sensor) if args.object else _of_presses(args, sensor)
+        require_gain(result.figures)
         result.calibration.save(path)
     if args.optics:
         _measure_optics(args, images, result)

@@ -13,6 +13,7 @@ from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
+from .gain import felt_errors
 from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .presses import Press, background_behind, look_at, visible_share
 from .refine import refine_contacts
@@ -29,8 +30,8 @@ class Result:
     """calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less beside it
     (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
     calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation`; of a ball also its radius [m] by the slopes, felt_radius_before and felt_radius_after); doubt
-    about the ball's diameter, in words, empty if there is none."""
+    (`cross_validation` and `felt_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
+    felt_radius_after); doubt about the ball's diameter, in words, empty if there is none."""
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -53,6 +54,7 @@ def calibrate(
 
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
+    Whether it is worth keeping: `require_gain` of its figures.
     """
     if not FEWEST <= len(images) <= MOST:
         raise InputError(f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses, in different places")
@@ -83,6 +85,7 @@ def calibrate(
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, and give its diameter"
         )
+    figures |= felt_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 

@@ -13,6 +13,7 @@ from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .fit import Result, made_of
+from .gain import felt_errors
 from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .pose_refinement import refine_poses
 from .presses import Press, image_problem
@@ -55,7 +56,8 @@ def calibrate_on_object(
     """Calibrate from images (320, 240, 3) uint8 RGB by name of touches at poses T_obj_gel (N, 4, 4).
 
     Poses may be off as tracked ones are. background: no-contact image; sensor: full size. Raises InputError if the
-    images do not allow it: too few usable touches, another object, other poses.
+    images do not allow it: too few usable touches, another object, other poses. Whether it is worth keeping:
+    `require_gain` of its figures.
     """
     half = sensor.for_maps
     light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
@@ -80,6 +82,7 @@ def calibrate_on_object(
             f"{100 * figures['explained_after']:.0f} % of the slopes of touches it has not seen); check the mesh, its "
             "frame, the hand-eye calibration and the clocks of camera and arm (midastouch time-offset)"
         )
+    figures |= felt_errors([images[touch.name] for touch in touches], penetrations, held_out, background, sensor)
     return Result(calibration, touches, penetrations, half, background, held_out, figures)
 
 

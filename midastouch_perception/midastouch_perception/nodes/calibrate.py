@@ -12,6 +12,7 @@ from std_srvs.srv import Trigger
 
 from ..ball_calibration.collector import PressCollector
 from ..ball_calibration.fit import MOST, Result, calibrate
+from ..ball_calibration.gain import require_gain
 from ..ball_calibration.held_out import FEWEST
 from ..errors import InputError
 from ..files import atomic_path
@@ -116,6 +117,7 @@ class CalibrateNode(PipelineNode):
         try:
             with self._diagnostics.kept_up():
                 result = calibrate(self.images, self._background, self._diameter, self._sensor, self._serial)
+            require_gain(result.figures)
             result.calibration.save(self._path)
         except InputError as error:
             self.failure = str(error)
