@@ -16,7 +16,7 @@ from .fit import Result, made_of
 from .gain import felt_errors
 from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .pose_refinement import refine_poses
-from .presses import Press, image_problem
+from .presses import Press, image_problem, reasons
 
 _TOUCHES = 40  # of a slide: more tell little more
 _PRESSED = 0.2e-3  # m: less leaves hardly a trace
@@ -68,8 +68,7 @@ def calibrate_on_object(
     touches, penetrations = _refined(touches, poses, PenetrationRenderer(mesh, half))
     usable = sum(not touch.problem for touch in touches)
     if usable < FEWEST:
-        reasons = "; ".join(f"{touch.name}: {touch.problem}" for touch in touches if touch.problem)
-        raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons}")
+        raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons(touches)}")
     changes = [touch.change for touch in touches]
     used = [(change, p) for change, p in zip(changes, penetrations, strict=True) if p is not None]
     require_upright(*zip(*used, strict=True), half.pixel_size)
