@@ -117,6 +117,8 @@ class SensorCalibration:
         """Read a calibration. Raises InputError if there is none or it is not one."""
         require_file(path, "calibration")
         try:
+            if not zipfile.is_zipfile(path):
+                raise ValueError("no NPZ file")
             with np.load(path, allow_pickle=False) as file:
                 if int(file["format"]) != _FORMAT:
                     raise ValueError(f"format {int(file['format'])}")

@@ -149,8 +149,8 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
         if press.problem:
             print(f"{press.name}: not used: {press.problem}")
     print(text_table(["on touches not calibrated with, median", "before", "after", "truth"], figure_rows(result)))
-    if result.doubt and args.source != "live":  # where the guide has said so
-        print(f"warning: {result.doubt}")
+    for warning in result.warnings if args.source != "live" else ():  # where the guide has said so
+        print(f"warning: {warning}")
     if args.page:
         print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")
 

@@ -31,8 +31,8 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
         f"{calibration.touched}, of {len(result.presses)} images, {calibration.date}. Each is felt with a calibration "
         "that was made without it."
     )
-    if result.doubt:
-        page.note(f"Warning: {result.doubt}.")
+    for warning in result.warnings:
+        page.note(f"Warning: {warning}.")
     page.table(["median", "before", "after", "truth"], figure_rows(result))
     figure = relief_figure(_rows(result, images, sensor), TITLES)
     page.picture(save(figure, folder / "presses.png"), "Presses before and after")
@@ -46,13 +46,14 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
 def figure_rows(result: Result) -> list[list[str]]:
     """What the calibration is worth: name, before, after, truth."""
     figures, diameter = result.figures, result.calibration.ball_diameter
+    lengths = {name: 1e3 * value for name, value in figures.items()}
     rows = [
         _row(figures, "steepness", "steepness of the slopes, of the true ones", 1.0),
         _row(figures, "explained", "share of the slopes explained", 1.0),
+        _row(lengths, "felt_error", "error of the felt depth, mm", 0.0),
     ]
     if diameter:
-        radius = {name: 1e3 * value for name, value in figures.items()}
-        rows.insert(0, _row(radius, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
+        rows.insert(0, _row(lengths, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
     return rows
 
 

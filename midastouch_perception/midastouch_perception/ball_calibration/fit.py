@@ -13,11 +13,13 @@ from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
+from .gain import felt_errors, gain_doubt
 from .held_out import FEWEST, cross_validation, fitted, require_upright
-from .presses import Press, background_behind, look_at, visible_share
+from .presses import Press, background_behind, look_at, reasons, visible_share
 from .refine import refine_contacts
 
 MOST = 40
+_LARGEST_BALL = 0.1  # m
 _EXPLAINED = 0.3  # of a press, by the light of all
 _VISIBLE = 0.7
 _WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
@@ -29,8 +31,8 @@ class Result:
     """calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less beside it
     (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
     calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation`; of a ball also its radius [m] by the slopes, felt_radius_before and felt_radius_after); doubt
-    about the ball's diameter, in words, empty if there is none."""
+    (`cross_validation` and `felt_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
+    felt_radius_after); doubt about the ball's diameter, in words, empty if there is none."""
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -40,6 +42,11 @@ class Result:
     held_out: list[SensorCalibration | None]
     figures: dict[str, float]
     doubt: str = ""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What to think of before it is used."""
+        return [said for said in (self.doubt, gain_doubt(self.figures)) if said]
 
 
 def calibrate(
@@ -54,6 +61,8 @@ def calibrate(
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
+    if not 0 < ball_diameter <= _LARGEST_BALL:
+        raise InputError(f"ball of {ball_diameter:g} m diameter: give it in metres, 0.006 for 6 mm")
     if not FEWEST <= len(images) <= MOST:
         raise InputError(f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses, in different places")
     for name, image in images.items():
@@ -81,8 +90,9 @@ def calibrate(
         raise InputError(
             f"the presses do not agree with one ball of {1e3 * ball_diameter:g} mm (a calibration explains "
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
-            "straight and without sliding, and give its diameter"
+            "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
+    figures |= felt_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 
@@ -124,8 +134,7 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
 def _require_enough(presses: list[Press]) -> None:
     usable = sum(not press.problem for press in presses)
     if usable < FEWEST:
-        reasons = "; ".join(f"{press.name}: {press.problem}" for press in presses if press.problem)
-        raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons}")
+        raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}")
 
 
 def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:

@@ -13,9 +13,10 @@ from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .fit import Result, made_of
+from .gain import felt_errors
 from .held_out import FEWEST, cross_validation, fitted, require_upright
 from .pose_refinement import refine_poses
-from .presses import Press, image_problem
+from .presses import Press, image_problem, reasons
 
 _TOUCHES = 40  # of a slide: more tell little more
 _PRESSED = 0.2e-3  # m: less leaves hardly a trace
@@ -66,8 +67,7 @@ def calibrate_on_object(
     touches, penetrations = _refined(touches, poses, PenetrationRenderer(mesh, half))
     usable = sum(not touch.problem for touch in touches)
     if usable < FEWEST:
-        reasons = "; ".join(f"{touch.name}: {touch.problem}" for touch in touches if touch.problem)
-        raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons}")
+        raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons(touches)}")
     changes = [touch.change for touch in touches]
     used = [(change, p) for change, p in zip(changes, penetrations, strict=True) if p is not None]
     require_upright(*zip(*used, strict=True), half.pixel_size)
@@ -80,6 +80,7 @@ def calibrate_on_object(
             f"{100 * figures['explained_after']:.0f} % of the slopes of touches it has not seen); check the mesh, its "
             "frame, the hand-eye calibration and the clocks of camera and arm (midastouch time-offset)"
         )
+    figures |= felt_errors([images[touch.name] for touch in touches], penetrations, held_out, background, sensor)
     return Result(calibration, touches, penetrations, half, background, held_out, figures)
 
 

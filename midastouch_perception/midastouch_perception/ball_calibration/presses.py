@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -58,8 +60,21 @@ def image_problem(image: np.ndarray, seen: np.ndarray) -> str:
     if problem := exposure_problem(image, 0.5):
         return problem
     if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
-        return f"differs from the no-contact image everywhere, by {quiet:.0f} grey levels"
+        return f"differs everywhere, by {quiet:.0f} grey levels, from the no-contact image; capture that anew"
     return ""
+
+
+def reasons(presses: Sequence[Press]) -> str:
+    """Why presses are not used, in words: each kind of reason once, as the first press has it."""
+    kinds: dict[str, list[Press]] = {}
+    for press in presses:
+        if press.problem:
+            kinds.setdefault(re.sub(r"\d+", "", press.problem), []).append(press)
+    said = []
+    for first, *others in kinds.values():
+        more = f" and {len(others)} more" if others else ""
+        said.append(f"{first.name}{more}: {first.problem}")
+    return "; ".join(said)
 
 
 def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:

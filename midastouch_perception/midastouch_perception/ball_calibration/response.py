@@ -14,7 +14,6 @@ TERMS = 12  # of the colours
 _PLACES = 6  # of the position
 _TOUCHED = 0.85  # radii: at the rim the gel leaves the ball
 _BESIDE = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
-_BESIDE_WEIGHT = 0.3  # of a pixel beyond, where it is flat and only shadows fall
 _EVERY = 2  # px; neighbours say the same
 _LEAST_EXPLAINED = 0.5
 _FLAT = np.array([0.1, 1, 1, 2, 2, 2])  # how much sooner a term of the position is kept small than the constant
@@ -91,13 +90,19 @@ class NormalEquations:
 def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
     """What one press of a ball tells: steep as the ball well inside, flat away from it whatever the shadows.
 
+    Both count alike, however small the contact is. Counted by pixels, the flat gel would outweigh it ten times: colours
+    of which shadows are made as well would stand for too little slope, and each press would read too flat by the share
+    that it has of them.
+
     change (H, W, 3) grey levels; penetration (H, W) m, negative beside the contact (`ball_penetration`); pixel, m per
     pixel.
     """
     touched = (penetration > 0).astype(np.uint8)
     radius = np.sqrt(touched.sum() / np.pi)
     beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
-    weight = np.where(well_inside(penetration), np.float32(1), np.float32(_BESIDE_WEIGHT) * beyond)
+    inside = well_inside(penetration)
+    evenly = min(1.0, inside.sum() / max(beyond.sum(), 1))
+    weight = np.where(inside, np.float32(1), np.float32(evenly) * beyond)
     return NormalEquations.of(change, height_slopes(np.maximum(penetration, 0), pixel), weight)
 
 

@@ -122,7 +122,7 @@ class CalibrateNode(PipelineNode):
             self._tell(f"no calibration: {error}")
             return
         self.result, self.failure = result, ""
-        self._tell(*filter(None, [result.doubt, self._outcome()]))
+        self._tell(*result.warnings, self._outcome())
 
     def _keep_image(self, name: str, image: np.ndarray) -> None:
         if self._presses is None:
@@ -157,8 +157,8 @@ class CalibrateNode(PipelineNode):
         if self.failure:
             return diagnostics.ERROR, f"{self.failure} (begin again: ~/restart)", values
         if self.result is not None:
-            doubt = self.result.doubt
-            return diagnostics.WARN if doubt else diagnostics.OK, doubt or self._outcome(), values
+            said = "; ".join(self.result.warnings)
+            return diagnostics.WARN if said else diagnostics.OK, said or self._outcome(), values
         if collector.done:
             return diagnostics.OK, "calibrating", values
         return diagnostics.OK, collector.next_step, {**values, "region": collector.missing_region}

@@ -51,7 +51,7 @@ SPOILED = {
     "cut off|not one ball": lambda digit: digit.image([(3, 160, 1.5e-3)]),
     "black": lambda digit: np.zeros_like(digit.background),
     "saturated": lambda digit: np.full_like(digit.background, 255),
-    "differs from the no-contact image everywhere": lambda digit: np.roll(digit.background, 60, axis=1),
+    "differs everywhere, by": lambda digit: np.roll(digit.background, 60, axis=1),
 }
 
 
@@ -74,7 +74,7 @@ def test_too_few_usable_presses_are_refused_with_the_reasons(digit, presses, rea
     with pytest.raises(InputError, match="4 images; calibration needs 5 to 40"):
         calibrate(few, digit.background, DIAMETER, real)
     free = {"free.png": digit.image([]), "again.png": digit.image([])}
-    with pytest.raises(InputError, match=r"4 of 6 presses can be used, 5 are needed\. free\.png: nothing touches"):
+    with pytest.raises(InputError, match=r"4 of 6 presses can be used, 5 are needed\. free\.png and 1 more: nothing"):
         calibrate({**few, **free}, digit.background, DIAMETER, real)
 
 
@@ -92,6 +92,17 @@ def test_turned_or_swapped_images_are_refused(digit, presses, real, wrong):
     images = {name: np.ascontiguousarray(wrong(image)) for name, image in presses.items()}
     with pytest.raises(InputError, match="turned or mirrored, have red and blue swapped"):
         calibrate(images, np.ascontiguousarray(wrong(digit.background)), DIAMETER, real)
+
+
+@pytest.mark.parametrize("diameter", [0.0, 6.0])
+def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, diameter):
+    with pytest.raises(InputError, match=r"give it in metres, 0\.006 for 6 mm"):
+        calibrate(presses, digit.background, diameter, real)
+
+
+def test_a_no_contact_image_with_a_touch_in_it_is_named_as_a_cause(digit, presses, real):
+    with pytest.raises(InputError, match="no-contact image"):
+        calibrate(presses, digit.image([(120, 160, 2e-3)]), DIAMETER, real)
 
 
 def test_images_of_another_size_are_refused(digit, presses, real):

@@ -33,7 +33,7 @@ def digit():
     sensor = SensorModel.load("digit_real")
     rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
     lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
-    return PressedSensor(sensor, lamps[None], DIAMETER / 2, np.random.default_rng(1))
+    return PressedSensor(sensor, lamps[None], DIAMETER / 2, np.random.default_rng(10))
 
 
 @pytest.fixture(scope="module")
