@@ -19,7 +19,7 @@ from midastouch_perception.codebook_poses import PRESS
 from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
-from .slide_prediction import log_weight_at
+from .slide_prediction import nearest_and_log_weight
 
 _AROUND = 9  # entries around a pose: a place lies between them
 _SOME = 16  # poses, from which it is told what is usual
@@ -50,9 +50,9 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     codes, log_weight = np.empty((*shape, _AROUND, measurement.dimension), np.float32), np.empty(shape)
     for model, group in by_model(hypotheses):
         some = poses[:, :, group]
-        entries = model.lookup.around(some.reshape(-1, 4, 4), _AROUND)
-        codes[:, :, group] = model.measurement.codes[entries].reshape(*some.shape[:3], _AROUND, -1)
-        log_weight[:, :, group] = log_weight_at(model, some)
+        entries, log_weight[:, :, group] = nearest_and_log_weight(model, some)
+        around = model.lookup.around(entries.ravel(), _AROUND)
+        codes[:, :, group] = model.measurement.codes[around].reshape(*some.shape[:3], _AROUND, -1)
     every = np.arange(len(hypotheses))
     touch = codes[every, :, every]
     cosines = touch @ codes.reshape(*shape[:2], -1, measurement.dimension).swapaxes(2, 3)
@@ -67,17 +67,21 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
 
 
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
-    """Share (N,) of each map that is left once poses (N, 4, 4), known as well as entries are, are aligned to it."""
+    """Share (N,) of each map that is left once poses (N, 4, 4), known as well as entries are, are aligned to it.
+
+    All of it where the gel is so far from the surface that the filter would drop the pose. Nearer ones are moved along
+    their axes onto the surface first: no contact would have no slope to align along.
+    """
+    off = model.surface.distance_of(poses[:, :3, 3]) + PRESS
+    near = np.abs(off) <= model.config.dead_distance
+    settled = se3.make(poses[near, :3, :3], poses[near, :3, 3] - off[near, None] * poses[near, :3, 2])
     align = model.alignment.align
-    pairs = list(zip(_settled(model, poses), maps, strict=True))
-    return 1.0 - np.array(model.workers.map(lambda pair: align(pair[0], noise.between_entries, pair[1]).fit, pairs))
-
-
-def _settled(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 4, 4) moved along their axes onto a near surface: no contact would have no slope to align along."""
-    normal, reach = poses[:, :3, 2], model.surface.reach
-    off = np.clip(model.surface.distance_of(poses[:, :3, 3]) + PRESS, -reach, reach)
-    return se3.make(poses[:, :3, :3], poses[:, :3, 3] - off[:, None] * normal)
+    fits = model.workers.map(
+        lambda pair: align(pair[0], noise.between_entries, pair[1]).fit, list(zip(settled, maps[near], strict=True))
+    )
+    out = np.ones(len(poses))
+    out[near] -= fits
+    return out
 
 
 def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
