@@ -9,12 +9,14 @@ several times the newest counts: `reports/<date>/NAME.json`.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 from midastouch_bringup.evaluation.calibration import WEIGHTS
+from midastouch_bringup.evaluation.exploration_summary import summarise_exploration
 from midastouch_bringup.evaluation.paired import error_ratio
 from midastouch_bringup.evaluation.variants import DEFAULT
 from midastouch_filter.config import FilterConfig
@@ -470,7 +472,7 @@ def exploration() -> Table:
     if "exploration" not in reported():
         return header, [[UNMEASURED, *["-"] * 8]]
     content, rows = report("exploration"), []
-    for name, one in content["exploration"].items():
+    for name, one in summarise_exploration(content["trials"]).items():
         cells = [f"too few ({one['trials']})"] * 6
         if one["enough"]:
             path, ratio, asked = one["path_m"], one["path_ratio"], one["asked_ms"]
@@ -481,11 +483,11 @@ def exploration() -> Table:
     return header, rows
 
 
-def _millimetres(path: float | None) -> str:
-    return "never" if path is None else f"{1e3 * path:.0f}"
+def _millimetres(path: float) -> str:
+    return "never" if math.isinf(path) else f"{1e3 * path:.0f}"
 
 
-def _millimetres_between(interval: list[float | None] | None) -> str:
+def _millimetres_between(interval: list[float] | None) -> str:
     return "-" if interval is None else "...".join(map(_millimetres, interval))
 
 
@@ -495,7 +497,7 @@ def twins() -> Table:
     header += ["converged wrong", "path until right, median", "report"]
     if "twins" not in reported():
         return header, [[UNMEASURED, *["-"] * 7]]
-    (one,) = report("twins")["exploration"].values()
+    (one,) = summarise_exploration(report("twins")["trials"]).values()
     cells = [f"too few ({one['trials']})"] * 5
     if one["enough"]:
         cells = [_share(one[key]) for key in ("rivalled", "told_apart", "said_alike", "wrong")]
