@@ -15,7 +15,7 @@ from midastouch_perception.simulation.surface_walk import MIN_PROGRESS
 
 from .object_model import ObjectModel
 
-_STEP = 5e-3  # m; a gel is 19 mm wide
+_STEP = 7.5e-3  # m; a gel is 19 mm wide
 
 
 def predict_slides(
