@@ -9,12 +9,14 @@ several times the newest counts: `reports/<date>/NAME.json`.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 from midastouch_bringup.evaluation.calibration import WEIGHTS
+from midastouch_bringup.evaluation.exploration_summary import summarise_exploration
 from midastouch_bringup.evaluation.paired import error_ratio
 from midastouch_bringup.evaluation.variants import DEFAULT
 from midastouch_filter.config import FilterConfig
@@ -86,6 +88,8 @@ COMMANDS = {
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
     "--policy suggested random",
+    "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
+    "--policy suggested",
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak MINUTES=1",
 }
@@ -464,24 +468,41 @@ def identification() -> Table:
 def exploration() -> Table:
     """A finger that is told where to touch next, against one that goes anywhere."""
     header = ["finger goes", "trials", "converged right", "converged wrong", "said alike", "path until right, median"]
-    header += ["over that of random", "report"]
+    header += ["over that of random", "answers within, CPU", "report"]
     if "exploration" not in reported():
-        return header, [["*not measured yet*", *["-"] * 7]]
+        return header, [[UNMEASURED, *["-"] * 8]]
     content, rows = report("exploration"), []
-    for name, one in content["exploration"].items():
-        cells = [f"too few ({one['trials']})"] * 5
+    for name, one in summarise_exploration(content["trials"]).items():
+        cells = [f"too few ({one['trials']})"] * 6
         if one["enough"]:
-            path, ratio = one["path_m"], one["path_ratio"]
-            value = "never" if path["value"] is None else f"{1e3 * path['value']:.0f}"
-            until = (
-                "-"
-                if path["interval"] is None
-                else "...".join("never" if bound is None else f"{1e3 * bound:.0f}" for bound in path["interval"])
-            )
+            path, ratio, asked = one["path_m"], one["path_ratio"], one["asked_ms"]
             cells = [_share(one[key]) for key in ("right", "wrong", "alike")]
-            cells += [f"{value} mm ({until})", "-" if ratio is None else f"{ratio:.2f}"]
+            cells += [f"{_millimetres(path['value'])} mm ({_millimetres_between(path['interval'])})"]
+            cells += ["-" if ratio is None else f"{ratio:.2f}", "-" if asked is None else f"{asked:.0f} ms"]
         rows.append([content["config"]["policies"][name], one["trials"], *cells, "[exploration]"])
     return header, rows
+
+
+def _millimetres(path: float) -> str:
+    return "never" if math.isinf(path) else f"{1e3 * path:.0f}"
+
+
+def _millimetres_between(interval: list[float] | None) -> str:
+    return "-" if interval is None else "...".join(map(_millimetres, interval))
+
+
+def twins() -> Table:
+    """Places that feel alike but for what lies elsewhere: are they told apart, or is it said that they cannot be?"""
+    header = ["objects", "trials", "another place competed", "of these told apart", "of these said alike"]
+    header += ["converged wrong", "path until right, median", "report"]
+    if "twins" not in reported():
+        return header, [[UNMEASURED, *["-"] * 7]]
+    (one,) = summarise_exploration(report("twins")["trials"]).values()
+    cells = [f"too few ({one['trials']})"] * 5
+    if one["enough"]:
+        cells = [_share(one[key]) for key in ("rivalled", "told_apart", "said_alike", "wrong")]
+        cells.append(f"{_millimetres(one['path_m']['value'])} mm ({_millimetres_between(one['path_m']['interval'])})")
+    return header, [[", ".join(one["objects"]), one["trials"], *cells, "[twins]"]]
 
 
 def real() -> Table:
@@ -761,8 +782,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        paper, localisation, converged, weights, regions, events, identification, exploration, start, codebooks, real,
-        grasps, peers,
+        paper, localisation, converged, weights, regions, events, identification, exploration, twins, start, codebooks,
+        real, grasps, peers,
         variants, slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak,
         commands,
     )

@@ -19,7 +19,7 @@ from midastouch_perception.codebook_poses import PRESS
 from .hypotheses import Hypothesis
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
-from .slide_prediction import log_weight_at
+from .slide_prediction import nearest_and_log_weight
 
 _AROUND = 9  # entries around a pose: a place lies between them
 _SOME = 16  # poses, from which it is told what is usual
@@ -50,9 +50,9 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     codes, log_weight = np.empty((*shape, _AROUND, measurement.dimension), np.float32), np.empty(shape)
     for model, group in by_model(hypotheses):
         some = poses[:, :, group]
-        entries = model.lookup.around(some.reshape(-1, 4, 4), _AROUND)
-        codes[:, :, group] = model.measurement.codes[entries].reshape(*some.shape[:3], _AROUND, -1)
-        log_weight[:, :, group] = log_weight_at(model, some)
+        entries, log_weight[:, :, group] = nearest_and_log_weight(model, some)
+        around = model.lookup.around(entries.ravel(), _AROUND)
+        codes[:, :, group] = model.measurement.codes[around].reshape(*some.shape[:3], _AROUND, -1)
     every = np.arange(len(hypotheses))
     touch = codes[every, :, every]
     cosines = touch @ codes.reshape(*shape[:2], -1, measurement.dimension).swapaxes(2, 3)
@@ -66,18 +66,23 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     return (of_right - score).mean(axis=2)
 
 
+def in_reach(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
+    """Whether gels at poses (N, 4, 4) are near enough to the surface for the filter not to drop them, (N,)."""
+    return np.abs(_off(model, poses)) <= model.config.dead_distance
+
+
+def _off(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
+    """How far (N,) [m] gels at poses (N, 4, 4) are over where they would be pressed as those of codebooks are."""
+    return model.surface.distance_of(poses[:, :3, 3]) + PRESS
+
+
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
-    """Share (N,) of each map that is left once poses (N, 4, 4), known as well as entries are, are aligned to it."""
+    """Share (N,) of each map that is left once poses (N, 4, 4) `in_reach`, known as well as entries are, are aligned to
+    it. They are moved along their axes onto the surface first: no contact would have no slope to align along."""
+    settled = se3.make(poses[:, :3, :3], poses[:, :3, 3] - _off(model, poses)[:, None] * poses[:, :3, 2])
     align = model.alignment.align
-    pairs = list(zip(_settled(model, poses), maps, strict=True))
+    pairs = list(zip(settled, maps, strict=True))
     return 1.0 - np.array(model.workers.map(lambda pair: align(pair[0], noise.between_entries, pair[1]).fit, pairs))
-
-
-def _settled(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 4, 4) moved along their axes onto a near surface: no contact would have no slope to align along."""
-    normal, reach = poses[:, :3, 2], model.surface.reach
-    off = np.clip(model.surface.distance_of(poses[:, :3, 3]) + PRESS, -reach, reach)
-    return se3.make(poses[:, :3, :3], poses[:, :3, 3] - off[:, None] * normal)
 
 
 def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
@@ -98,13 +103,20 @@ def map_evidence(
     noise: NoiseModel,
 ) -> np.ndarray:
     """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right place against each of
-    W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. What is wrong with real maps, as
-    with the last one, no place explains."""
+    W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the surface
+    nothing is explained; what is wrong with real maps, as with the last one, no place explains."""
     if not len(at_right):
         return np.zeros(at_wrong.shape[:2])
-    maps, usual = right.model.alignment.render(at_right), usually_unexplained(right, at_right, noise)
+    usual = usually_unexplained(right, at_right, noise)
+    near = np.stack([in_reach(each.model, at_wrong[:, k]) for k, each in enumerate(wrong)], axis=1)
+    told = np.flatnonzero(near.any(axis=1))
+    maps = np.empty((len(at_right), *right.model.alignment.map_shape), np.float32)
+    maps[told] = right.model.alignment.render(at_right[told])
+    found = np.ones(near.shape)
+    for k, each in enumerate(wrong):
+        some = near[:, k]
+        found[some, k] = unexplained(each.model, at_wrong[some, k], maps[some], noise)
     real = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
-    found = np.stack([unexplained(each.model, at_wrong[:, k], maps, noise) for k, each in enumerate(wrong)], axis=1)
     usual, found = np.minimum(usual + real, 1.0), np.minimum(found + real, 1.0)
     # a touch of which less is left than usual is simple, not evidence against the right place
     return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(found), 0.0)

@@ -35,9 +35,8 @@ from .workers import Workers
 UNKNOWN = "unknown"
 """Name of what is none of the catalogue's objects."""
 
-IDENTIFYING = Effort(shortlist=800, kept=24)
-"""The shortlist is of the whole catalogue; of an object fewer places are kept, as some of each are."""
-
+# the shortlist is of the whole catalogue; of an object fewer places are kept, as some of each are
+_EFFORT = Effort(shortlist=800, kept=24)
 _TOUCHES = 32  # kept; more than for a place, as an object does not become another one while it is slid over
 _CARRIED = 6  # places that are asked for again; codes bring up the others
 _WORTH_NAMING = 0.01
@@ -109,25 +108,17 @@ class Contest:
 class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
-    Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them; effort.
+    Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them.
     Attributes: window of the kept touches; found, by the last comparison, its places as they were then; contest, that
     it comes from, None before the first.
     """
 
-    def __init__(
-        self,
-        catalogue: Catalogue,
-        config: FilterConfig,
-        noise: NoiseModel,
-        unknown: float = 0.5,
-        effort: Effort = IDENTIFYING,
-    ):
-        self._catalogue, self._config, self._noise, self._effort = catalogue, config, noise, effort
-        self._unknown = unknown
+    def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
+        self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
         self._scores = CodeScores(catalogue.codes, catalogue.calibration, config, Workers(config.threads))
-        pace = Pace(effort.lookups_per_step)
-        self._searches = [RivalSearch(entry.lookup, noise, effort, pace) for entry in catalogue.entries]
-        self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, effort.shortlist)
+        pace = Pace(_EFFORT.lookups_per_step)
+        self._searches = [RivalSearch(entry.lookup, noise, _EFFORT, pace) for entry in catalogue.entries]
+        self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 
@@ -136,7 +127,7 @@ class Identification:
         self.window.restart()
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
-        self._news, self._patience, self.contest = 0, self._effort.anew, None
+        self._news, self._patience, self.contest = 0, _EFFORT.anew, None
         self._believe(np.zeros(0), self._unknown)
 
     @property
@@ -160,7 +151,7 @@ class Identification:
         self._move(odometry, touch.in_contact)
         if self.window.due and touch.in_contact and self._is_usable(touch.penetration):
             self._keep(touch)
-        if self._running is None and self._news >= self._patience and len(self.window) >= self._effort.fewest:
+        if self._running is None and self._news >= self._patience and len(self.window) >= _EFFORT.fewest:
             self._news, self._running = 0, self._run()
         found = next(self._running) if self._running else None
         if found is None:
@@ -168,7 +159,7 @@ class Identification:
         self._running, self.contest = None, found
         self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
         settled = self.found.leading.probability > self._noise.settled
-        self._patience = self._effort.seldom if settled else self._effort.anew
+        self._patience = _EFFORT.seldom if settled else _EFFORT.anew
         return True
 
     def _move(self, odometry: np.ndarray | None, in_contact: bool) -> None:
@@ -193,7 +184,7 @@ class Identification:
         self.window.keep([touch], [self._scores.log_ratio])
         self._news += 1
         if self.window.lifted:  # what is under way was asked before, of an object that may have been exchanged
-            self._running, self._patience = None, self._effort.anew
+            self._running, self._patience = None, _EFFORT.anew
 
     def _believe(self, shares: np.ndarray, unknown: float) -> None:
         """Take over the probabilities (P,) of the contest's places."""
@@ -218,13 +209,13 @@ class Identification:
         ranked = yield from self._ranked(views, carried)
         race = Race(window)
         replays = [
-            Replay(view, entry.alignment, self._noise, self._effort, self._config.relief_fit, race)
+            Replay(view, entry.alignment, self._noise, _EFFORT, self._config.relief_fit, race)
             for view, entry in zip(views, self._catalogue.entries, strict=True)
         ]
         for k, pose in carried:
             yield from replays[k].follow(pose)
         for k, pose in ranked:
-            if race.alignments >= self._effort.alignments:
+            if race.alignments >= _EFFORT.alignments:
                 break
             yield from replays[k].follow(pose)
         yield self._contest(window, replays)
@@ -242,7 +233,7 @@ class Identification:
         """Further places that codes bring up, with the numbers of their objects, best first."""
         found: list[tuple[float, int, np.ndarray]] = []
         for k, view in enumerate(views):
-            if any(len(each.shortlists[0]) for each in view.sparser(self._effort.sieve).keyframes):
+            if any(len(each.shortlists[0]) for each in view.sparser(_EFFORT.sieve).keyframes):
                 rivals = yield from self._searches[k].find(view, [pose for owner, pose in carried if owner == k])
                 found += [(score, k, pose) for score, pose in zip(rivals.scores, rivals.poses, strict=True)]
         found.sort(key=lambda each: -each[0])

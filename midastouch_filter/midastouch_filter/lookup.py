@@ -81,18 +81,23 @@ class PoseLookup(NearestEntry):
         """Pose distance [m] that `follow` can bridge; half of what its hops would cover in a straight line."""
         return 0.5 * _HOPS * self.stride
 
-    def nearest(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them."""
-        entries = self.exact(poses)
+    def nearest(self, poses: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """Nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them.
+
+        Any entry and an infinite distance for poses with none nearer than `within` [m].
+        """
+        entries = self.exact(poses, within)
+        found = entries < len(self)
+        entries = np.where(found, entries, 0)
         rows = se3.to_xyzquat(poses)
         there = self.records[entries]
         straight = np.square(rows[:, :3] - there[:, :3]).sum(axis=1)
         cosine = np.einsum("ni,ni->n", rows[:, 3:], there[:, 4:])  # of half the angle
-        return entries, np.sqrt(straight + 4 * ROTATION_SCALE**2 * np.maximum(1.0 - cosine**2, 0.0))
+        distance = np.sqrt(straight + 4 * ROTATION_SCALE**2 * np.maximum(1.0 - cosine**2, 0.0))
+        return entries, np.where(found, distance, np.inf)
 
-    def around(self, poses: np.ndarray, count: int) -> np.ndarray:
-        """Entries (N, count): the nearest one of each pose (N, 4, 4), and the nearest of that one."""
-        entries = self.exact(poses)
+    def around(self, entries: np.ndarray, count: int) -> np.ndarray:
+        """Entries (N, count): each of `entries` (N,), and the nearest ones of it."""
         return np.column_stack([entries, self.neighbours[entries, : count - 1]])
 
     def relocate(self, particles: Particles) -> None:

@@ -25,7 +25,7 @@ from .touch import Measurement
 from .workers import Workers
 
 _NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
-_SPARSE = 4  # every so many of the sample below are enough to tell what is typical of a code
+_SPARSE = 16  # every so many of the sample below are enough to tell what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 

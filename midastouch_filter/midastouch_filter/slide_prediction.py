@@ -15,7 +15,7 @@ from midastouch_perception.simulation.surface_walk import MIN_PROGRESS
 
 from .object_model import ObjectModel
 
-_STEP = 5e-3  # m; a gel is 19 mm wide
+_STEP = 7.5e-3  # m; a gel is 19 mm wide
 
 
 def predict_slides(
@@ -37,16 +37,17 @@ def predict_slides(
         before = distance
     every = np.stack(poses, axis=1).reshape(*shape, len(distances) + 1, 4, 4)
     # farther from the codebook, the filter would rather take a touch for chance
-    near = log_weight_at(model, every) > np.log(model.measurement.outlier)
+    _, log_weight = nearest_and_log_weight(model, every)
+    near = log_weight > np.log(model.measurement.outlier)
     return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & near
 
 
-def log_weight_at(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
-    """Nats (...) <= 0 that the filter gives poses (..., 4, 4) of a gel that touches, by the nearest one of the
-    codebook."""
-    _, distance = model.lookup.nearest(poses.reshape(-1, 4, 4))
+def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
+    gives the poses by how far off they lie; any entry for one farther than matters."""
+    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
     log_weight = model.surface.bounded_log_weight(np.zeros(len(distance)), distance, True, model.config.surface_sigma)
-    return log_weight.reshape(poses.shape[:-2])
+    return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
 
 
 class _Walk:

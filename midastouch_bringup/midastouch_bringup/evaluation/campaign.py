@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import socket
-from collections.abc import Callable
+from collections.abc import Iterator
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -22,6 +22,7 @@ from midastouch_perception.objects import bundled_objects
 from ..cluster import Cluster
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
+from .open_trials import StartProgress, make_books, run_open, untold
 from .peers import dead_reckoning, paper_filter, registration
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import TrialPlan
@@ -103,72 +104,44 @@ class Plan:
         return list(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Unit:
-    """One filter's work: trials of one variant on one object, by their labels and keys; foreign, the other object."""
-
-    mesh: Path
-    foreign: Path | None
-    variant: str
-    trials: list[tuple[str, dict]]
-
-
 def run_campaign(
     plan: Plan,
     meshes: list[ObjectMesh],
     log: TrialLog,
     cluster: Cluster,
     deadline: float = np.inf,
-    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
+    start_progress: StartProgress = untold,
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet; returns all trials of the plan that are done, and how many are not.
+    """Run what the log does not hold yet, as `run_open`; first the slides and codebooks that this needs.
 
-    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. `start_progress` is called
-    with the number of trials to run once slides and codebooks are there, what it returns with the number done since.
-    Nothing new is started after the deadline, in seconds of `time.monotonic`. Workers must see the stock's folder.
+    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the stock's
+    folder.
     """
     foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
     _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, cluster, deadline)
-    wanted = _wanted(plan, meshes, foreign)
-    units = [
-        _Unit(path, foreign[path].path if foreign[path] else None, variant, open_)
-        for (path, variant, _), trials in wanted.items()
-        if (open_ := [trial for trial in trials if log.get(trial[0]) is None])
-    ]
-    progress = start_progress(sum(len(unit.trials) for unit in units))
-    for trials in cluster.map(_run_unit, [(plan, unit, _filter_code()) for unit in units], deadline):
-        for key, trial in trials:
-            log.add(key, trial)
-            progress(1)
-    keys = [key for trials in wanted.values() for key, _ in trials]
-    done = [trial for key in keys if (trial := log.get(key)) is not None]
-    return done, len(keys) - len(done)
+    return run_open(_run_unit, _units(plan, meshes, foreign), log, cluster, deadline, start_progress)
 
 
 def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], cluster: Cluster, deadline: float) -> None:
-    """Make what the trials need, as far as it is not there. Books are made whatever the time: keys depend on them."""
-    books = [(plan.stock, mesh.path, tuple(plan.codebook_sizes())) for mesh in meshes]
-    for _ in cluster.map(_make_books, books):
-        pass
-    paths = {mesh.path for mesh in meshes} | foreign
-    for _ in cluster.map(_make_touches, [(plan.stock, *one) for one in product(sorted(paths), plan.slides)], deadline):
+    """Make what the trials need, as far as it is not there."""
+    objects = {mesh.path for mesh in meshes}
+    make_books(plan.stock, sorted(objects), cluster, tuple(plan.codebook_sizes()))
+    touched = product(sorted(objects | foreign), plan.slides)
+    for _ in cluster.map(_make_touches, [(plan.stock, *one) for one in touched], deadline):
         pass
 
 
-def _wanted(
+def _units(
     plan: Plan, meshes: list[ObjectMesh], foreign: dict[Path, ObjectMesh | None]
-) -> dict[tuple, list[tuple[str, dict]]]:
-    """Trials by mesh, variant and seed: their keys and labels."""
-    sizes = plan.codebook_sizes()
+) -> Iterator[tuple[tuple, dict[str, dict]]]:
+    """One filter's work each: arguments of `_run_unit`, and the labels of the trials by their keys."""
+    sizes, code = plan.codebook_sizes(), _filter_code()
     digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
-    return {
-        (mesh.path, variant, seed): [
-            (plan.key(mesh, foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size], labels), labels)
-            for slide, init in product(plan.slides, plan.inits)
-            for labels in [plan.labels(mesh, variant, slide, init, seed)]
-        ]
-        for seed, mesh, variant in product(plan.seeds, meshes, plan.variants)
-    }
+    for seed, mesh, variant in product(plan.seeds, meshes, plan.variants):
+        other, digest = foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size]
+        trials = [plan.labels(mesh, variant, slide, init, seed) for slide, init in product(plan.slides, plan.inits)]
+        arguments = plan, mesh.path, other.path if other else None, variant, code
+        yield arguments, {plan.key(mesh, other, digest, labels): labels for labels in trials}
 
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
@@ -200,24 +173,22 @@ def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | 
     return [bundled] * len(meshes)
 
 
-def _make_books(stock: Stock, path: Path, sizes: tuple[int | None, ...]) -> None:
-    mesh = ObjectMesh.load(path)
-    stock.symmetry(mesh)
-    for size in sizes:
-        stock.codebook(mesh, size)
-
-
 def _make_touches(stock: Stock, path: Path, slide: int) -> None:
     stock.touches(ObjectMesh.load(path), slide)
 
 
-def _run_unit(plan: Plan, unit: _Unit, filter_code: str) -> list[tuple[str, dict]]:
-    """The trials of a unit with their keys; InputError if this worker's code is not the campaign's."""
+def _run_unit(
+    plan: Plan, path: Path, foreign_path: Path | None, variant_name: str, filter_code: str, trials: dict[str, dict]
+) -> dict[str, dict]:
+    """Trials of one variant on one object, `foreign_path` the other one's; what is given and returned, by key.
+
+    InputError if this worker's code is not the campaign's.
+    """
     if _filter_code() != filter_code:
         raise InputError(f"worker {socket.gethostname()}: has another version of the filter; install the same there")
-    mesh = ObjectMesh.load(unit.mesh)
-    foreign = ObjectMesh.load(unit.foreign) if unit.foreign else None
-    protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[unit.variant]
+    mesh = ObjectMesh.load(path)
+    foreign = ObjectMesh.load(foreign_path) if foreign_path else None
+    protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
     yardstick = Yardstick(plan.stock.symmetry(mesh), protocol.right, protocol.twins)
     codebook = plan.stock.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
@@ -236,7 +207,7 @@ def _run_unit(plan: Plan, unit: _Unit, filter_code: str) -> list[tuple[str, dict
         out = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
         return labels | out | (record.result() if record else {})
 
-    return [(key, trial(scene(labels["slide"]), labels)) for key, labels in unit.trials]
+    return {key: trial(scene(labels["slide"]), labels) for key, labels in trials.items()}
 
 
 def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: int) -> Disturbed:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from midastouch_perception.simulation.slide import measure_poses
 
 from ..cluster import Cluster
 from ..datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
+from .open_trials import StartProgress, make_books, run_open, untold
 from .setup import Networks
 from .stock import Stock
 from .trial import FRAME_TIME, RIGHT
@@ -40,7 +42,7 @@ POLICIES = {
 }
 STEP = 1.5e-3
 """m between two images, as of simulated slides."""
-_HELD = 10  # frames, that a state or an answer must last
+_HELD = 0.015  # m, over which `converged` must last
 _RIVAL = 0.2  # probability of a place that competes
 
 
@@ -88,48 +90,35 @@ def run_exploration(
     log: TrialLog,
     cluster: Cluster,
     deadline: float = np.inf,
-    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
+    start_progress: StartProgress = untold,
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet; all trials of the plan that are done, and how many are not.
+    """Run what the log does not hold yet, as `run_open`. Trials of all policies with one seed begin at the same place.
 
-    Trials of all policies with one seed begin at the same place. Other arguments as of `campaign.run_campaign`.
+    Seeds come outermost, so that what a bounded run leaves out is spread over all objects.
     """
-    for _ in cluster.map(_make_book, [(plan.stock, mesh.path) for mesh in meshes]):
-        pass
-    wanted = {}
-    for seed in range(plan.trials):
-        for mesh in meshes:
-            for policy in plan.policies:
-                labels = {"object": mesh.name, "policy": policy, "seed": seed}
-                wanted[plan.key(mesh, labels)] = (mesh.path, labels)
-    open_ = [(plan, key, *what) for key, what in wanted.items() if log.get(key) is None]
-    progress = start_progress(len(open_))
-    for key, trial in cluster.map(_run, open_, deadline):
-        log.add(key, trial)
-        progress(1)
-    done = [trial for key in wanted if (trial := log.get(key)) is not None]
-    return done, len(wanted) - len(done)
+    make_books(plan.stock, [mesh.path for mesh in meshes], cluster)
+    units = [
+        ((plan, mesh.path), {plan.key(mesh, labels): labels})
+        for seed, mesh, policy in product(range(plan.trials), meshes, plan.policies)
+        for labels in [{"object": mesh.name, "policy": policy, "seed": seed}]
+    ]
+    return run_open(_run, units, log, cluster, deadline, start_progress)
 
 
-def _make_book(stock: Stock, path: Path) -> None:
+def _run(plan: Plan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
+    """Trials on one object, by key: labels in, with what was found out."""
     mesh = ObjectMesh.load(path)
-    stock.symmetry(mesh)
-    stock.codebook(mesh)
+    return {key: labels | _explore(plan, mesh, labels["policy"], labels["seed"]) for key, labels in trials.items()}
 
 
-def _run(plan: Plan, key: str, path: Path, labels: dict) -> tuple[str, dict]:
-    mesh = ObjectMesh.load(path)
-    particle_filter = ParticleFilter(mesh, plan.stock.codebook(mesh), plan.config, labels["seed"])
+def _explore(plan: Plan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
+    particle_filter = ParticleFilter(mesh, plan.stock.codebook(mesh), plan.config, seed)
     particle_filter.initialise_uniform()
-    trial = _Trial(mesh, plan.stock.networks, particle_filter, labels["policy"], labels["seed"])
-    found = trial.run(plan.length)
+    found = _Trial(mesh, plan.stock.networks, particle_filter, policy, seed).run(plan.length)
     truth, estimate = found.pop("truth"), found.pop("pose")
-    symmetry = plan.stock.symmetry(mesh)
-    errors = {
-        name: 1e3 * float(pose_errors(pose, truth)[0])
-        for name, pose in (("error_mm", estimate), ("symmetric_error_mm", symmetry.nearest(estimate[None], truth)[0]))
-    }
-    return key, labels | found | errors
+    as_felt = plan.stock.symmetry(mesh).nearest(estimate[None], truth)[0]
+    errors = {"error_mm": estimate, "symmetric_error_mm": as_felt}
+    return found | {name: 1e3 * float(pose_errors(pose, truth)[0]) for name, pose in errors.items()}
 
 
 class _Trial:
@@ -145,7 +134,8 @@ class _Trial:
         self._headings = np.random.default_rng([seed, 1])
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
-        self._held, self._alike, self._rivalled = 0, 0, False
+        self._converged_at: float | None = None
+        self._alike, self._rivalled = 0, False
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
@@ -207,8 +197,8 @@ class _Trial:
         """Go on a way, until a trial's end."""
         for pose in motion:
             self._frame(pose)
-            if self._held >= _HELD:
-                return "converged", max(self._path - _HELD * STEP, 0.0)
+            if self._converged_at is not None and self._path - self._converged_at >= _HELD:
+                return "converged", self._converged_at
         if self._alike >= 2:
             return "alike", self._path
         return "given up", self._path
@@ -226,7 +216,10 @@ class _Trial:
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
         self._measured, self._before = measured, pose
         self.estimate = self._filter.step(odometry, felt, elapsed=FRAME_TIME)
-        self._held = self._held + 1 if self.estimate.status.state == CONVERGED else 0
+        if self.estimate.status.state != CONVERGED:
+            self._converged_at = None
+        elif self._converged_at is None:
+            self._converged_at = self._path
 
 
 def _code() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pose_metric import pose_errors
 
 from ..cluster import Cluster
+from .open_trials import StartProgress, make_books, run_open, untold
 from .stock import Stock
 from .trial import RIGHT, TrialFrame
 from .trial_log import TrialLog, key_of, source_digest
@@ -71,39 +72,31 @@ def run_identification(
     log: TrialLog,
     cluster: Cluster,
     deadline: float = np.inf,
-    start_progress: Callable[[int], Callable[[int], object]] = lambda total: lambda done: None,
+    start_progress: StartProgress = untold,
 ) -> tuple[list[dict], int]:
-    """Run what the log does not hold yet; returns all trials that are done, and how many are not.
+    """Run what the log does not hold yet, as `run_open`, both trials of a slide as one.
 
-    Slides come outermost, so that what a bounded run leaves out is spread over all objects; other arguments as of
-    `campaign.run_campaign`.
+    Slides come outermost, so that what a bounded run leaves out is spread over all objects.
     """
     paths = [mesh.path for mesh in meshes]
-    for _ in cluster.map(_make_book, [(plan.stock, path) for path in paths]):
-        pass
+    make_books(plan.stock, paths, cluster)
     books = sorted([mesh.sha256, plan.stock.codebook_digest(mesh)] for mesh in meshes)
     depends_on = {"identify": plan.describe() | {"slides": plan.stock.slides.name}, "catalogue": books}
-    wanted = [(slide, mesh) for slide in plan.slides for mesh in meshes]
-    keys = [key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}) for slide, mesh in wanted]
-    open_ = [
-        (plan, paths, mesh.name, slide, key)
-        for (slide, mesh), key in zip(wanted, keys, strict=True)
-        if log.get(key) is None
+    units = [
+        ((plan, paths), {key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}): (mesh.name, slide)})
+        for slide in plan.slides
+        for mesh in meshes
     ]
-    progress = start_progress(len(open_))
-    for key, trials in cluster.map(_run_slide, open_, deadline):
-        log.add(key, {"trials": trials})
-        progress(1)
-    done = [entry["trials"] for key in keys if (entry := log.get(key)) is not None]
-    return [trial for trials in done for trial in trials], len(keys) - len(done)
+    done, missing = run_open(_run_slides, units, log, cluster, deadline, start_progress)
+    return [trial for both in done for trial in both["trials"]], missing
 
 
-def _make_book(stock: Stock, path: Path) -> None:
-    stock.codebook(ObjectMesh.load(path))
+def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[str, int]]) -> dict[str, dict]:
+    """Both trials of each slide, given by the object's name and number; by key."""
+    return {key: {"trials": _run_slide(plan, paths, name, slide)} for key, (name, slide) in slides.items()}
 
 
-def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key: str) -> tuple[str, list[dict]]:
-    """Both trials of one slide over the object of that name."""
+def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
     catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
     entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
     sequence, touches = plan.stock.touches(entry.mesh, slide)
@@ -117,7 +110,7 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int, key
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
     trials[0] |= _alone(alone, frames)
-    return key, trials
+    return trials
 
 
 @cache

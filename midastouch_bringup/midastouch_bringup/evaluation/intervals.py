@@ -22,20 +22,20 @@ def share_interval(part: Sequence[float], whole: Sequence[float], groups: Sequen
     """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
     where nothing was counted.
 
-    Without any variance between groups, as at a share of 0 or 1, each group counts as one case.
+    Without any variance between groups, as at a share of 0 or 1, each group in which something was counted is one case.
     """
     index, n_groups = _numbered(groups)
     part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
     total = whole.sum()
     if not total:
         return None
-    p = part.sum() / total
-    spread = np.square(part - p * whole).sum() / total**2 * n_groups / max(n_groups - 1, 1)
-    cases = float(np.clip(p * (1 - p) / spread, 1, total)) if spread > 0 else float(n_groups)
+    p, counted = part.sum() / total, np.count_nonzero(whole)
+    spread = np.square(part - p * whole).sum() / total**2 * counted / max(counted - 1, 1)
+    cases = float(np.clip(p * (1 - p) / spread, 1, total)) if spread > 0 else float(counted)
     z = norm.ppf(0.5 + LEVEL / 2)
     middle = (p + z**2 / (2 * cases)) / (1 + z**2 / cases)
     half = z / (1 + z**2 / cases) * np.sqrt(p * (1 - p) / cases + z**2 / (4 * cases**2))
-    return [round(float(bound), 9) for bound in (middle - half, middle + half)]
+    return [round(float(bound), 9) + 0.0 for bound in (middle - half, middle + half)]  # no -0
 
 
 def bootstrap_interval(

@@ -33,6 +33,7 @@ def test_shares_and_paths(summary):
     assert one["alike_truly"]["share"] == 1.0
     assert one["rivalled"]["share"] == pytest.approx(4 / 6)
     assert one["told_apart"]["share"] == pytest.approx(3 / 4)
+    assert one["said_alike"]["share"] == pytest.approx(1 / 4)
     assert one["path_m"]["value"] == pytest.approx(0.1)
     assert not one["enough"]
 

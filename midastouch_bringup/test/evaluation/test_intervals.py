@@ -24,6 +24,11 @@ def test_never_seen_is_not_impossible():
     assert high == pytest.approx(0.037, abs=0.001)
 
 
+def test_cases_in_which_nothing_was_counted_make_nothing_surer():
+    some = share_interval([1] * 10, [1] * 10, range(10))
+    assert share_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some
+
+
 def test_nothing_counted_has_no_interval():
     assert share_interval([0, 0], [0, 0], range(2)) is None
     assert bootstrap_interval([1.0, np.nan], range(2)) is None

@@ -41,6 +41,6 @@ def gain_doubt(figures: dict[str, float]) -> str:
     if after < before:
         return ""
     return (
-        f"depth in touches that it has not seen is felt no better with it, off by {after:.2f} mm, and by {before:.2f} mm "
-        "without; press more often and all over the gel, straight and without sliding, or use the sensor without it"
+        f"depth in touches that it has not seen is felt no better with it, off by {after:.2f} mm, and without by "
+        f"{before:.2f} mm; press more often and all over the gel, straight and without sliding, or go on without it"
     )
