@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -26,18 +27,20 @@ def network_path(kind: str, name_or_path: str | Path) -> Path:
 
 
 class OnnxNetwork:
-    """An ONNX file run by ONNX Runtime on the CPU.
+    """An ONNX file run by ONNX Runtime on the CPU, by so many threads as far as there are cores.
 
     Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
     beside the file); outputs, their names. Raises InputError: unknown name, no such file, not an ONNX network,
     missing or broken card.
     """
 
-    def __init__(self, kind: str, name_or_path: str | Path):
+    def __init__(self, kind: str, name_or_path: str | Path, threads: int = 1):
         path = network_path(kind, name_or_path)
         options = onnxruntime.SessionOptions()
-        # one small network a frame: more threads cost more in hand-over than they save
-        options.intra_op_num_threads, options.inter_op_num_threads = 1, 1
+        options.intra_op_num_threads = min(threads, len(os.sched_getaffinity(0)))
+        options.inter_op_num_threads = 1
+        # threads that wait for work busily would take the cores from the rest of the pipeline
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.log_severity_level = 3
         try:
             self.session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])

@@ -20,13 +20,15 @@ class DepthNet(ABC):
     Attributes: network_id; sensor, the map-resolution sensor model.
     """
 
+    _threads = 1
+
     def __init__(
         self,
         name_or_path: str | Path = "fast",
         sensor: SensorModel | None = None,
         calibration: SensorCalibration | None = None,
     ):
-        self._network = OnnxNetwork("tdn", name_or_path)
+        self._network = OnnxNetwork("tdn", name_or_path, self._threads)
         self._image_sensor = sensor or SensorModel.load("digit_tacto")
         self.sensor = self._image_sensor.for_maps
         self._background: tuple[np.ndarray, ContactLight] | None = None
