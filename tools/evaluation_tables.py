@@ -27,6 +27,7 @@ DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md")
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
 _REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
 _SLIDES = "../shared/data/ycb_slide_sim"
+_LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
 PROTOCOLS = {
     "tool_bias": "tool 2 mm, 2 deg off",
@@ -92,6 +93,8 @@ COMMANDS = {
     "--policy suggested",
     "bench": "midastouch bench --paper-networks",
     "soak": "make soak MINUTES=1",
+    "load_eyebolt": f"SOAK_MINUTES=10 {_LOAD}",
+    "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
 }
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved untold"}
 ENOUGH = 100
@@ -738,6 +741,20 @@ def _two(first: dict, second: dict) -> str:
     return f"{first['p50']:.1f}; {second['p50']:.1f} ms"
 
 
+def load() -> Table:
+    """Images at the sensor's rate, over the time that the paper's depth network takes on the same machine."""
+    header = ["object", "minutes", "images answered", "image to pose, p50; p99", "over FCRN's time"]
+    rows, fcrn = [], report("bench")["fcrn_ms"]["p50"]
+    for name in ("load_eyebolt", "load_mug"):
+        one = report(name)
+        times = [one["load"]["image_to_pose_ms"][share] for share in ("p50", "p99")]
+        rows.append([
+            one["object"], f"{one['minutes']:.0f}", _of(one["load"]["answered"], one["load"]["sent"]),
+            "{:.0f}; {:.0f} ms".format(*times), "{:.3f}; {:.2f}".format(*(each / fcrn for each in times)), f"[{name}]",
+        ])  # fmt: skip
+    return [*header, "report"], rows
+
+
 def soak() -> Table:
     """Load and faults."""
     one = report("soak")
@@ -784,8 +801,8 @@ TABLES = {
     for table in (
         paper, localisation, converged, weights, regions, events, identification, exploration, twins, start, codebooks,
         real, grasps, peers,
-        variants, slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, soak,
-        commands,
+        variants, slides, depth, presses, labels, checks, diameters, contacts, brightness, single_touch, speed, load,
+        soak, commands,
     )
 }  # fmt: skip
 
