@@ -23,6 +23,7 @@ def load_tool(monkeypatch):
         module = importlib.util.module_from_spec(spec)
         monkeypatch.setitem(sys.modules, path.stem, module)
         monkeypatch.setattr(sys, "dont_write_bytecode", True)
+        monkeypatch.syspath_prepend(path.parent)
         spec.loader.exec_module(module)
         return module
 

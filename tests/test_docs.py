@@ -195,7 +195,6 @@ def test_figures_are_those_of_the_reports(document, load_tool):
 def test_pictures_of_trust_show_the_newest_reports(load_tool, tmp_path):
     from PIL import Image
 
-    load_tool("evaluation_tables")
     tool = load_tool("trust_plots")
     wanted = tool.digest(tool.shown())
     tool.write(tmp_path)
@@ -206,7 +205,9 @@ def test_pictures_of_trust_show_the_newest_reports(load_tool, tmp_path):
 
 
 def test_trust_is_claimed_by_whole_intervals_only(load_tool, monkeypatch):
-    tool = load_tool("evaluation_tables")
+    load_tool("evaluation_tables")
+    from report_tables import trust as tool
+
     report = {"trials": 200, "converged_frames_wrong": {"share": 0.04, "interval": [0.03, 0.049]}}
     none = {"share": None, "interval": None}
     report |= {"right_if_converged_at_end": none, "right_if_converged_modulo_symmetry_at_end": none, "regions": {}}

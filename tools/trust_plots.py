@@ -12,14 +12,15 @@ import hashlib
 import json
 from pathlib import Path
 
-import evaluation_tables as tables
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from report_tables.reports import ENOUGH, ROOT, report
+from report_tables.trust import PROMISED_WRONG, conditions, trusted
 
 from midastouch_perception.files import atomic_path
 
-FOLDER = tables.ROOT / "docs" / "images"
+FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"
 """Key of the digest in the PNG."""
 
@@ -32,11 +33,11 @@ def shown() -> dict[str, dict]:
     """By condition, what the reports with trials enough say: levels and the share of frames whose region of that level
     holds the truth, by kind of frame; share of converged frames that are wrong; each with intervals."""
     out = {}
-    for name, what in tables.conditions().items():
-        one = tables.trusted(name)
-        if one is None or one["trials"] < tables.ENOUGH:
+    for name, what in conditions().items():
+        one = trusted(name)
+        if one is None or one["trials"] < ENOUGH:
             continue
-        content = tables.report(name)
+        content = report(name)
         (summary,) = content["summary"]["default"].values()
         out[what] = {
             "levels": content["levels"],
@@ -84,7 +85,7 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     rows = np.arange(len(kept))[::-1]
     shares = 100 * np.array([one["share"] for one in kept.values()])
     low, high = 100 * np.array([one["interval"] for one in kept.values()]).reshape(-1, 2).T
-    promised = 100 * tables.PROMISED_WRONG
+    promised = 100 * PROMISED_WRONG
     axes.axvspan(promised, 100, color=_TOO_MANY, lw=0, zorder=0)
     axes.errorbar(shares, rows, xerr=np.maximum([shares - low, high - shares], 0), color=_POINT, ms=5, **_BARS)
     axes.set_yticks(rows, list(kept), fontsize=9)

@@ -1,0 +1,1 @@
+"""Generated tables of the documents, a file for each subject."""

@@ -1,0 +1,152 @@
+"""Tables of the networks, the calibration and the checks of a sensor."""
+
+from __future__ import annotations
+
+from midastouch_bringup.evaluation.paired import error_ratio
+
+from .cells import final_error, percent, share_cell
+from .reports import ENOUGH, OPTICS, UNMEASURED, Table, benchmark_summary, report, reported
+
+
+def real() -> Table:
+    """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
+    header = ["optics", "particles, mean", "closest mode, median", "right", "mean error over TACTO's"]
+    header += ["median of pairs", "report"]
+    rows = []
+    for name, what in OPTICS.items():
+        if name not in reported():
+            rows.append([what, *[UNMEASURED] * 5, "-"])
+            continue
+        one = benchmark_summary(name)
+        cells = [f"too few ({one['trials']})"] * 5
+        if one["trials"] >= ENOUGH:
+            ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"])
+            cells = [
+                final_error(one, "e", "mean"),
+                final_error(one, "closest_mode", "median"),
+                share_cell(one["trust"]["right_at_end"]),
+                f"{ratio.value:.2f} ({ratio.low:.2f}...{ratio.high:.2f})",
+                f"{ratio.median:.2f}",
+            ]
+        rows.append([what, *cells, f"[{name}]"])
+    return header, rows
+
+
+def depth_summary(name: str) -> dict:
+    return report(name)["summary"]
+
+
+def depth() -> Table:
+    """The depth network where the truth is known."""
+    labels = {
+        "evaluate_tdn": "three slides of another renderer",
+        "evaluate_tdn_held_out": "our slides over seven scans that only validate",
+    }
+    rows = [
+        [
+            label,
+            f"{depth_summary(name)['rmse_mm']:.3f} mm",
+            f"{depth_summary(name)['contact_rmse_mm']:.3f} mm",
+            f"{depth_summary(name)['contact_iou']:.3f}",
+            f"[{name}]",
+        ]
+        for name, label in labels.items()
+    ]
+    rows.append(["*paper*", "0.135 mm", "-", "-", "-"])
+    return ["slides", "RMSE, all pixels", "in contact", "contact IoU", "report"], rows
+
+
+def labels() -> Table:
+    """The same presses without the labels, and the labels themselves."""
+    rows = []
+    for sensor in ("d20641", "vocdex"):
+        plain, calibrated = (report(f"presses_{sensor}{how}") for how in ("", "_calibrated"))
+        for what, content, key in (
+            ("labels against images", plain, "labels"),
+            ("felt without calibration, against images", plain, "against_fit"),
+            ("felt with calibration, against images", calibrated, "against_fit"),
+        ):
+            cells = [UNMEASURED] * 4
+            if one := content.get(key):
+                cells = [f"{one['rmse_in_circle_mm']:.2f} mm", f"{one['peak_ratio']:.2f}"]
+                cells += [f"{one['depth_correlation']:.2f}", f"{one['centre_mm']:.2f} mm"]
+            rows.append([f"{1e3 * plain['ball_diameter']:.1f} mm", what, *cells])
+    return ["ball", "what", "RMSE inside", "deepest over deepest", "correlation of both", "centres apart"], rows
+
+
+def presses() -> Table:
+    """The depth network on two real sensors, against the ball under the labelled outline."""
+    rows = []
+    for name in ("presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"):
+        content = report(name)
+        one = content["summary"]
+        rows.append(
+            [
+                f"{1e3 * content['ball_diameter']:.1f} mm, {one['presses']} times",
+                f"with {content['calibrated_with']} others" if content["calibrated_with"] else "without",
+                f"{one['rmse_in_circle_mm']:.2f} mm",
+                f"{one['peak_ratio']:.2f}",
+                f"{one['depth_correlation']:.2f}",
+                f"{one['felt_radius_mm']:.1f} mm",
+                f"{one['iou']:.2f}",
+                f"[{name}]",
+            ]
+        )
+    header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both"]
+    return [*header, "radius felt", "IoU", "report"], rows
+
+
+def checks() -> Table:
+    """False and missed alarms."""
+    content = report("checks")
+    rows = [[what, percent(one["alarms"])] for what, one in content["fit_check"].items()]
+    rows[0][0] = "all as it should be (false alarms)"
+    layouts = [[f"no-contact image {what}", percent(share)] for what, share in content["no_contact_image"].items()]
+    layouts[0][0] = "no-contact image as it should be (false alarms)"
+    rows += layouts
+    for name, one in content["real_sensors"].items():
+        trials = f"real presses `{name}`, {one['trials']} trials"
+        rows.append([f"{trials}: as it should be (false alarms)", percent(one["right"])])
+        rows.append([f"{trials}: background taken in contact", percent(one["touched"])])
+    return ["what is given", "alarms, [checks]"], rows
+
+
+def diameters() -> Table:
+    """What becomes of a wrong diameter of the ball."""
+    rows = [
+        [f"{one['factor']:.2g}", percent(one["doubted"]), percent(one["refused"])]
+        for one in report("checks")["ball_diameter"]["given"]
+    ]
+    return ["diameter given, over the true one", "warned or refused", "refused"], rows
+
+
+def contacts() -> Table:
+    """Presses that the contact decision misses."""
+    rows = []
+    for what, bins in report("checks")["contact"]["missed"].items():
+        rows += [
+            [what, f"{one['from_mm']:g} to {one['to_mm']:g} mm", one["touches"], percent(one["missed"])]
+            for one in bins
+            if one["touches"]
+        ]
+    return ["object", "pressed", "touches", "missed"], rows
+
+
+def brightness() -> Table:
+    """What the contact decision makes of a change of light."""
+    rows = [
+        [f"{percent(one['brighter'])} brighter", percent(one["false_contacts"])]
+        for one in report("checks")["contact"]["false"]
+    ]
+    return ["no contact, and the light", "taken for contact"], rows
+
+
+def single_touch() -> Table:
+    """How far one touch tells where it is."""
+    rows = []
+    for name, light in (("single_touch", "TACTO's"), ("single_touch_random", "of random sensors")):
+        one = report(name)["summary"]
+        keys = ("normalised_top25_error", "median_of_medians", "normalised_by_single_random")
+        rows.append([light, *(f"{one[key]:.3f}" for key in keys), f"[{name}]"])
+    rows.append(["*paper; its image embedding*", "0.473; 0.546", "-", "-", "-"])
+    return ["light", "mean", "median of medians", "against one random entry", "report"], rows
