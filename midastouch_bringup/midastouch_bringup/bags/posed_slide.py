@@ -47,7 +47,8 @@ class PosedSlide:
         """Images (320, 240, 3) uint8 RGB of some frames, in order. Raises InputError if one cannot be read."""
         if self._sequence is not None:
             return [self._sequence.image(i) for i in sorted(chosen)]
-        return [frame.image for i, frame in enumerate(self._frames()) if i in set(chosen)]
+        wanted = set(chosen)
+        return [frame.image for i, frame in enumerate(self._frames()) if i in wanted]
 
     def background(self, kept: np.ndarray | None = None) -> np.ndarray:
         """The no-contact image (320, 240, 3) uint8 RGB: the sequence's own, else the sensor's `kept` one, else what the
