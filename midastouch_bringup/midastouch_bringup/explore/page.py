@@ -20,6 +20,8 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     Frames whose penetration was not recorded, as the first may not be, are left out.
     """
     run = [one for one in run if one.penetration is not None]
+    if not run:
+        return write_words(result, "no frame was recorded with what the gel felt", out)
     page = _begun(result)
     if any(one.objects for one in run):
         page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")

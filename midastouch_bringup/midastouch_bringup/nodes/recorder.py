@@ -6,10 +6,11 @@ import contextlib
 import dataclasses
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rclpy.clock import Clock, ClockType
+from rclpy.subscription import Subscription
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.ros import qos
@@ -78,18 +79,23 @@ class Recorder(PipelineNode):
         self._early_size = 0
         self._open = contextlib.ExitStack()
         self._bag = self._open.enter_context(BagWriter(self._path, metadata))
-        for topic, kind in zip(topics, kinds, strict=True):
-            profile = qos.latched(_DEPTH) if topic.latched else qos.stream_subscriber(_DEPTH, reliable=True)
-            self.create_subscription(
-                kind, topic.name, lambda data, topic=topic: self._on_message(topic, data), profile, raw=True
-            )
+        self._heard = [self._subscribe(topic, kind) for topic, kind in zip(topics, kinds, strict=True)]
         self.create_timer(0.5, self._watch_disk, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._diagnostics = Diagnostics(self, self._describe)
+
+    def unheard(self, topics: Iterable[str]) -> list[str]:
+        """Those of the topics, absolute, that no publisher is connected to yet: what is sent there would be lost."""
+        connected = {each.topic_name for each in self._heard if each.get_publisher_count() > 0}
+        return [topic for topic in topics if self.resolve_topic_name(live_name(topic)) not in connected]
 
     def destroy_node(self) -> None:
         """Complete the bag, then destroy the node."""
         self._complete()
         super().destroy_node()
+
+    def _subscribe(self, topic: Topic, kind: type) -> Subscription:
+        profile = qos.latched(_DEPTH) if topic.latched else qos.stream_subscriber(_DEPTH, reliable=True)
+        return self.create_subscription(kind, topic.name, lambda data: self._on_message(topic, data), profile, raw=True)
 
     def _watch_disk(self) -> None:
         folder = Path(self._path).resolve().parent

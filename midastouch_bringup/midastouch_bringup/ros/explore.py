@@ -28,7 +28,7 @@ from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import qos
 
-from ..bags.messages import IMAGE_TYPE, Topic
+from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..evaluation.result_file import write_json
 from ..evaluation.table import text_table
@@ -44,6 +44,7 @@ from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
 from .launch_arguments import explored, quick_codebooks
 from .local_context import local_context
+from .recording_start import RESULTS, await_recorder
 
 KEYS_HELP = (
     "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
@@ -103,15 +104,16 @@ def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, doma
     with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
         executor = SingleThreadedExecutor(context=context)
         try:
-            nodes += [_recorder(bag, mesh, context), seat := _Seat(mesh, context)]
+            nodes += [recorder := _recorder(bag, mesh, context), seat := _Seat(mesh, context)]
             for node in nodes:
                 executor.add_node(node)
             for program in programs:
-                supervisor.start(program)
+                if not program.ends:
+                    supervisor.start(program)
             with Keyboard(seat.keys()) as keyboard:
                 if keyboard.active:
                     print(KEYS_HELP, flush=True)
-                _follow(executor, supervisor, seat)
+                _follow(executor, supervisor, recorder, seat, [program for program in programs if program.ends])
             return seat
         finally:
             executor.shutdown()
@@ -130,13 +132,27 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
     return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
 
 
-def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, seat: _Seat) -> None:
-    """Spin until the exploration is over."""
+def _follow(
+    executor: SingleThreadedExecutor,
+    supervisor: Supervisor,
+    recorder: Recorder,
+    seat: _Seat,
+    explorers: Sequence[Program],
+) -> None:
+    """Let the finger move once nothing of it is lost, and spin until the exploration is over."""
+
+    def turn() -> bool:
+        executor.spin_once(timeout_sec=0.1)
+        seat.carry_out_keys()
+        supervisor.look_after()
+        return seat.ended is None
+
     try:
-        while seat.ended is None:
-            executor.spin_once(timeout_sec=0.1)
-            seat.carry_out_keys()
-            supervisor.look_after()
+        if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn):
+            for explorer in explorers:
+                supervisor.start(explorer)
+            while turn():
+                pass
     except NodeFailed as error:
         # the explorer ends like that when it gives up
         deadline = time.monotonic() + _LAST_WORDS_S

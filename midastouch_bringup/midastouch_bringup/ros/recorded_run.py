@@ -25,6 +25,7 @@ from ..processes.program import node_program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from .local_context import local_context
+from .recording_start import RESULTS, await_recorder
 
 _SILENCE_S = 120.0  # without a status while the replay goes on
 _LAST_STATUS_S = 5.0
@@ -43,10 +44,16 @@ def record_run(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
         try:
             for name in NODES:
                 supervisor.start(node_program(name, parameters))
-            nodes += [_recorder(bag, sequence, context), listener := _Listener(sequence, context)]
+            nodes += [recorder := _recorder(bag, sequence, context), listener := _Listener(sequence, context)]
             for node in nodes:
                 executor.add_node(node)
-            _await_answers(executor, supervisor, *nodes)
+
+            def turn() -> bool:
+                executor.spin_once(timeout_sec=0.1)
+                supervisor.look_after()
+                return True
+
+            await_recorder(recorder, RESULTS, turn, lambda: listener.consumers.waiting_for)
             supervisor.start(node_program("replay", parameters, ends=True))
             _follow(executor, supervisor, listener)
             return listener.seconds
@@ -97,20 +104,6 @@ class _Listener(Node):
     def destroy_node(self) -> None:
         self._bar.close()
         super().destroy_node()
-
-
-def _await_answers(
-    executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, listener: _Listener
-) -> None:
-    """Spin until the nodes are active and the recorder hears what it is to keep: a frame sent earlier would be lost."""
-    started = time.monotonic()
-    awaited = ("tactile/code", "tactile/points", "pose_modes", "particles", "filter_status")
-    while listener.consumers.waiting_for or not all(recorder.count_publishers(topic) for topic in awaited):
-        executor.spin_once(timeout_sec=0.1)
-        supervisor.look_after()
-        if time.monotonic() - started > _SILENCE_S:
-            waiting = listener.consumers.waiting_for or "the recorder, for their topics"
-            raise NodeFailed(f"still waiting for {waiting} after {_SILENCE_S:g} s; see the logs in the output folder")
 
 
 def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: _Listener) -> None:

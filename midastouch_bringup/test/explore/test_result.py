@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.bags.run_record import RunRecord
-from midastouch_bringup.explore.page import write_words
+from midastouch_bringup.explore.page import write_page, write_words
 from midastouch_bringup.explore.result import Ended, ending, exploration_result
 from midastouch_bringup.report.snapshot import Hypothesis, Snapshot
 from midastouch_perception import se3
@@ -12,12 +12,15 @@ from midastouch_perception import se3
 ENDED = Ended("known", "the filter knows the place", 0.2, 3, 1)
 
 
-def result(objects, off=0.0, state="converged"):
+def frame(objects, off=0.0, state="converged"):
     pose = se3.exp([off, 0, 0, 0, 0, 0])
     mode = Hypothesis(1.0, pose, np.eye(6))
     truth, image = np.eye(4), np.zeros((2, 2, 3), np.uint8)
-    last = Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects)
-    return exploration_result(RunRecord([last], [1], [1.0], {}), "mug", ENDED, 1.0, 2.0)
+    return Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects)
+
+
+def result(*args, **kwargs):
+    return exploration_result(RunRecord([frame(*args, **kwargs)], [1], [1.0], {}), "mug", ENDED, 1.0, 2.0)
 
 
 def test_object_and_place_must_be_right():
@@ -51,3 +54,9 @@ def test_an_end_without_an_answer_is_told_on_a_page(tmp_path):
     page = write_words(result, "no frame with a status", tmp_path).read_text()
     for words in ("A finger explores: mug", ended.reason, "1500 mm, 9 slides, 1 lifts", "no frame with a status"):
         assert words in page
+
+
+def test_a_run_of_which_nothing_felt_was_recorded_is_told_on_a_page(tmp_path):
+    page = write_page([frame({})], None, None, result({}), tmp_path).read_text()
+    assert "There is nothing to draw" in page
+    assert ENDED.reason in page
