@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 
@@ -118,7 +119,7 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         return self._carry_out(self._connections.close, "deactivated")
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._carry_out(self.unload, _UNCONFIGURED)
+        return self._carry_out(self._let_go, _UNCONFIGURED)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._carry_out(self._disconnect_and_unload, "shut down")
@@ -140,12 +141,19 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         try:
             with self.diagnostics.kept_up():
                 self.configure()
+                # what lasts as long as the node: looking through it for garbage would hold up one answer in hundreds
+                gc.collect()
+                gc.freeze()
         except Exception:
-            self.unload()
+            self._let_go()
             raise
 
     def _disconnect_and_unload(self) -> None:
         self._connections.close()
+        self._let_go()
+
+    def _let_go(self) -> None:
+        gc.unfreeze()
         self.unload()
 
     def _fail(self, error: Exception) -> TransitionCallbackReturn:
