@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from midastouch_bringup.evaluation.trust import right_or_among_modes_at_end
 from midastouch_bringup.evaluation.variants import DEFAULT
 
 from .cells import between, final_error, frames_cell, part_of, percent, pose_cell, share_cell
@@ -57,26 +58,28 @@ def localisation() -> Table:
         if name not in reported():
             continue
         one = benchmark_summary(name)
-        cells = [f"too few ({one['trials']})"] * 7 if one["trials"] < ENOUGH else _localisation(one)
+        few = one["trials"] < ENOUGH
+        cells = [f"too few ({one['trials']})"] * 8 if few else _localisation(one, report(name)["trials"])
         rows.append([what, *cells, f"[{name}]"])
-    rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "2.8 mm, 2.0 deg", *["-"] * 6])
+    rows.append(["*paper, start as above*", "7.4 mm, 9.4 deg", "2.8 mm, 2.0 deg", *["-"] * 7])
     header = [
         "conditions",
         "particles, mean",
         "closest mode, median",
         "right",
+        "right, or `ambiguous` with the truth among the modes",
         "found 30 frames after the event, of those right before",
     ]
     header += ["frames until right again, median", "frames converged wrong", "truth in the 95 % region, converged"]
     return [*header, "report"], rows
 
 
-def _localisation(one: dict) -> list[str]:
+def _localisation(one: dict, trials: list[dict]) -> list[str]:
     """Figures of a benchmark's summary with their intervals; reports of before 2026-11-22 have none."""
     errors = [final_error(one, "e", "mean"), final_error(one, "closest_mode", "median")]
     trust = one.get("trust")
     if trust is None:
-        return [*errors, part_of(one["right"], one["trials"]), "-", "-", percent(one["wrong_converged"], 1), "-"]
+        return [*errors, part_of(one["right"], one["trials"]), "-", "-", "-", percent(one["wrong_converged"], 1), "-"]
     event = trust["right_after_event"]["share"] is not None
     errors = [
         error if error == "-" else f"{error} ({between(trust[key][statistic]['interval'], '{:.1f}')} mm)"
@@ -87,6 +90,7 @@ def _localisation(one: dict) -> list[str]:
     return [
         *errors,
         share_cell(trust["right_at_end"]),
+        share_cell(right_or_among_modes_at_end(trials)),
         f"{share_cell(trust['found_again'])} of {percent(trust['right_before_event']['share'])}" if event else "-",
         frames_cell(trust["frames_until_right"]["median"]) if event else "-",
         share_cell(trust["converged_wrong"], 1),

@@ -61,6 +61,7 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
         "converged_wrong": "frames converged wrong",
         "right_at_end": "right at the end",
         "right_modulo_symmetry_at_end": "right at the end, modulo symmetry",
+        "right_or_among_modes_at_end": "right at the end, or ambiguous with the truth among the modes",
         "right_before_event": "right before the event",
         "right_after_event": f"right {after} frames after the event",
         "found_again": "the same, of those right before",

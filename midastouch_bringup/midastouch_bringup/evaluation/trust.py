@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.state import AMBIGUOUS, CONVERGED
 
 from .calibration import LEVELS, WEIGHTS
 from .intervals import ENOUGH, bootstrap_interval, share_interval
@@ -22,13 +22,14 @@ def trust(trials: list[dict]) -> dict:
     """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
 
     converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; right_at_end;
-    right_modulo_symmetry_at_end; right_if_converged_at_end, of trials that end converged, and with ..._modulo_symmetry;
-    regions, by kind of frame and level, share of frames whose region of that level holds the truth, and region_95, that
-    of converged frames at 95 %; right_before_event, right_after_event, of trials, the latter so many frames later;
-    found_again, of those that were right before; misled, of these too, which are ever converged at a wrong place, and
-    misled_frames, in how many frames; frames_until_right, infinite where it never is again; final errors of particles,
-    closest mode and published pose; ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean
-    weight of the published mode, right, share of them whose pose is.
+    right_modulo_symmetry_at_end; right_or_among_modes_at_end, as of that function; right_if_converged_at_end, of
+    trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, share of frames
+    whose region of that level holds the truth, and region_95, that of converged frames at 95 %; right_before_event,
+    right_after_event, of trials, the latter so many frames later; found_again, of those that were right before;
+    misled, of these too, which are ever converged at a wrong place, and misled_frames, in how many frames;
+    frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
+    ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
+    right, share of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
     figures = _Figures(trials)
@@ -53,6 +54,13 @@ def frames_until_right(trial: dict) -> float:
     if trial["right_from_frame"] is None:
         return np.inf
     return max(trial["right_from_frame"] - (trial["event_at"] or 0), 0)
+
+
+def right_or_among_modes_at_end(trials: list[dict]) -> dict:
+    """Share of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
+    near = [float(t["final"]["min_cluster_trans_mm"] or np.inf) <= 1e3 * t["right_m"] for t in trials]
+    among = [t["final"]["state"] == AMBIGUOUS and each for t, each in zip(trials, near, strict=True)]
+    return _Figures(trials).share(np.logical_or([is_right(t) for t in trials], among), [1] * len(trials))
 
 
 class _Figures:
@@ -104,6 +112,7 @@ def _at_the_end(trials: list[dict], figures: _Figures) -> dict:
         "converged_frames_wrong": figures.share(wrong, [t["frames_converged"] for t in trials]),
         "right_at_end": figures.share(right[""], ones),
         "right_modulo_symmetry_at_end": figures.share(right["symmetric_"], ones),
+        "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
         "right_if_converged_at_end": figures.share(right[""], ends_converged),
         "right_if_converged_modulo_symmetry_at_end": figures.share(right["symmetric_"], ends_converged),
         "region_95": regions(CONVERGED)["0.95"],

@@ -42,6 +42,15 @@ def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
     assert trusted["misled_frames"]["mean"]["value"] == pytest.approx((misses + each[0] - 2) / 2)
 
 
+def test_one_that_is_not_sure_but_has_the_truth_among_its_modes_is_told_from_one_that_has_lost_it(trials):
+    sure, lost = trials[0], trials[2]
+    unsure = lost | {"final": lost["final"] | {"min_cluster_trans_mm": 9.0}}
+    blind = lost | {"final": lost["final"] | {"min_cluster_trans_mm": None}}
+    wrong = unsure | {"final": unsure["final"] | {"state": "converged"}}
+    figures = trust([sure, unsure, lost, blind, wrong])
+    assert (figures["right_at_end"]["share"], figures["right_or_among_modes_at_end"]["share"]) == (0.2, 0.4)
+
+
 def test_regions_are_judged_at_every_level(trials):
     counts = np.zeros(len(LEVELS) + 1, int)
     counts[[0, 16, 18, 20]] = 5, 3, 1, 1  # within 5, 85, 95 and 99.9 %
