@@ -29,8 +29,8 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        accuracy.paper, accuracy.localisation, accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers,
-        accuracy.variants, accuracy.slides,
+        accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas,
+        accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.slides,
         trust.converged, trust.weights, trust.regions, trust.events,
         exploring.identification, exploring.exploration, exploring.twins,
         perception.real, perception.depth, perception.labels, perception.presses, perception.checks,

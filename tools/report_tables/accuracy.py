@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from midastouch_bringup.evaluation.intervals import bootstrap_interval, share_interval
+from midastouch_bringup.evaluation.summary import final_errors, is_right
 from midastouch_bringup.evaluation.trust import right_or_among_modes_at_end
 from midastouch_bringup.evaluation.variants import DEFAULT
 
 from .cells import between, final_error, frames_cell, part_of, percent, pose_cell, share_cell
 from .perception import depth_summary
-from .reports import ENOUGH, PROTOCOLS, STARTS, UNMEASURED, Table, benchmark_summary, held_out, report, reported
+from .reports import (
+    ENOUGH,
+    NARROWER,
+    PROTOCOLS,
+    STARTS,
+    UNMEASURED,
+    Table,
+    benchmark_summary,
+    held_out,
+    report,
+    reported,
+)
 
 
 def paper() -> Table:
@@ -96,6 +111,47 @@ def _localisation(one: dict, trials: list[dict]) -> list[str]:
         share_cell(trust["converged_wrong"], 1),
         share_cell(trust["region_95"]),
     ]
+
+
+def widths() -> Table:
+    """What a better guess at the start is worth; the paper's figure 8."""
+    rows = []
+    for name, beta in (NARROWER | {"accuracy": 1.0}).items():
+        if name not in reported():
+            continue
+        one = benchmark_summary(name)
+        initial, enough = one["initial"], one["trials"] >= ENOUGH
+        cells = _localisation(one, report(name)["trials"])[:3] if enough else [f"too few ({one['trials']})"] * 3
+        rows.append([f"{beta:g}", pose_cell(initial["e_trans_mm"], initial["e_rot_deg"]), *cells, f"[{name}]"])
+    return ["beta", "particles at the start", "particles, mean", "closest mode, median", "right", "report"], rows
+
+
+def areas() -> Table:
+    """What a larger contact is worth, among the slides over the same object; the paper's figure 23."""
+    trials = [trial for name in STARTS for trial in report(name)["trials"]]
+    usual = {
+        name: np.median([t["contact_area_mm2"] for t in trials if t["object"] == name])
+        for name in {t["object"] for t in trials}
+    }
+    halves = {"smaller than usual on its object": [], "at least that": []}
+    for t in trials:
+        smaller, at_least = halves.values()
+        (smaller if t["contact_area_mm2"] < usual[t["object"]] else at_least).append(t)
+    sources = " ".join(f"[{name}]" for name in STARTS)
+    rows = [[what, len(chosen), *_by_area(chosen), sources] for what, chosen in halves.items()]
+    return ["contact of the slide", "trials", "its mean", "particles, mean", "right", "reports"], rows
+
+
+def _by_area(trials: list[dict]) -> list[str]:
+    if len(trials) < ENOUGH:
+        return [f"too few ({len(trials)})"] * 3
+    slides = [(t["object"], t["slide"]) for t in trials]
+    area = np.mean([t["contact_area_mm2"] for t in trials])
+    errors = final_errors(trials, "e_trans_mm")
+    right = [is_right(t) for t in trials]
+    share = {"share": np.mean(right), "interval": share_interval(right, [1] * len(right), slides)}
+    error = f"{np.mean(errors):.1f} mm ({between(bootstrap_interval(errors, slides), '{:.1f}')})"
+    return [f"{area:.0f} mm2", error, share_cell(share)]
 
 
 def start() -> Table:

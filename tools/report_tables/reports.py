@@ -25,6 +25,8 @@ PROTOCOLS = {
     "small_parts": "parts smaller than the gel, twins counted",
 }
 _MANY = "--slides 10 --seeds 2"
+NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
+"""Reports of narrower starts, by the factor on the paper's width."""
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
@@ -34,6 +36,7 @@ COMMANDS = {
         for name in ("plain", "uniform", *PROTOCOLS)
         if name != "small_parts"
     },
+    **{name: f"{_BENCHMARK} --init paper --beta {beta} --seeds 2" for name, beta in NARROWER.items()},
     "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
     "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
     "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
