@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from explorer_rig import RADIUS, Rig
+from explorer_rig import RADIUS, TOOL, Rig
 from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 from visualization_msgs.msg import (
@@ -78,23 +78,31 @@ class Viewer:
         self.does("menu", self.pose[:3, 3], menu_entry_id=entry.id)
 
 
-@pytest.fixture
-def rig(graph):
-    """One that explores."""
-    rig = Rig(graph)
+def looked_at(graph, **parameters):
+    """One that explores, with a viewer."""
+    rig = Rig(graph, **parameters)
     rig.problems = graph.listen(DiagnosticArray, "/diagnostics")
     rig.viewer = Viewer(graph)
     rig.until("exploring", "somewhere")
     return rig
 
 
-@pytest.fixture
-def held(rig):
-    """One whose finger a person has, at rest."""
+def hold(rig):
+    """Take the finger, and let it come to rest."""
     rig.viewer.choose("pause")
     rig.until("paused", "a person has the finger")
     rest(rig)
     return rig
+
+
+@pytest.fixture
+def rig(graph):
+    return looked_at(graph)
+
+
+@pytest.fixture
+def held(rig):
+    return hold(rig)
 
 
 def rest(rig):
@@ -169,6 +177,17 @@ def test_to_a_place_that_no_slide_leads_to_it_lifts(held):
     held.graph.spin_until(lambda: held.statuses[-1].lifts > lifts, "the lift")
     rest(held)
     assert distance_to(held, place) < NEAR
+
+
+def test_where_it_cannot_touch_it_goes_as_near_as_it_can_and_says_so(graph):
+    rig = hold(
+        looked_at(graph, mesh=TOOL, seed=3)
+    )  # it begins far from the centre, as the filter there is one of a ball
+    groove = np.array([25.3, -6.2, -10.4]) * 1e-3  # where the grip enters the head
+    rig.viewer.drag(groove)
+    rig.graph.spin_until(says(rig, "cannot touch handle_tool at (25.3, -6.2, -10.4) mm"), "the problem")
+    rest(rig)
+    assert NEAR < distance_to(rig, groove) < 0.045
 
 
 def test_a_click_that_drags_nothing_moves_nothing(rig):
