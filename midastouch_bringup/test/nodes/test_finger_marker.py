@@ -180,9 +180,8 @@ def test_to_a_place_that_no_slide_leads_to_it_lifts(held):
 
 
 def test_where_it_cannot_touch_it_goes_as_near_as_it_can_and_says_so(graph):
-    rig = hold(
-        looked_at(graph, mesh=TOOL, seed=3)
-    )  # it begins far from the centre, as the filter there is one of a ball
+    # it begins far from the centre: the filter there is one of a ball
+    rig = hold(looked_at(graph, mesh=TOOL, seed=3))
     groove = np.array([25.3, -6.2, -10.4]) * 1e-3  # where the grip enters the head
     rig.viewer.drag(groove)
     rig.graph.spin_until(says(rig, "cannot touch handle_tool at (25.3, -6.2, -10.4) mm"), "the problem")
