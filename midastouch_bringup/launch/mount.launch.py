@@ -6,7 +6,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import declare, ends_the_launch, mount_description
+from midastouch_bringup.ros.launch_parts import bound_to_launch, declare, ends_the_launch, mount_description
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -25,6 +25,7 @@ def _publisher(context: LaunchContext) -> list[Node]:
             parameters=[{"robot_description": ParameterValue(mount_description(), value_type=str)}],
             remappings=[("robot_description", "digit_description")],
             arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+            prefix=bound_to_launch(),
             respawn=respawn,
             respawn_delay=2.0,
             on_exit=None if respawn else ends_the_launch(),

@@ -6,7 +6,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from midastouch_bringup.ros.launch_parts import declare
+from midastouch_bringup.ros.launch_parts import bound_to_launch, declare
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -20,6 +20,7 @@ def generate_launch_description() -> LaunchDescription:
                 namespace=LaunchConfiguration("namespace"),
                 arguments=["-d", LaunchConfiguration("rviz_config")],
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+                prefix=bound_to_launch(),
                 output="screen",
                 on_exit=_close,
             ),

@@ -152,7 +152,8 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
 @pytest.mark.usefixtures("stand_ins")
 def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
     """SIGKILL leaves it no time to end its processes; a prefix is put before a command."""
-    prefix, ready = perform(carry_out("driver")["digit_driver", "digit_driver"]["prefix"], {}), tmp_path / "ready"
+    (prefix,) = {perform(kwargs["prefix"], {}) for kwargs in carry_out("live_ur", **AN_ARM).values()}
+    ready = tmp_path / "ready"
     node = f"trap 'echo told; exit' TERM; echo > {ready}; for _ in $(seq 1000); do sleep 0.1; done; echo forgotten"
     command = [sys.executable, "-c", KILLED, f"{prefix} sh -c {shlex.quote(node)}", str(ready)]
     killed = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

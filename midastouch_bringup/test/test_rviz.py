@@ -1,4 +1,4 @@
-"""The RViz view and the Foxglove layout against the nodes' topics and QoS. No window is opened here."""
+"""The RViz views and the Foxglove layout against the nodes' topics and QoS. No window is opened here."""
 
 import json
 import math
@@ -9,11 +9,23 @@ import pytest
 import yaml
 
 from midastouch_bringup import cli
+from midastouch_bringup.bags.messages import TRUTH_FRAME
+from midastouch_bringup.ros.launch_arguments import SHARE
+from midastouch_bringup.ros.setups import SETUPS
 
 PACKAGE = Path(__file__).parents[1]
-VIEW = yaml.safe_load((PACKAGE / "rviz" / "midastouch.rviz").read_text())["Visualization Manager"]
+VIEWS = {
+    name: yaml.safe_load((PACKAGE / "rviz" / f"{name}.rviz").read_text())["Visualization Manager"]
+    for name in ("midastouch", "explore")
+}
+VIEW = VIEWS["midastouch"]
 LAYOUT = json.loads((PACKAGE / "foxglove" / "midastouch.json").read_text())
-SOURCES = "".join(
+EXPLORER = "".join(
+    path.read_text().replace('"~/', '"explorer/')
+    for part in ("explorer", "finger")
+    for path in (PACKAGE / "midastouch_bringup" / "nodes").glob(f"{part}*.py")
+)
+SOURCES = EXPLORER + "".join(
     path.read_text()
     for package in ("midastouch_perception", "midastouch_filter", "digit_driver")
     for path in (PACKAGE.parent / package / package / "nodes").glob("*.py")
@@ -31,7 +43,14 @@ MESSAGE_OF = {
     "PoseArray": "PoseArray",
     "PoseWithCovariance": "PoseWithCovarianceStamped",
 }
-DISPLAYS = {one["Topic"]["Value"]: one for one in VIEW["Displays"] if "Topic" in one}
+
+
+def displays(view):
+    return {one["Topic"]["Value"]: one for one in VIEWS[view]["Displays"] if "Topic" in one}
+
+
+DISPLAYS = displays("midastouch")
+EVERY_DISPLAY = [(view, topic) for view in VIEWS for topic in displays(view)]
 
 
 def test_everything_worth_seeing_is_shown():
@@ -48,16 +67,16 @@ def test_everything_worth_seeing_is_shown():
     assert any(one["Class"] == "rviz_default_plugins/TF" for one in VIEW["Displays"])
 
 
-@pytest.mark.parametrize("topic", DISPLAYS)
-def test_topics_are_published_with_the_message_the_display_reads(topic):
-    assert PUBLISHED[topic] == MESSAGE_OF[DISPLAYS[topic]["Class"].rpartition("/")[2]]
+@pytest.mark.parametrize(("view", "topic"), EVERY_DISPLAY)
+def test_topics_are_published_with_the_message_the_display_reads(view, topic):
+    assert PUBLISHED[topic] == MESSAGE_OF[displays(view)[topic]["Class"].rpartition("/")[2]]
 
 
-@pytest.mark.parametrize("topic", DISPLAYS)
-def test_latched_topics_are_read_as_such(topic):
+@pytest.mark.parametrize(("view", "topic"), EVERY_DISPLAY)
+def test_latched_topics_are_read_as_such(view, topic):
     """A volatile display misses what was published before it opened; the reverse never connects."""
     wanted = "Transient Local" if topic in LATCHED else "Volatile"
-    assert DISPLAYS[topic]["Topic"]["Durability Policy"] == wanted
+    assert displays(view)[topic]["Topic"]["Durability Policy"] == wanted
 
 
 def test_the_mesh_and_the_pose_are_latched():
@@ -74,9 +93,33 @@ def test_the_cloud_is_coloured_by_a_field_it_has():
     assert f"{display['Channel Name']}=" in SOURCES
 
 
-def test_names_are_unique():
-    names = [one["Name"] for one in VIEW["Displays"]]
+@pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
+def test_names_are_unique(view):
+    names = [one["Name"] for one in view["Displays"]]
     assert len(set(names)) == len(names)
+
+
+class TestOfAnExploration:
+    """Where a person drags the finger over the object that is really there."""
+
+    VIEW = VIEWS["explore"]
+
+    def test_it_is_the_one_of_the_launch_file(self):
+        assert SETUPS["explore"].defaults["rviz_config"] == str(SHARE / "rviz" / "explore.rviz")
+
+    def test_the_object_really_is_where_the_finger_is_shown(self):
+        assert self.VIEW["Global Options"]["Fixed Frame"] == TRUTH_FRAME
+        assert {"explorer/object_mesh", "object_mesh", "suggestions", "image_raw"} <= set(displays("explore"))
+
+    def test_the_finger_is_an_interactive_marker_of_the_explorer(self):
+        (finger,) = (one for one in self.VIEW["Displays"] if one["Class"] == "rviz_default_plugins/InteractiveMarkers")
+        assert PUBLISHED[f"{finger['Interactive Markers Namespace']}/update"] == "InteractiveMarkerUpdate"
+
+    def test_the_mouse_drags_it_from_the_start_and_a_tool_clicks_on_the_object(self):
+        drag, click, *_ = self.VIEW["Tools"]
+        assert drag["Class"] == "rviz_default_plugins/Interact"
+        assert click["Class"] == "rviz_default_plugins/PublishPoint"
+        assert f'PointStamped, "{click["Topic"]["Value"]}"' in EXPLORER
 
 
 def test_the_pose_tool_speaks_of_an_object_not_of_a_room():
@@ -86,8 +129,9 @@ def test_the_pose_tool_speaks_of_an_object_not_of_a_room():
     assert tool["Topic"]["Value"] == "initialpose"
 
 
-def test_the_view_starts_at_the_distance_of_an_object():
-    assert VIEW["Views"]["Current"]["Distance"] <= 1.0
+@pytest.mark.parametrize("view", VIEWS.values(), ids=VIEWS)
+def test_the_view_starts_at_the_distance_of_an_object(view):
+    assert view["Views"]["Current"]["Distance"] <= 1.0
 
 
 def test_foxglove_panels_are_laid_out_and_read_topics_that_exist():

@@ -86,6 +86,11 @@ def points_from_msg(msg: Any, names: Sequence[str] = ("x", "y", "z")) -> np.ndar
     return points
 
 
+def point_from_msg(point: Any) -> np.ndarray:
+    """[x y z] (3,) m of a point message, as they are."""
+    return np.array((point.x, point.y, point.z))
+
+
 def poses_from_msgs(poses: Sequence[Any]) -> np.ndarray:
     """Transforms (N, 4, 4) of pose messages; InputError on a zero quaternion or a non-finite value."""
     rows = [_xyzquat(pose.position, pose.orientation) for pose in poses]

@@ -117,16 +117,35 @@ class Exploration:
         """This very motion, as far as it can be carried out."""
         yield from self._carry_out(motion)
 
+    def visit(self, place: np.ndarray) -> Generator[np.ndarray, None, bool]:
+        """Touch the surface next to a point (3,) of the object's frame: slide there if that leads there, else lift.
+
+        Whether it touches there then, and not only as near as it can.
+        """
+        finger = self.world.finger
+        (goal,), _, _ = self.world.mesh.closest_points(place[None])
+        for move, lift in (finger.slide_to, False), (finger.leap_to, True):
+            if not finger.touches(goal):
+                yield from self._count(move(goal), lift)
+        self._blocked = False
+        return finger.touches(goal)
+
     def _carry_out(self, motion: Motion) -> Generator[np.ndarray, None, bool]:
         """Whether it went anywhere."""
-        finger, went, before = self.world.finger, False, self.path
-        last = finger.pose[:3, 3]
-        for pose in (finger.leap if motion.lift else finger.slide)(motion.heading, motion.length):
-            if not motion.lift:
+        finger, before = self.world.finger, self.path
+        move = finger.leap if motion.lift else finger.slide
+        went = yield from self._count(move(motion.heading, motion.length), motion.lift)
+        self._blocked = not motion.lift and self.path - before < _BLOCKED * motion.length
+        return went
+
+    def _count(self, poses: Poses, lift: bool) -> Generator[np.ndarray, None, bool]:
+        """Move along, by the surface or with a lift; whether it went anywhere."""
+        last, went = self.world.finger.pose[:3, 3], False
+        for pose in poses:
+            if not lift:
                 self.path += float(np.linalg.norm(pose[:3, 3] - last))
             last, went = pose[:3, 3], True
             yield pose
-        self._blocked = not motion.lift and self.path - before < _BLOCKED * motion.length
-        self.lifts += went and motion.lift
-        self.slides += went and not motion.lift
+        self.lifts += went and lift
+        self.slides += went and not lift
         return went

@@ -26,6 +26,8 @@ from ..explore.world import World
 from .explorer_control import ExplorerControl, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
+from .finger_goals import FingerGoals
+from .finger_marker import FingerMarker
 from .finger_tf import FingerTf
 from .object_change import ObjectChange
 from .suggestion_client import SuggestionClient
@@ -40,7 +42,7 @@ class Explorer(PipelineNode):
 
     It asks `suggest_motion` where to touch next, and moves at random while nobody offers that. `on_end` is called once
     the exploration is over; `gave_up` is set if it ended without knowing the place. A person who calls one of its
-    services has the finger from then on, until `~/resume`.
+    services, or shows it a place, has the finger from then on, until `~/resume`.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
@@ -63,7 +65,10 @@ class Explorer(PipelineNode):
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
         self._suggestions = SuggestionClient(self, self._on_suggestions, self._refused)
         self._change = ObjectChange(self, self._on_object_changed)
-        ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
+        control = ExplorerControl(self, self._exploration, self._take, self._resume, self._exchange, _load)
+        problem = self._report.problem
+        goals = FingerGoals(self, self._exploration, frames, self._take, problem)
+        FingerMarker(self, self._world, frames["object"], goals.send, control.commands, problem)
         self.create_timer(1 / settings["fps"], self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     # --- the next pose, once the filter has answered

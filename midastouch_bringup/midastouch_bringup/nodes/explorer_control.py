@@ -23,6 +23,7 @@ _LONGEST = 1.0  # m
 class ExplorerControl:
     """Adds `~/pause`, `~/resume`, `~/push`, `~/lift`, `~/set_object` and `~/move` to a node.
 
+    Attributes: commands, what the first four do, by their names; each returns why it cannot be, else an empty text.
     take(order, reason): gives a person the finger, and lets it do what is ordered, if anything, after its present
     motion; returns why that cannot be, in words, else an empty text. resume(): gives it back. change(request): puts the
     object of a request there. load(address): its mesh, or InputError.
@@ -39,7 +40,8 @@ class ExplorerControl:
     ):
         self._did, self._take, self._resume, self._change, self._load = exploration, take, resume, change, load
         self._log = node.get_logger()
-        for name, do in ("pause", self._pause), ("resume", self._go_on), ("push", self._push), ("lift", self._lift):
+        self.commands = {"pause": self._pause, "resume": self._go_on, "push": self._push, "lift": self._lift}
+        for name, do in self.commands.items():
             node.create_service(Trigger, f"~/{name}", lambda _, response, do=do: _answer(response, do()))
         node.create_service(SetObject, "~/set_object", self._on_set_object)
         node.create_subscription(Suggestion, "~/move", self._on_move, qos.COMMAND)

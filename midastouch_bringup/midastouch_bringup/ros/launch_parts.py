@@ -125,6 +125,12 @@ def mount_description() -> Command:
     return Command(xacro)
 
 
+def bound_to_launch() -> list[str | LaunchConfiguration]:
+    """`prefix` of a process that ends with a launch that is killed, which cannot end it."""
+    # then what launch would take by itself (a debugger)
+    return [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
+
+
 def ends_the_launch(*, unless_done: bool = False) -> Callable:
     """`on_exit` of a process without which the others are of no use, for as long as it is not started again.
 
@@ -169,8 +175,7 @@ def _processes(executable: Executable) -> OpaqueFunction:
             "respawn_delay": 2.0,
             "on_exit": None if respawn else ends_the_launch(unless_done=executable.ends),
             "output": "screen",
-            # a launch that is killed cannot end its processes; then what it would take by itself (a debugger)
-            "prefix": [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")],
+            "prefix": bound_to_launch(),
         }
         if executable.name in _LIFECYCLE_NODES:
             return [LifecycleNode(name=executable.name, **options)]

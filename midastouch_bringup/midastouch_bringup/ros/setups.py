@@ -134,6 +134,7 @@ SETUPS = {
             "objects": ",".join(bundled_objects()),
             "seed": "2",
             "params_overlay": str(SHARE / "config" / "explore.yaml"),
+            "rviz_config": str(SHARE / "rviz" / "explore.rviz"),
         },
     ),
     "demo": Setup(

@@ -39,10 +39,18 @@ class NailedFinger:
 
     leap = slide
 
+    def slide_to(self, goal):
+        return iter(())
+
+    leap_to = slide_to
+
+    def touches(self, goal):
+        return False
+
 
 @pytest.fixture
 def stuck():
-    mesh = types.SimpleNamespace(name="wall", diagonal=0.1)
+    mesh = types.SimpleNamespace(name="wall", diagonal=0.1, closest_points=lambda points: (points, None, None))
     return Exploration(types.SimpleNamespace(finger=NailedFinger(), mesh=mesh), np.random.default_rng(0), 1.0)
 
 
@@ -62,6 +70,31 @@ def test_where_a_slide_was_blocked_it_lifts_first(exploration, monkeypatch):
     for motions_are in ((1, 2), (2, 2)):  # the slide comes first again after that
         list(exploration.go([Motion(0.0, 0.03), Motion(1.0, 0.03, lift=True)]))
         assert (exploration.slides, exploration.lifts) == motions_are
+
+
+@pytest.mark.parametrize(("degrees", "motions_are"), [(50, (1, 1)), (170, (0, 2))], ids=["slides", "lifts"])
+def test_it_visits_the_surface_next_to_a_place_that_a_person_shows(exploration, degrees, motions_are):
+    finger = exploration.world.finger
+    place = 0.05 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
+    arrived = []
+    assert list(visit(exploration, place, arrived))
+    assert arrived == [True]
+    assert np.linalg.norm(finger.pose[:3, 3] - 0.6 * place) < STEP
+    assert (exploration.slides, exploration.lifts) == motions_are
+    assert exploration.path == pytest.approx(0.03 * np.radians(50) if motions_are[0] else 0.0, abs=3e-3)
+    assert not list(visit(exploration, place, arrived))  # it is there
+    assert arrived == [True, True]
+
+
+def test_a_place_that_cannot_be_touched_is_told(stuck):
+    arrived = []
+    assert not list(visit(stuck, np.zeros(3), arrived))
+    assert arrived == [False]
+    assert stuck.verdict is None  # a person's wish ends nothing
+
+
+def visit(exploration, place, arrived):
+    arrived.append((yield from exploration.visit(place)))
 
 
 def test_without_a_suggestion_it_goes_somewhere(exploration):

@@ -48,6 +48,9 @@ def latched(depth: int = 1) -> QoSProfile:
 COMMAND = _profile(5, reliable=True)
 """`initialpose`, `object_pose_prior`: rare, must arrive."""
 
+INTERACTIVE_MARKERS = _profile(100, reliable=True)
+"""Their `update` and `feedback`, as RViz has them: a viewer that misses an update begins anew."""
+
 TF = _profile(100, reliable=True)
 """`/tf`, as tf2_ros."""
 

@@ -11,7 +11,7 @@ from ..errors import InputError
 from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
 from .contact_poses import Reachability
-from .surface_walk import MIN_PROGRESS, Grip, place, somewhere, straight_on
+from .surface_walk import MIN_PROGRESS, Ahead, Grip, place, somewhere, straight_on
 
 _PRESS, _MAX_TILT = (0.5e-3, 1e-3), np.radians(5.0)  # of simulated slides
 _IN_AIR = 4  # times as fast as on the surface
@@ -50,15 +50,25 @@ class SimulatedFinger:
         """
         direction, gone = self._direction(heading), 0.0
         while self.touching and gone < length - self._step / 2:
-            self._grip.shake()
-            ahead = straight_on(self._mesh, self._point, direction, self._step)
-            frame = _carried(self._frame, ahead.normal)
-            pose, reachable = self._pressed(ahead.point, frame)
-            if not reachable or ahead.moved < MIN_PROGRESS * self._step:
+            ahead = self._step_on(direction, self._step)
+            if ahead is None:
                 return
-            self._point, self._frame, self.pose = ahead.point, frame, pose
             direction, gone = ahead.heading, gone + ahead.moved
-            yield pose
+            yield self.pose
+
+    def slide_to(self, goal: np.ndarray) -> Iterator[np.ndarray]:
+        """Along the surface to a point (3,) of it, if each step comes nearer; else nothing, and it stays there."""
+        before, way = (self._point, self._frame, self.pose), []
+        while self.touching and not self.touches(goal):
+            far = np.linalg.norm(goal - self._point)
+            length = min(self._step, far)
+            ahead = self._step_on(_towards(goal, self._point, self._frame), length)
+            if ahead is None or np.linalg.norm(goal - self._point) > far - MIN_PROGRESS * length:
+                self._point, self._frame, self.pose = before
+                return
+            way.append(self.pose)
+        for self.pose in way:
+            yield self.pose
 
     def leap(self, heading: float, length: float) -> Iterator[np.ndarray]:
         """Up, and down where the surface can be touched first, `length` m further along it or up to 40 mm more.
@@ -66,14 +76,20 @@ class SimulatedFinger:
         heading [rad] as of a slide. Nothing if there is no such place, or no way to it through the air; from over the
         surface, with a length of 0, down onto it.
         """
-        for point, frame in self._places(self._direction(heading), length):
-            goal, reachable = self._pressed(point, frame)
-            way = self._way_through_the_air(goal) if reachable else None
-            if way is not None:
-                self._point, self._frame, self.touching = point, frame, True
-                for self.pose in way:
-                    yield self.pose
-                return
+        yield from self._down_on(self._places(self._point, self._frame, self._direction(heading), length))
+
+    def leap_to(self, goal: np.ndarray) -> Iterator[np.ndarray]:
+        """Up, and down on a point (3,) of the surface; where that cannot be touched, up to 40 mm before it.
+
+        Nothing if there is no such place, or no way to it through the air.
+        """
+        (normal,) = self._mesh.smooth_normals(goal[None])
+        frame = _carried(self._frame, normal)
+        yield from self._down_on(self._places(goal, frame, _towards(self._point, goal, frame), 0.0))
+
+    def touches(self, goal: np.ndarray) -> bool:
+        """Whether it is pressed on at a point (3,) of the surface, to half a step."""
+        return self.touching and bool(np.linalg.norm(goal - self._point) <= self._step / 2)
 
     def stay_in_place(self, moved: np.ndarray) -> np.ndarray:
         """Its pose after the object has been moved below it, by `moved` T_old_new (4, 4) of the object's frame.
@@ -91,9 +107,33 @@ class SimulatedFinger:
     def _direction(self, heading: float) -> np.ndarray:
         return self._frame @ (np.cos(heading), np.sin(heading), 0.0)
 
-    def _places(self, direction: np.ndarray, length: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Points (3,) and frames (3, 3) along the surface, from `length` m on."""
-        point, frame, gone = self._point, self._frame, 0.0
+    def _step_on(self, direction: np.ndarray, length: float) -> Ahead | None:
+        """A step of `length` m in a direction (3,), if it leads on and the gel can be pressed on there."""
+        self._grip.shake()
+        ahead = straight_on(self._mesh, self._point, direction, length)
+        frame = _carried(self._frame, ahead.normal)
+        pose, reachable = self._pressed(ahead.point, frame)
+        if not reachable or ahead.moved < MIN_PROGRESS * length:
+            return None
+        self._point, self._frame, self.pose = ahead.point, frame, pose
+        return ahead
+
+    def _down_on(self, places: Iterator[tuple[np.ndarray, np.ndarray]]) -> Iterator[np.ndarray]:
+        """Through the air onto the first of these points (3,), with frames (3, 3), that can be touched."""
+        for point, frame in places:
+            goal, reachable = self._pressed(point, frame)
+            way = self._way_through_the_air(goal) if reachable else None
+            if way is not None:
+                self._point, self._frame, self.touching = point, frame, True
+                for self.pose in way:
+                    yield self.pose
+                return
+
+    def _places(
+        self, point: np.ndarray, frame: np.ndarray, direction: np.ndarray, length: float
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Points (3,) and frames (3, 3) along the surface from a place on, the first of them `length` m away."""
+        gone = 0.0
         while True:
             if gone >= length:
                 yield point, frame
@@ -126,6 +166,12 @@ class SimulatedFinger:
         count = int(np.ceil(np.linalg.norm(goal[:3, 3] - start[:3, 3]) / (pace * self._step)))
         shares = (np.arange(count) + 1) / max(count, 1)
         return start @ se3.exp(shares[:, None] * se3.log(se3.inverse(start) @ goal))
+
+
+def _towards(goal: np.ndarray, point: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """The direction (3,) along the surface at a point (3,) to a goal (3,); of no length if that is straight below."""
+    tangent = frame[:, :2] @ (frame[:, :2].T @ (goal - point))
+    return tangent / max(np.linalg.norm(tangent), 1e-12)
 
 
 def _over(point: np.ndarray, frame: np.ndarray, height: float) -> np.ndarray:

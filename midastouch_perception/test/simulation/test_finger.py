@@ -53,6 +53,48 @@ def test_a_leap_leads_through_free_air_to_another_touch(name, sensor):
     assert 3e-3 < np.linalg.norm(leap[-1, :3, 3] - down[-1, :3, 3]) < 0.08
 
 
+def place_on_ball(finger, degrees):
+    """A point (3,) so far around the ball from where the finger is."""
+    return 0.03 * finger.pose[:3, :3] @ (np.sin(np.radians(degrees)), 0, np.cos(np.radians(degrees)))
+
+
+def test_a_slide_to_a_place_comes_nearer_with_every_step_and_stays_in_contact(sensor):
+    finger, down, renderer = finger_on("ball", sensor)
+    goal = place_on_ball(finger, 60)
+    slide = np.stack(list(finger.slide_to(goal)))
+    assert finger.touches(goal)
+    assert np.array_equal(slide[-1], finger.pose)
+    left = np.linalg.norm(np.concatenate([down[-1:], slide])[:, :3, 3] - goal, axis=1)
+    assert (np.diff(left) < 0).all()
+    assert len(slide) == pytest.approx(0.03 * np.radians(60) / STEP, abs=2)
+    assert 2e-4 < deepest(renderer, slide).min() <= deepest(renderer, slide).max() < 2.2e-3
+
+
+def test_no_slide_leads_to_the_far_side_but_a_leap_does(sensor):
+    finger, down, _ = finger_on("ball", sensor)
+    goal = place_on_ball(finger, 175)
+    assert not list(finger.slide_to(goal))
+    assert np.array_equal(finger.pose, down[-1])
+    assert list(finger.leap_to(goal))
+    assert finger.touches(goal)
+
+
+@pytest.mark.parametrize("name", sorted(bundled_objects()))
+def test_a_leap_to_a_place_ends_there_or_before_it(name, sensor):
+    finger, _, renderer = finger_on(name, sensor)
+    mesh = ObjectMesh.load(bundled_objects()[name])
+    goals, _, _ = mesh.sample_surface(10, np.random.default_rng(5))
+    there = 0
+    for goal in goals:
+        leap = np.stack(list(finger.leap_to(goal)))
+        depths = deepest(renderer, leap)
+        assert (depths == 0).sum() > 3
+        assert depths[-1] > 2e-4
+        assert np.linalg.norm(leap[-1, :3, 3] - goal) < 0.04 + 3e-3
+        there += finger.touches(goal)
+    assert there >= 5
+
+
 def test_a_slide_ends_where_it_cannot_go_on(sensor):
     finger, _, _ = finger_on("eyebolt", sensor, seed=1)
     assert len(list(finger.slide(0.3, 1.0))) < 1.0 / STEP / 2
