@@ -56,6 +56,7 @@ class Explorer(PipelineNode):
         self._on_end, self.gave_up = on_end, False
         self._heard_at = time.monotonic()
         self._filter_state, self._felt = "", False
+        self._begun = False
         self._poses: Poses | None = None
         self._orders: deque[Order] = deque()
 
@@ -98,9 +99,17 @@ class Explorer(PipelineNode):
         if self._report.state == ExplorerStatus.STATE_WAITING:
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return  # it has not seen yet what the sensor looks like untouched
-            self._report.say(ExplorerStatus.STATE_EXPLORING, "touching")
-            self._poses = self._exploration.touch()
+            if self._settings["start_paused"]:
+                self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
+            else:
+                self._report.say(ExplorerStatus.STATE_EXPLORING, "touching")
+                self._begin()
         self._go_on()
+
+    def _begin(self) -> None:
+        """Down onto the surface, if it has not been there."""
+        if not self._begun:
+            self._begun, self._poses = True, self._exploration.touch()
 
     def _go_on(self) -> None:
         """The next poses, as far as the filter has followed; after the last one the next motion."""
@@ -168,6 +177,7 @@ class Explorer(PipelineNode):
         if self._report.over or self._report.state == ExplorerStatus.STATE_WAITING:
             return f"not while {self._report.state}: {self._report.reason}"
         if order is not None:
+            self._begin()
             self._orders.append(order)
         self._report.say(ExplorerStatus.STATE_PAUSED, reason)
         self._go_on()
@@ -176,6 +186,7 @@ class Explorer(PipelineNode):
     def _resume(self) -> None:
         if self._report.state == ExplorerStatus.STATE_PAUSED:
             self._report.say(ExplorerStatus.STATE_EXPLORING, "going on by itself")
+            self._begin()
             self._go_on()
 
     def _exchange(self, request: SetObject.Request) -> Poses:

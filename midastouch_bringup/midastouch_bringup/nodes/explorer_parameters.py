@@ -16,6 +16,9 @@ PARAMETERS = (
         "max_motion", 0.0, "Longest motion that is asked for; 0: the object's diagonal", "m", minimum=0.0, maximum=2.0
     ),
     Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
+    Parameter(
+        "start_paused", False, "It begins in a person's hands: the finger does not move before ~/resume or an order"
+    ),
     Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),
     Parameter("object_frame_id", TRUTH_FRAME, "Frame of the object where it really is, as of digit_sim"),
     Parameter("sensor_frame_id", GEL_FRAME, "Gel frame, as of digit_sim"),

@@ -28,7 +28,7 @@ from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.ros import qos
 
-from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, Topic
+from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
 from ..evaluation.result_file import write_json
 from ..evaluation.table import text_table
@@ -108,17 +108,21 @@ def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, doma
             for node in nodes:
                 executor.add_node(node)
             for program in programs:
-                if not program.ends:
-                    supervisor.start(program)
+                supervisor.start(_held_back(program) if program.ends else program)
             with Keyboard(seat.keys()) as keyboard:
                 if keyboard.active:
                     print(KEYS_HELP, flush=True)
-                _follow(executor, supervisor, recorder, seat, [program for program in programs if program.ends])
+                _follow(executor, supervisor, recorder, seat)
             return seat
         finally:
             executor.shutdown()
             for node in nodes:
                 node.destroy_node()
+
+
+def _held_back(explorer: Program) -> Program:
+    """The same, which does not move the finger before somebody is ready for it."""
+    return replace(explorer, command=(*explorer.command, "-p", "start_paused:=true"))
 
 
 def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
@@ -132,13 +136,7 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
     return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
 
 
-def _follow(
-    executor: SingleThreadedExecutor,
-    supervisor: Supervisor,
-    recorder: Recorder,
-    seat: _Seat,
-    explorers: Sequence[Program],
-) -> None:
+def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, seat: _Seat) -> None:
     """Let the finger move once nothing of it is lost, and spin until the exploration is over."""
 
     def turn() -> bool:
@@ -147,12 +145,14 @@ def _follow(
         supervisor.look_after()
         return seat.ended is None
 
+    def still_to_come() -> str:
+        # others publish on /tf, too: that the explorer is connected shows in what arrives
+        return "" if recorder.counts[TF_TOPIC] else "the finger's transforms"
+
     try:
-        if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn):
-            for explorer in explorers:
-                supervisor.start(explorer)
+        if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn, still_to_come):
             while turn():
-                pass
+                seat.let_begin()
     except NodeFailed as error:
         # the explorer ends like that when it gives up
         deadline = time.monotonic() + _LAST_WORDS_S
@@ -181,6 +181,7 @@ class _Seat(Node):
         self._first_at: float | None = None
         self.answering = 0.0
         self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self._held = True
         self._explorer, self._filter, self._bar = ExplorerStatus(), "", progress_bar(unit="image")
         self._move = self.create_publisher(Suggestion, "explorer/move", qos.COMMAND)
         self._callable = {
@@ -198,11 +199,18 @@ class _Seat(Node):
         does |= {"o": self._change_object, " ": self._turn_over, "q": self._quit}
         return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
 
+    def let_begin(self) -> None:
+        """Let the explorer go that was started paused, once it is, unless a person has taken it since."""
+        if self._held and self._paused and self._callable["resume"].service_is_ready():
+            self._held = False
+            self._call("resume")
+
     def carry_out_keys(self) -> None:
         """Do what the pressed keys mean, in the thread that spins."""
         try:
             while True:
                 self._pressed.get_nowait()()
+                self._held = self._held and not self._paused
         except Empty:
             return
 
@@ -230,7 +238,7 @@ class _Seat(Node):
             self._set_object.call_async(request)
 
     def _turn_over(self) -> None:
-        self._call("resume" if self._explorer.state == ExplorerStatus.STATE_PAUSED else "pause")
+        self._call("resume" if self._paused else "pause")
 
     def _quit(self) -> None:
         self.ended = Ended.of(self._explorer, by_hand=True)
@@ -238,6 +246,10 @@ class _Seat(Node):
     def fail(self, why: str) -> None:
         """It ended because a node died."""
         self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
+
+    @property
+    def _paused(self) -> bool:
+        return self._explorer.state == ExplorerStatus.STATE_PAUSED
 
     @property
     def since_change_ns(self) -> int:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from explorer_rig import TOOL, Rig
+from explorer_rig import TOOL, TOUCHING, Rig
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
@@ -28,6 +28,25 @@ def test_it_explores_until_the_filter_knows(rig):
     assert status.path_length > 0.01
     steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
     assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
+
+
+def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
+    rig = Rig(graph, start_paused=True)
+    rig.until("paused", "~/resume")
+    seen = len(rig.poses)
+    rig.graph.spin_until(lambda: len(rig.poses) > seen + 1, "images at rest")
+    assert np.ptp([pose[:3, 3] for pose in rig.poses], axis=0).max() == 0
+    assert rig.call("resume").success
+    rig.until("exploring", "somewhere")
+
+
+def test_started_paused_it_touches_before_it_obeys(graph):
+    rig = Rig(graph, start_paused=True)
+    rig.until("paused", "~/resume")
+    assert rig.call("push").success
+    rig.graph.spin_until(lambda: len({one[:3, 3].tobytes() for one in rig.objects}) > 1, "a pushed object")
+    assert any(np.linalg.norm(pose[:3, 3]) < TOUCHING for pose in rig.poses)
+    assert rig.statuses[-1].state == "paused"
 
 
 def test_while_the_filter_does_not_know_the_object_it_is_not_asked(rig):
