@@ -16,6 +16,7 @@ from .motion_model import MotionModel
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 from .odometry_correction import AsMeasured, OdometryCorrection
+from .places import Prior
 from .propagation import Propagation
 from .recovery import Recovery
 from .reevaluation import Reevaluation
@@ -40,6 +41,12 @@ class Policies:
     recover: Recovery
     refine: CoarseOnly
     source: ParticleSource
+
+    def restart(self, prior: Prior | None = None) -> None:
+        """Forget what was felt: the particles were drawn anew; `prior` as `CoarseOnly.restart`."""
+        for policy in (self.correct, self.propagate, self.fingers, self.reweigh):
+            policy.restart()
+        self.refine.restart(prior)
 
 
 def default_policies(
