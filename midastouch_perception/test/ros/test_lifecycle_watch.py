@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from midastouch_perception.ros import diagnostics
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
 
@@ -20,6 +21,9 @@ class Idle(ManagedNode):
     def connect(self): ...
 
     def unload(self): ...
+
+    def describe(self):
+        return diagnostics.OK, "idles", {}
 
 
 def add(graph, name, **parameters):
