@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..evaluation.setup import Networks
 
 
-def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str = ""):
+def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str):
     """Add a sub-command with its one-line summary, longer text and example; returns its parser."""
     parser = subparsers.add_parser(
         name,
