@@ -1,6 +1,7 @@
 """The particle filter over touch (paper section 4.3 and appendix C): from a start, by each touch, to an estimate.
 
-What a touch does to the belief: `step.py`.
+What a touch does to the belief is in `step.py`; that gives the answer. Once it is out, `reflect` does what only later
+ones need: compare places by the last touches, and learn about the arm.
 """
 
 from __future__ import annotations

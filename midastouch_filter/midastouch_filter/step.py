@@ -1,8 +1,7 @@
 """One step of the filter: what odometry and touches do to a belief (paper section 4.3 and appendix C).
 
 Move the particles by the odometry, weigh them by the measured codes, resample if the weights have become too uneven,
-find the modes, and let what is felt in detail refine them. That is the answer. Once it is out, what only later ones
-need: compare places by the last touches, and learn about the arm. How each part works is said by `policies.py`.
+find the modes, and let what is felt in detail refine them. How each part works is said by `policies.py`.
 """
 
 from __future__ import annotations
