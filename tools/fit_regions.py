@@ -19,8 +19,8 @@ from training_scans import parser_of, scans_of, stock_of
 
 from midastouch_bringup.evaluation.calibration import nees
 from midastouch_bringup.evaluation.disturbances import Scene
-from midastouch_bringup.evaluation.protocols import PROTOCOLS
-from midastouch_bringup.evaluation.sequence_trials import TrialPlan
+from midastouch_bringup.evaluation.protocols import PAPER, PROTOCOLS
+from midastouch_bringup.evaluation.sequence_trials import start_filter
 from midastouch_bringup.evaluation.stock import Stock
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_filter.config import FilterConfig
@@ -66,7 +66,7 @@ class Scored:
 
         scene = PROTOCOLS[name].disturb(Scene(slide, np.random.default_rng(number)))
         self._filter.reset(number)
-        TrialPlan(beta=PROTOCOLS[name].beta).start(self._filter, self._mesh, scene.frames[0].truth)
+        start_filter(self._filter, self._mesh, scene.frames[0].truth, PAPER, PROTOCOLS[name].beta)
         run_trial(scene.frames, self._filter, observe, series=False)
         return np.array(rows).reshape(-1, 4)
 

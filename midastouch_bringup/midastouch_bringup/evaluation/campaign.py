@@ -24,7 +24,7 @@ from .disturbances import Disturbed, Scene
 from .open_trials import Workforce, make_books, run_open
 from .peers import dead_reckoning, paper_filter, registration
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
-from .sequence_trials import TrialPlan
+from .sequence_trials import start_filter
 from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import RECORD, TrialFrame, Yardstick, run_trial
@@ -194,7 +194,7 @@ def _run_unit(
 
     def trial(scene: Disturbed, labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
-        TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, scene.frames[0].truth)
+        start_filter(particle_filter, mesh, scene.frames[0].truth, labels["init"], plan.beta)
         record = protocol.record(yardstick) if protocol.record else None
         out = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
         return labels | out | (record.result() if record else {})
