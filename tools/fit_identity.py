@@ -10,16 +10,14 @@ docs/evidence.md. No test object is seen, nor any of the ten further ones for ju
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import minimize
+from training_scans import parser_of, scans_of, stock_of
 
-from midastouch_bringup.commands.campaigns import meshes_to_fit_on
-from midastouch_bringup.evaluation.stock import SlideKind, Stock
+from midastouch_bringup.evaluation.stock import Stock
 from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import Contest, Identification
@@ -83,17 +81,11 @@ def assumed(parameters: np.ndarray) -> NoiseModel:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--meshes", type=Path, required=True)
-    parser.add_argument("--out", type=Path, default=Path("out/fit_identity"))
-    parser.add_argument("--slides", type=int, default=2, help="over each object")
+    parser = parser_of(__doc__, "out/fit_identity", every=2, poses=5_000)
     parser.add_argument("--catalogue", type=int, default=10, help="objects")
-    parser.add_argument("--every", type=int, default=2, help="n-th training scan is taken")
-    parser.add_argument("--poses", type=int, default=5_000, help="of each codebook")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    meshes = [ObjectMesh.load(path) for path in meshes_to_fit_on(args.meshes)[:: args.every]]
-    stock, slides = Stock(args.out, slides=SlideKind(0.3), codebook_size=args.poses), []
+    meshes, stock, slides = list(scans_of(args)), stock_of(args), []
     order = np.random.default_rng(args.seed).permutation(len(meshes))
     for group in np.array_split(order, max(round(len(meshes) / args.catalogue), 1)):
         whole = Catalogue.of([(meshes[i], stock.codebook(meshes[i]), None) for i in group], NOISE)

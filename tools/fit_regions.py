@@ -11,19 +11,17 @@ nor the ten further ones for judging.
 
 from __future__ import annotations
 
-import argparse
 import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import chi2
+from training_scans import parser_of, scans_of, stock_of
 
-from midastouch_bringup.commands.campaigns import meshes_to_fit_on
 from midastouch_bringup.evaluation.calibration import nees
 from midastouch_bringup.evaluation.disturbances import Scene
-from midastouch_bringup.evaluation.protocols import PROTOCOLS
-from midastouch_bringup.evaluation.sequence_trials import TrialPlan
-from midastouch_bringup.evaluation.stock import SlideKind, Stock
+from midastouch_bringup.evaluation.protocols import PAPER, PROTOCOLS
+from midastouch_bringup.evaluation.sequence_trials import start_filter
+from midastouch_bringup.evaluation.stock import Stock
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.credible_region import WHITE, WIDTH
@@ -36,7 +34,7 @@ from midastouch_perception.mesh import ObjectMesh
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)
-LEVEL, LENGTH = 0.95, 0.3  # of the regions; m of a slide
+LEVEL = 0.95  # of the regions
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
 BIAS, SURE, TRANSLATION, ROTATION = range(4)  # columns of `Scored`
@@ -68,7 +66,7 @@ class Scored:
 
         scene = PROTOCOLS[name].disturb(Scene(slide, np.random.default_rng(number)))
         self._filter.reset(number)
-        TrialPlan(beta=PROTOCOLS[name].beta).start(self._filter, self._mesh, scene.frames[0].truth)
+        start_filter(self._filter, self._mesh, scene.frames[0].truth, PAPER, PROTOCOLS[name].beta)
         run_trial(scene.frames, self._filter, observe, series=False)
         return np.array(rows).reshape(-1, 4)
 
@@ -99,22 +97,15 @@ def shares(of: dict[str, np.ndarray], white: float, factor: float) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--meshes", type=Path, required=True)
-    parser.add_argument("--out", type=Path, default=Path("out/fit_regions"))
-    parser.add_argument("--slides", type=int, default=2, help="over each scan")
-    parser.add_argument("--every", type=int, default=4, help="n-th training scan is taken")
-    parser.add_argument("--poses", type=int, default=20_000, help="of each codebook")
-    args = parser.parse_args()
-    stock = Stock(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
+    args = parser_of(__doc__, "out/fit_regions", every=4, poses=20_000).parse_args()
+    stock = stock_of(args)
     found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}
-    for path in meshes_to_fit_on(args.meshes)[:: args.every]:
-        mesh = ObjectMesh.load(path)
+    for mesh in scans_of(args):
         slides = [touches.frames(slide, 1) for slide, touches in (stock.touches(mesh, k) for k in range(args.slides))]
         scored = Scored(stock, mesh)
         for name in CONDITIONS:
             found[name].append(np.concatenate([scored.frames(slide, name, k) for k, slide in enumerate(slides)]))
-        print(path.stem, {name: len(parts[-1]) for name, parts in found.items()}, file=sys.stderr, flush=True)
+        print(mesh.name, {name: len(parts[-1]) for name, parts in found.items()}, file=sys.stderr, flush=True)
 
     every, *halves = (
         {name: np.concatenate(parts[part]) for name, parts in found.items()}

@@ -17,9 +17,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import sysconfig
 import time
 from pathlib import Path
+
+from supported_machine import SetupError, check_machine, use_supported_python
 
 ROOT = Path(__file__).resolve().parent.parent
 VENV = ROOT / ".venv"
@@ -37,18 +38,12 @@ PACKAGES = [
     ROOT / name for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
 ]
 
-OLDEST, NEWEST = (3, 10), (3, 13)
-
 # Read by Python at every start in the environment: the one place for the variables that ROS wants and the
 # wheels do not set. Fast DDS is the only middleware among the wheels.
 ENVIRONMENT_PTH = """\
 import os, sys; os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix); \
 os.environ["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
 """
-
-
-class SetupError(Exception):
-    """What went wrong and how to mend it, in words for the user."""
 
 
 def content_hash(paths, *extra):
@@ -116,36 +111,6 @@ def run(command, progress, mend, **environment):
     if process.returncode:
         tail = LOG.read_bytes()[begin:].decode(errors="replace").rstrip().splitlines()[-25:]
         raise SetupError("\n".join(["", *("    " + line for line in tail), "", mend]))
-
-
-def check_machine():
-    """Raise SetupError for what the set-up cannot bring by itself."""
-    if sys.platform != "linux" or platform.machine() != "x86_64":
-        raise SetupError(
-            f"The ROS 2 wheels exist for Linux on x86-64 only, this is {platform.system()} on "
-            f"{platform.machine()}. Use a system ROS 2 Jazzy and colcon (CONTRIBUTING.md) or docker/."
-        )
-    if not OLDEST <= sys.version_info[:2] <= NEWEST:
-        raise SetupError(
-            f"Python {platform.python_version()} ({sys.executable}) does not serve: 3.10 to 3.13 do. "
-            "Install one of them, then name it: make PYTHON=python3.12 ..."
-        )
-    if not shutil.which("cmake"):
-        raise SetupError("cmake is missing. Debian, Ubuntu: sudo apt install cmake")
-    if not (os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")):
-        raise SetupError("There is no C++ compiler. Debian, Ubuntu: sudo apt install g++")
-    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    if not Path(sysconfig.get_paths()["include"], "Python.h").exists():
-        raise SetupError(
-            f"The C headers of {sys.executable} are missing. Debian, Ubuntu: sudo apt install python{version}-dev"
-        )
-    try:
-        import ensurepip  # noqa: F401  (Debian and Ubuntu ship it apart)
-        import venv  # noqa: F401
-    except ImportError:
-        raise SetupError(
-            f"{sys.executable} cannot make virtual environments. Debian, Ubuntu: sudo apt install python{version}-venv"
-        ) from None
 
 
 def make_environment(progress):
@@ -281,17 +246,6 @@ def set_up(lock):
 def is_done(name, key):
     stamp = STAMPS / name
     return stamp.exists() and stamp.read_text() == key
-
-
-def use_supported_python():
-    """Where ``python3`` is too old or too new, go on in another Python that is installed beside it."""
-    if OLDEST <= sys.version_info[:2] <= NEWEST:
-        return
-    for minor in (12, 13, 11, 10):
-        other = shutil.which(f"python3.{minor}")
-        # Version managers put names on the path that lead nowhere.
-        if other and subprocess.call([other, "-c", ""], stderr=subprocess.DEVNULL) == 0:
-            os.execv(other, [other, *sys.argv])
 
 
 def main():

@@ -31,11 +31,11 @@ def build_and_save(
     size: int,
     seed: int,
     path: str | os.PathLike,
-    jobs: int | None = None,
+    jobs: int | None,
 ) -> tuple[Codebook, float]:
     """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took.
 
-    `jobs` chunks are encoded at a time, by default one per core. An interrupted build leaves what it has done beside
+    `jobs` chunks are encoded at a time, None: one per core. An interrupted build leaves what it has done beside
     `path`, where the next call for the same codebook goes on.
     """
     start = time.perf_counter()

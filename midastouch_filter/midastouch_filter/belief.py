@@ -29,8 +29,11 @@ class Belief:
 
     def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):
         self._lookup, self._finder = lookup, finder
+        self.restart(particles)
+
+    def restart(self, particles: Particles) -> None:
+        """Forget all, and believe in these particles, drawn anew."""
         self._path = 0.0  # since the last look-up
-        self._members: np.ndarray | None = None  # once somebody has asked since they changed
         self.modes: list[Mode] = []
         self.answers: list[Mode] = []
         self._forget_alignment()
@@ -38,7 +41,8 @@ class Belief:
 
     def hold(self, particles: Particles) -> None:
         """Believe in these particles from now on."""
-        self.particles, self.weights, self._members = particles, particles.weights, None
+        self.particles, self.weights = particles, particles.weights
+        self._members: np.ndarray | None = None  # once somebody has asked since they changed
 
     def follow_entries(self, now: np.ndarray) -> None:
         """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""

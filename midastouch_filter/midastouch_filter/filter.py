@@ -1,37 +1,33 @@
-"""The particle filter over touch (paper section 4.3 and appendix C).
+"""The particle filter over touch (paper section 4.3 and appendix C): from a start, by each touch, to an estimate.
 
-One step: move the particles by the odometry, weigh them by the measured codes, resample if the weights have become too
-uneven, find the modes, and let what is felt in detail refine them. That is the answer. Once it is out, what only later
-ones need: compare places by the last touches, and learn about the arm. How each part works is said by `policies.py`.
+What a touch does to the belief is in `step.py`; that gives the answer. Once it is out, `reflect` does what only later
+ones need: compare places by the last touches, and learn about the arm.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 
 from .belief import Belief
 from .config import FilterConfig
 from .estimate import Estimate
-from .fingers import Finger, by_name, count
+from .fingers import Finger, by_name
 from .gates import Gates
 from .initialisation import checked_prior
 from .keyframes import KeyframeWindow
-from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 from .particles import Particles
 from .places import Place, Prior
 from .policies import Policies, default_policies
-from .propagation import OdometryJump
 from .reporting import Reporter
 from .state import CONVERGED, Status
+from .step import Step
 from .stopwatch import Stopwatch
 from .touch import Measurement
 from .workers import Workers
@@ -76,13 +72,10 @@ class ParticleFilter:
 
     def reset(self, seed: int) -> None:
         """Forget everything but object and settings: the filter is then as if made anew with this seed."""
-        self._gates = Gates(self._open_gates)
-        rng = np.random.default_rng(seed)
-        self._do = self._make_policies(
-            self.config, self._noise, self._object, rng, self._gates, self._watch, self._workers
-        )
-        self._reporter = Reporter(self.config, self._gates, self._watch)
-        self._restarted = ""
+        rng, gates, watch = np.random.default_rng(seed), Gates(self._open_gates), self._watch
+        self._do = self._make_policies(self.config, self._noise, self._object, rng, gates, watch, self._workers)
+        self._step = Step(self._do, self.config.max_particles, gates, watch)
+        self._reporter = Reporter(self.config, self._do, gates, watch)
         self._belief: Belief | None = None
         self._answered: _Answered | None = None
 
@@ -106,22 +99,13 @@ class ParticleFilter:
 
         felt: what the first finger has felt on the way to the present frame.
         """
-        count = self.config.max_particles
-        shares = np.array([place.probability for place in places])
-        numbers = np.round(0.5 * count * shares / shares.sum()).astype(int)
-        some = [self._do.source.at(place, number) for place, number in zip(places, numbers, strict=True) if number]
-        uniform = self._do.source.uniform(count - sum(map(len, some)))
-        particles = Particles.joined([*some, uniform])
-        particles.log_weights[:] = -np.log(count)
-        self._start(particles, None)
+        self._start(self._do.source.places_and_uniform(places, self.config.max_particles), None)
         self._do.refine.recall(felt, self._object.measurement.log_ratio_of)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder)
-        for policy in (self._do.correct, self._do.propagate, self._do.reweigh, self._do.fingers):
-            policy.restart()
-        self._do.refine.restart(prior)
+        self._do.restart(prior)
 
     def force_update(self) -> None:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
@@ -159,24 +143,12 @@ class ParticleFilter:
         touches = by_name(measurement, others or {})
         self._object.require_same_network(touches.values())
         self.reflect()
-        self._gates.note = self._restarted = ""
         if self._belief is None:
             return self._reporter.nothing()
-        do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
-        self._gates.skips("no_contact", not in_contact)
-        motion = self._propagate(self._correct(odometry, measurement, elapsed), in_contact)
-        felt = do.fingers.feel(touches, motion)
-        do.refine.moved(motion, do.fingers.path, in_contact)
-        touched = any(finger.touch.in_contact for finger in felt)
-        tempering = self._update(felt) if touched else 0.0
-        self._cluster(changed=touched or motion is not None)
-        if do.refine(self._belief, felt, tempering):
-            do.reweigh.trend.explained()
-        estimate = self._reporter.estimate(
-            self._belief, do.reweigh.trend, in_contact, do.refine.checked, self._restarted, do.correct.calibration
-        )
+        outcome = self._step(self._belief, odometry, touches, elapsed)
+        estimate = self._reporter.estimate(self._belief, outcome)
         self._watch.restart()
-        self._answered = _Answered(felt, measurement, estimate.status.state == CONVERGED)
+        self._answered = _Answered(outcome.felt, measurement, estimate.status.state == CONVERGED)
         return estimate
 
     def reflect(self) -> None:
@@ -187,65 +159,11 @@ class ParticleFilter:
         self._do.refine.reflect(self._belief, last.felt)
         self._do.correct.observe(self._belief, last.touch, last.trusted)
 
-    def _correct(self, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None) -> np.ndarray | None:
-        """The odometry without what is known to be wrong with it; says so when the object moved."""
-        better, jump = self._do.correct(odometry, touch, elapsed), self._do.correct.jump
-        if jump is not None:
-            distance, angle = np.linalg.norm(jump.moved[:3, 3]), se3.rotation_angle(jump.moved[:3, :3])
-            said = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"
-            self._gates.refuse("object_moved", said)
-            self._do.propagate.blur(self._belief.particles, jump.covariance)
-        return better
-
-    def _propagate(self, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
-        """Equation 1; starts again after a jump. The motion, None if nothing moved."""
-        with self._watch.stage("motion"):
-            try:
-                motion = self._do.propagate(self._belief.particles, odometry, in_contact)
-            except OdometryJump as jump:
-                self._gates.refuse("odometry_jump", str(jump))
-                self._restarted = str(jump)
-                self.initialise_uniform()
-                return None
-            if motion is not None:
-                self._belief.moved(motion.path)
-            return motion
-
-    def _update(self, felt: list[Finger]) -> float:
-        """Equation 2 and resampling; the largest tempering exponent of the fingers that touch."""
-        do, belief = self._do, self._belief
-        with self._watch.stage("lookup"):
-            codebook_distance = belief.look_up()
-        with self._watch.stage("weights"):
-            alive = do.reweigh(belief, felt, codebook_distance)
-            tempering = count(felt)
-            do.propagate.explore(belief.dominant_mass, tempering)
-        with self._watch.stage("resampling"):
-            touching, collapse = next(each for each in felt if each.touch.in_contact), do.reweigh.trend.injection
-            if alive:
-                do.resample(belief, needed=collapse > 0)
-                do.recover(belief, touching, collapse)
-            else:
-                self._restart(touching)
-        return tempering
-
-    def _cluster(self, changed: bool) -> None:
-        """Find the modes, unless the particles are those of the last step."""
-        with self._watch.stage("modes"):
-            if not (self._belief.modes and self._gates.skips("unmoved_modes", not changed)):
-                self._belief.cluster()
-
-    def _restart(self, finger: Finger) -> None:
-        """No particle can explain the touch: start again, half from its best matches, half over the surface."""
-        self._restarted = "no particle can explain the touch; started again over the surface"
-        self._gates.refuse("restarted", self._restarted)
-        self._start(self._do.source.matches_and_uniform(finger, self.config.max_particles), None)
-
     # ------------------------------------------------------------------ answers
 
     def mark_stale(self, reason: str) -> Status:
         """Say from outside that input has stopped, for the reason given; returns the status to publish."""
-        return self._reporter.stale(reason, self._belief, self._do.reweigh.trend.short)
+        return self._reporter.stale(reason, self._belief)
 
     @property
     def poses(self) -> np.ndarray:

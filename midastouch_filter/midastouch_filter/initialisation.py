@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 import midastouch_kernels as kernels
@@ -100,6 +102,15 @@ class ParticleSource:
         """n particles, half as `matches`, half over the whole surface."""
         uniform = uniform_entries(len(self._lookup), n - n // 2, self._rng)
         return self._around(np.concatenate([uniform, self.matches(finger, n // 2).entries]))
+
+    def places_and_uniform(self, places: Sequence[Place], n: int) -> Particles:
+        """n particles, half at one or more places, each by its probability, half over the whole surface."""
+        shares = np.array([place.probability for place in places])
+        numbers = np.round(0.5 * n * shares / shares.sum()).astype(int)
+        some = [self.at(place, number) for place, number in zip(places, numbers, strict=True) if number]
+        particles = Particles.joined([*some, self.uniform(n - sum(map(len, some)))])
+        particles.log_weights[:] = -np.log(n)
+        return particles
 
     def at(self, place: Place, n: int) -> Particles:
         """n particles spread as the place's covariance and the arm's jitter say."""

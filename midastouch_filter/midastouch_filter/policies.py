@@ -11,11 +11,13 @@ from .effort import Effort
 from .fine_stage import CoarseOnly, FineStage
 from .fingers import Fingers
 from .gates import Gates
+from .hindsight import Hindsight
 from .initialisation import ParticleSource
 from .motion_model import MotionModel
 from .noise_model import NoiseModel
 from .object_model import ObjectModel
 from .odometry_correction import AsMeasured, OdometryCorrection
+from .places import Prior
 from .propagation import Propagation
 from .recovery import Recovery
 from .reevaluation import Reevaluation
@@ -41,6 +43,12 @@ class Policies:
     refine: CoarseOnly
     source: ParticleSource
 
+    def restart(self, prior: Prior | None = None) -> None:
+        """Forget what was felt: the particles were drawn anew; `prior` as `CoarseOnly.restart`."""
+        for policy in (self.correct, self.propagate, self.fingers, self.reweigh):
+            policy.restart()
+        self.refine.restart(prior)
+
 
 def default_policies(
     config: FilterConfig,
@@ -59,11 +67,11 @@ def default_policies(
     if model.alignment is not None:
         map_shape, effort = model.alignment.map_shape, Effort()
         refinement = Refinement(model.alignment, config, noise, effort, workers)
-        reevaluation = None
+        refine = FineStage(refinement, config, gates, watch)
         if config.hindsight:
             places = len(model.regions)
             reevaluation = Reevaluation(model.lookup, model.alignment, places, config, noise, effort)
-        refine = FineStage(refinement, reevaluation, config, noise, source, resample, gates, watch)
+            refine = Hindsight(refinement, reevaluation, config, noise, source, resample, gates, watch)
         if config.calibration or config.object_motion:
             correct = OdometryCorrection(model.alignment, config, noise, watch)
     return Policies(

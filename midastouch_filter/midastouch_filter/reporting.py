@@ -2,61 +2,52 @@
 
 from __future__ import annotations
 
-from .arm_errors import Calibration
 from .belief import Belief
 from .config import FilterConfig
 from .estimate import Estimate
 from .gates import Gates
-from .recovery import LikelihoodTrend
+from .policies import Policies
 from .resampling import effective_size
 from .state import Evidence, StateMachine, Status
+from .step import Outcome
 from .stopwatch import Stopwatch
 
 
 class Reporter:
-    """Turns the belief into an estimate and its status."""
+    """Turns the belief, and what the policies know besides, into an estimate and its status."""
 
-    def __init__(self, config: FilterConfig, gates: Gates, watch: Stopwatch):
-        self._state, self._gates, self._watch = StateMachine(config), gates, watch
+    def __init__(self, config: FilterConfig, policies: Policies, gates: Gates, watch: Stopwatch):
+        self._state, self._do, self._gates, self._watch = StateMachine(config), policies, gates, watch
 
     def nothing(self) -> Estimate:
         """No start was given yet."""
         self._state.update(Evidence())
-        return Estimate([], self.status(None, 0.0))
+        return Estimate([], self._status(None))
 
-    def estimate(
-        self,
-        belief: Belief,
-        trend: LikelihoodTrend,
-        in_contact: bool,
-        checked: bool,
-        restarted: str,
-        calibration: Calibration | None,
-    ) -> Estimate:
-        """Answer of a step; arguments as `Evidence` and `Estimate`."""
+    def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
+        """Answer of a step."""
         dominant = belief.modes[0]
         self._state.update(
             Evidence(
                 initialised=True,
-                in_contact=in_contact,
-                support=trend.support,
-                restarted=restarted,
-                checked=checked,
+                in_contact=outcome.in_contact,
+                support=self._do.reweigh.trend.support,
+                restarted=outcome.restarted,
+                checked=self._do.refine.checked,
                 mode_mass=dominant.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
             )
         )
-        return Estimate(belief.answers, self.status(belief, trend.short), belief.covariance, calibration)
+        return Estimate(belief.answers, self._status(belief), belief.covariance, self._do.correct.calibration)
 
-    def stale(self, reason: str, belief: Belief | None, trend: float) -> Status:
+    def stale(self, reason: str, belief: Belief | None) -> Status:
         """Status when input has stopped."""
         self._state.mark_stale(reason)
         self._gates.note = ""
-        return self.status(belief, trend)
+        return self._status(belief)
 
-    def status(self, belief: Belief | None, trend: float) -> Status:
-        """Of the present state."""
+    def _status(self, belief: Belief | None) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
         reason = f"{self._state.reason} ({note})" if note else self._state.reason
         if belief is None:
@@ -71,7 +62,7 @@ class Reporter:
             mode_mass=dominant.weight if dominant else 0.0,
             spread_t=dominant.spread_translation if dominant else 0.0,
             spread_r=dominant.spread_rotation if dominant else 0.0,
-            likelihood_trend=trend,
+            likelihood_trend=self._do.reweigh.trend.short,
             skipped=skipped,
             ms=self._watch.ms,
         )

@@ -1,9 +1,14 @@
-"""A small world for the filter: an object without symmetry, a codebook and slides over it."""
+"""A small world for the filter: an object without symmetry, a codebook and slides over it.
+
+`filter_runs`, beside this file, can be imported.
+"""
 
 from __future__ import annotations
 
 import functools
+import sys
 from itertools import pairwise
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,6 +27,8 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 # on a busy machine time says nothing about the code
 settings.register_profile("filter", deadline=None, derandomize=True)
@@ -138,6 +145,31 @@ def world() -> SimpleNamespace:
         make_slide=make_slide,
         odometry_of=odometry_of,
         with_pose_noise=with_pose_noise,
+    )
+
+
+@pytest.fixture(scope="session")
+def coded_slide(world) -> SimpleNamespace:
+    """A slide on which codes are felt: poses (100, 4, 4); odometry between measured poses (0.5 mm, 1 deg, as
+    YCB-Slide's) and touches along them; config; make_filter(config, seed), as if made anew with the seed."""
+    rng = np.random.default_rng(12)
+    poses = make_slide(world.mesh, 100, rng)
+    measured = with_pose_noise(poses, rng, 5e-4, np.radians(1.0))
+    # without penetrations a mode is as wide as the entries of its book are apart, here some 5 mm
+    config = FilterConfig(max_particles=5000, min_particles=300, converged_translation=7e-3)
+    # making one takes a second
+    made = functools.cache(lambda config: ParticleFilter(world.mesh, world.codebook, config))
+
+    def make_filter(config: FilterConfig = config, seed: int = 0) -> ParticleFilter:
+        made(config).reset(seed)
+        return made(config)
+
+    return SimpleNamespace(
+        poses=poses,
+        odometry=odometry_of(measured),
+        touches=[Measurement(True, code, 1e-4) for code in world.encode(poses)],
+        config=config,
+        make_filter=make_filter,
     )
 
 

@@ -1,4 +1,6 @@
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.gates import GATES, Gates, RestGate
@@ -63,3 +65,16 @@ def test_an_open_rest_gate_hands_on_every_step_once():
     gate = rest_gate(["at_rest"], update_min_d=1e-3)
     for _ in range(3):
         np.testing.assert_allclose(gate.motion(moved(4e-4)).transform[:3, 3], [4e-4, 0, 0], atol=1e-12)
+
+
+@given(st.floats(-4.9e-4, 4.9e-4), st.integers(2, 30))
+@settings(max_examples=20)
+def test_rest_adds_up_rotations_that_are_not_quite_orthonormal(stretch, steps):
+    """Each is within tolerance; their product would not be."""
+    gates = Gates()
+    gate = RestGate(FilterConfig(), gates)
+    step = np.eye(4)
+    step[:3, :3] *= 1 + stretch
+    for _ in range(steps):
+        assert gate.motion(Odometry.from_matrix(step)) is None
+    assert gates.counts["at_rest"] == steps

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -89,6 +89,21 @@ def test_a_hundred_thousand_steps_keep_rotations_orthonormal_and_agree_with_floa
 def test_refuses_odometry_that_is_no_motion(broken, complaint):
     with pytest.raises(ValueError, match=complaint):
         Odometry.from_matrix(broken)
+
+
+half_turns = arrays(float, 3, elements=st.floats(-1, 1)).filter(lambda axis: np.linalg.norm(axis) > 1e-3)
+
+
+@given(half_turns)
+@settings(max_examples=100)
+def test_half_turns_about_any_axis_are_motions(axis):
+    axis /= np.linalg.norm(axis)
+    turn = se3.make(2 * np.outer(axis, axis) - np.eye(3), np.zeros(3))
+    odometry = Odometry.from_matrix(turn)
+    assert odometry.angle == pytest.approx(np.pi, abs=1e-6)
+    particles = particles_of(turn[None])
+    model().propagate(particles, odometry, 1.0)
+    np.testing.assert_allclose(particles.poses[0], np.eye(4), atol=1e-6)
 
 
 def test_exploration_anneals_while_one_mode_dominates_and_comes_back():

@@ -164,3 +164,19 @@ def test_non_finite_vertices_are_refused(block):
     vertices[3, 1] = np.nan
     with pytest.raises(InputError, match="non-finite"):
         ObjectMesh.from_arrays(vertices, block.faces, "broken")
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "said"),
+    [
+        (np.eye(3), np.array([[0, 1, 3]]), "vertex 3"),
+        (np.eye(3), np.array([[0, 1, -1]]), "vertex -1"),
+        (np.eye(3), np.array([[0, 1, 2, 0]]), "triangles"),
+        (np.eye(4), np.array([[0, 1, 2]]), "triangles"),
+        (np.empty((0, 3)), np.empty((0, 3), int), "without faces"),
+        (1000 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
+    ],
+)
+def test_unusable_meshes_are_named(vertices, faces, said):
+    with pytest.raises(InputError, match=f"thing: .*{said}"):
+        ObjectMesh.from_arrays(vertices, faces, "thing")

@@ -11,11 +11,11 @@ import numpy as np
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import rgb_from_msg
 
-from .messages import COMPRESSED_TYPE, IMAGE_TOPIC, IMAGE_TYPE, Message, typestore
+from .messages import COMPRESSED_TYPE, IMAGE_TYPE, Message, typestore
 from .reader import bag_messages, bag_topics, readable
 
 
-def image_messages(path: str | Path, topic: str = IMAGE_TOPIC) -> Iterator[Message]:
+def image_messages(path: str | Path, topic: str) -> Iterator[Message]:
     """The images of a bag on a topic; where there are none, the compressed ones beside it.
 
     Raises InputError as `bag_messages`.

@@ -13,10 +13,11 @@ from midastouch_perception.tdn import estimate_background
 from midastouch_perception.tdn.background import doubtful_share
 
 from ..datasets import load_sequence
-from .frames import read_bag
-from .messages import GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME
+from .frames import GelStream, read_bag
+from .messages import TRUTH_FRAME
 from .reader import is_bag
 
+_ON_OBJECT = GelStream(base_frame=TRUTH_FRAME)
 _BACKGROUND_FRAMES = 60
 _MOST_DOUBTFUL = 0.1  # of the image
 
@@ -24,19 +25,13 @@ _MOST_DOUBTFUL = 0.1  # of the image
 class PosedSlide:
     """The slide at `path`. Attribute: poses, T_obj_gel (N, 4, 4), as the robot or a tracker measured them.
 
-    Of a bag, the images on `image_topic` and the poses of its transforms from `base_frame`, the object's, to
-    `gel_frame`. Raises InputError if there are none, or `path` is no sequence and no bag.
+    Of a bag, those of the stream, whose base frame is the object's. Raises InputError if there are none, or `path` is
+    no sequence and no bag.
     """
 
-    def __init__(
-        self,
-        path: str | Path,
-        image_topic: str = IMAGE_TOPIC,
-        base_frame: str = TRUTH_FRAME,
-        gel_frame: str = GEL_FRAME,
-    ):
+    def __init__(self, path: str | Path, stream: GelStream = _ON_OBJECT):
         self._path = Path(path)
-        self._frames = partial(read_bag, self._path, image_topic, base_frame, gel_frame)
+        self._frames = partial(read_bag, self._path, stream)
         self._sequence = None if is_bag(self._path) else load_sequence(self._path)
         if self._sequence is not None:
             self.poses = self._sequence.poses_measured

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
     from midastouch_perception.mesh import ObjectMesh
 
+    from ..bags.frames import GelStream
     from ..evaluation.setup import Networks
 
 
-def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str = ""):
+def add_command(subparsers, name: str, run: Callable, summary: str, example: str, details: str):
     """Add a sub-command with its one-line summary, longer text and example; returns its parser."""
     parser = subparsers.add_parser(
         name,
@@ -40,7 +41,7 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_bag_options(parser: argparse.ArgumentParser, base_frame: str = "base_link") -> None:
-    """Add --image-topic, --base-frame and --gel-frame: what `bag_options` takes."""
+    """Add --image-topic, --base-frame and --gel-frame: what `gel_stream` takes."""
     for option, default, metavar, what in (
         ("--image-topic", "/image_raw", "TOPIC", "images of the bag"),
         ("--base-frame", base_frame, "FRAME", "what the sensor's poses in the bag are told in"),
@@ -49,9 +50,11 @@ def add_bag_options(parser: argparse.ArgumentParser, base_frame: str = "base_lin
         parser.add_argument(option, default=default, metavar=metavar, help=f"{what} (default {default})")
 
 
-def bag_options(args: argparse.Namespace) -> dict[str, str]:
-    """The values of these options, as arguments of whatever reads a bag."""
-    return {name: getattr(args, name) for name in ("image_topic", "base_frame", "gel_frame")}
+def gel_stream(args: argparse.Namespace) -> GelStream:
+    """What these options name."""
+    from ..bags.frames import GelStream
+
+    return GelStream(args.image_topic, args.base_frame, args.gel_frame)
 
 
 def add_cluster_options(parser: argparse.ArgumentParser) -> None:

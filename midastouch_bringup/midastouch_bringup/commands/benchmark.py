@@ -82,8 +82,8 @@ def run(args: argparse.Namespace) -> int:
     )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    with campaigns.campaign(args, "trial") as means:
-        trials, missing = run_campaign(plan, meshes, log, *means)
+    with campaigns.campaign(args, "trial") as workforce:
+        trials, missing = run_campaign(plan, meshes, log, workforce)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},

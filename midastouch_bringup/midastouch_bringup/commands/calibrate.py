@@ -93,7 +93,7 @@ def _of_object(args: argparse.Namespace, store, sensor):
 
     from ..bags.posed_slide import PosedSlide
 
-    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source, **arguments.bag_options(args))
+    mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source, arguments.gel_stream(args))
     chosen = choose_touches(slide.poses, mesh, sensor)
     kept = store.load(sensor.height, sensor.width) if store else None
     background = slide.background(kept)

@@ -17,7 +17,7 @@ from . import arguments, outcome
 if TYPE_CHECKING:
     from midastouch_perception.mesh import ObjectMesh
 
-    from ..cluster import Cluster
+    from ..evaluation.open_trials import Workforce
 
 HELD_OUT = ("008", "019", "028", "032", "033", "043", "052", "065-c", "072-b", "073-a")
 """Ten more for judging, on which no setting is to be chosen. The networks were trained on 008, 028 and 033; the other
@@ -83,9 +83,10 @@ def _one(name: str, available: dict[str, Path], where: str) -> Path:
 
 
 @contextmanager
-def campaign(args: argparse.Namespace, unit: str) -> Iterator[tuple[Cluster, float, Callable]]:
-    """Cluster, deadline and start of progress, as `run_campaign` takes them, by the options of a campaign."""
+def campaign(args: argparse.Namespace, unit: str) -> Iterator[Workforce]:
+    """Who runs the trials, by the options of a campaign."""
     from ..cluster import open_cluster
+    from ..evaluation.open_trials import Workforce
     from ..progress import progress_bar
 
     with ExitStack() as opened:
@@ -94,7 +95,8 @@ def campaign(args: argparse.Namespace, unit: str) -> Iterator[tuple[Cluster, flo
             return opened.enter_context(progress_bar(total=total, unit=unit)).update
 
         deadline = time.monotonic() + 60 * args.minutes if args.minutes else math.inf
-        yield opened.enter_context(open_cluster(args.jobs, args.cluster)), deadline, start_progress
+        cluster = opened.enter_context(open_cluster(args.jobs, args.cluster))
+        yield Workforce(cluster, deadline, start_progress)
 
 
 def left(missing: int, unit: str) -> list[str]:

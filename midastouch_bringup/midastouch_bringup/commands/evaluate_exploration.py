@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> int:
     config = dataclasses.replace(load_filter_config(args.config), threads=1)
     plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
     meshes = campaigns.chosen_meshes(args.meshes, args.objects)
-    with campaigns.campaign(args, "trial") as means:
-        trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), *means)
+    with campaigns.campaign(args, "trial") as workforce:
+        trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
     summary = summarise_exploration(trials)
     result = {
         "config": plan.describe(),

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from ..export.recording import Recording
 
     write = _writer(args.format)  # before a long bag is read
-    recordings = [Recording(path, **arguments.bag_options(args)) for path in args.bags]
+    recordings = [Recording(path, arguments.gel_stream(args)) for path in args.bags]
     with atomic_path(args.out) as folder:
         folder.mkdir()
         frames = write(recordings, folder)

@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
     plan = IdentityPlan(stock, load_filter_config(args.config), tuple(range(args.slides)))
     meshes = campaigns.chosen_meshes(args.meshes, args.objects)
     machine = machine_info()
-    with campaigns.campaign(args, "slide") as means:
-        trials, missing = run_identification(plan, meshes, TrialLog(folder / "identifications.jsonl"), *means)
+    with campaigns.campaign(args, "slide") as workforce:
+        trials, missing = run_identification(plan, meshes, TrialLog(folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None
     result = {
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},

@@ -29,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     from ..bags.frames import read_bag
     from ..bags.time_offset import estimate_time_offset
 
-    frames = read_bag(args.bag, **arguments.bag_options(args))
+    frames = read_bag(args.bag, arguments.gel_stream(args))
     try:
         offset = estimate_time_offset(frames)
     except InputError as error:

@@ -20,7 +20,7 @@ SERVER = "https://ycb-benchmarks.s3.amazonaws.com/data"
 _MEMBER = "nontextured.ply"
 
 
-def download_mesh(name: str, folder: Path, server: str = SERVER, progress: Callable = lambda done, total: None) -> Path:
+def download_mesh(name: str, folder: Path, server: str, progress: Callable = lambda done, total: None) -> Path:
     """The 16k-face scan of an object such as 025_mug as `folder/NAME.ply`, metres; returns that path.
 
     A mesh that is there already, unchanged, is not fetched again; an archive must have the SHA-256 of the first

@@ -19,13 +19,12 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
-from ..cluster import Cluster
 from .calibration import likelihood_counts
 from .disturbances import Disturbed, Scene
-from .open_trials import StartProgress, make_books, run_open, untold
+from .open_trials import Workforce, make_books, run_open
 from .peers import dead_reckoning, paper_filter, registration
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
-from .sequence_trials import TrialPlan
+from .sequence_trials import start_filter
 from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import RECORD, TrialFrame, Yardstick, run_trial
@@ -104,30 +103,23 @@ class Plan:
         return list(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))
 
 
-def run_campaign(
-    plan: Plan,
-    meshes: list[ObjectMesh],
-    log: TrialLog,
-    cluster: Cluster,
-    deadline: float = np.inf,
-    start_progress: StartProgress = untold,
-) -> tuple[list[dict], int]:
+def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`; first the slides and codebooks that this needs.
 
     Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the stock's
     folder.
     """
     foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
-    _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, cluster, deadline)
-    return run_open(_run_unit, _units(plan, meshes, foreign), log, cluster, deadline, start_progress)
+    _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, workforce)
+    return run_open(_run_unit, _units(plan, meshes, foreign), log, workforce)
 
 
-def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], cluster: Cluster, deadline: float) -> None:
+def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], workforce: Workforce) -> None:
     """Make what the trials need, as far as it is not there."""
     objects = {mesh.path for mesh in meshes}
-    make_books(plan.stock, sorted(objects), cluster, tuple(plan.codebook_sizes()))
+    make_books(plan.stock, sorted(objects), workforce.cluster, tuple(plan.codebook_sizes()))
     touched = product(sorted(objects | foreign), plan.slides)
-    for _ in cluster.map(_make_touches, [(plan.stock, *one) for one in touched], deadline):
+    for _ in workforce.cluster.map(_make_touches, [(plan.stock, *one) for one in touched], workforce.deadline):
         pass
 
 
@@ -202,7 +194,7 @@ def _run_unit(
 
     def trial(scene: Disturbed, labels: dict) -> dict:
         particle_filter.reset(labels["seed"])
-        TrialPlan(labels["init"], plan.beta).start(particle_filter, mesh, scene.frames[0].truth)
+        start_filter(particle_filter, mesh, scene.frames[0].truth, labels["init"], plan.beta)
         record = protocol.record(yardstick) if protocol.record else None
         out = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
         return labels | out | (record.result() if record else {})

@@ -120,7 +120,7 @@ def wrong_converged(trials: list[dict]) -> float:
     return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
-def pareto_front(rows: list[dict], error: str = "e_trans_mm") -> list[dict]:
+def pareto_front(rows: list[dict], error: str) -> list[dict]:
     """The rows that no other beats in both the filter's CPU time and an error, fastest first."""
     front: list[dict] = []
     for row in sorted(rows, key=lambda r: (r["cpu_ms_filter"], r[error])):

@@ -27,9 +27,8 @@ from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses
 
-from ..cluster import Cluster
 from ..datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
-from .open_trials import StartProgress, make_books, run_open, untold
+from .open_trials import Workforce, make_books, run_open
 from .setup import Networks
 from .stock import Stock
 from .trial import FRAME_TIME, RIGHT
@@ -85,24 +84,19 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
 
 
 def run_exploration(
-    plan: Plan,
-    meshes: list[ObjectMesh],
-    log: TrialLog,
-    cluster: Cluster,
-    deadline: float = np.inf,
-    start_progress: StartProgress = untold,
+    plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`. Trials of all policies with one seed begin at the same place.
 
     Seeds come outermost, so that what a bounded run leaves out is spread over all objects.
     """
-    make_books(plan.stock, [mesh.path for mesh in meshes], cluster)
+    make_books(plan.stock, [mesh.path for mesh in meshes], workforce.cluster)
     units = [
         ((plan, mesh.path), {plan.key(mesh, labels): labels})
         for seed, mesh, policy in product(range(plan.trials), meshes, plan.policies)
         for labels in [{"object": mesh.name, "policy": policy, "seed": seed}]
     ]
-    return run_open(_run, units, log, cluster, deadline, start_progress)
+    return run_open(_run, units, log, workforce)
 
 
 def _run(plan: Plan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:

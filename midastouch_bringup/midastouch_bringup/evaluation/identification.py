@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 import midastouch_filter
 import midastouch_kernels
 from midastouch_filter.catalogue import Catalogue, read_catalogue
@@ -25,8 +23,7 @@ from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pose_metric import pose_errors
 
-from ..cluster import Cluster
-from .open_trials import StartProgress, make_books, run_open, untold
+from .open_trials import Workforce, make_books, run_open
 from .stock import Stock
 from .trial import RIGHT, TrialFrame
 from .trial_log import TrialLog, key_of, source_digest
@@ -67,19 +64,14 @@ class IdentityPlan:
 
 
 def run_identification(
-    plan: IdentityPlan,
-    meshes: list[ObjectMesh],
-    log: TrialLog,
-    cluster: Cluster,
-    deadline: float = np.inf,
-    start_progress: StartProgress = untold,
+    plan: IdentityPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`, both trials of a slide as one.
 
     Slides come outermost, so that what a bounded run leaves out is spread over all objects.
     """
     paths = [mesh.path for mesh in meshes]
-    make_books(plan.stock, paths, cluster)
+    make_books(plan.stock, paths, workforce.cluster)
     books = sorted([mesh.sha256, plan.stock.codebook_digest(mesh)] for mesh in meshes)
     depends_on = {"identify": plan.describe() | {"slides": plan.stock.slides.name}, "catalogue": books}
     units = [
@@ -87,7 +79,7 @@ def run_identification(
         for slide in plan.slides
         for mesh in meshes
     ]
-    done, missing = run_open(_run_slides, units, log, cluster, deadline, start_progress)
+    done, missing = run_open(_run_slides, units, log, workforce)
     return [trial for both in done for trial in both["trials"]], missing
 
 

@@ -35,14 +35,15 @@ class TrialPlan:
         """Frames of the sequence that are processed."""
         return list(range(0, sequence.n_frames, self.stride))[: self.max_frames]
 
-    def start(self, particle_filter: AnyFilter, mesh: ObjectMesh, truth: np.ndarray) -> None:
-        """Spread the particles: `uniform` over the surface without looking at the truth (4, 4) of frame 0,
-        or as the paper does: N(truth, beta diag/3, beta 60 deg), projected to the surface."""
-        if self.init == "uniform":
-            particle_filter.initialise_uniform()
-        else:
-            sigma_t, sigma_r = self.beta * mesh.diagonal / 3, self.beta * np.radians(60)
-            particle_filter.initialise_gaussian(truth, sigma_t, sigma_r)
+
+def start_filter(particle_filter: AnyFilter, mesh: ObjectMesh, truth: np.ndarray, init: str, beta: float) -> None:
+    """Spread the particles: `uniform` over the surface without looking at the truth (4, 4) of frame 0, or as the paper
+    does: N(truth, beta diag/3, beta 60 deg), projected to the surface."""
+    if init == "uniform":
+        particle_filter.initialise_uniform()
+    else:
+        sigma_t, sigma_r = beta * mesh.diagonal / 3, beta * np.radians(60)
+        particle_filter.initialise_gaussian(truth, sigma_t, sigma_r)
 
 
 def run_sequence(
@@ -66,7 +67,7 @@ def run_sequence(
 
     def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
-        plan.start(particle_filter, mesh, sequence.poses_true[indices[0]])
+        start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
         return run_trial(perceived(sequence, indices, images, background, networks), particle_filter, observe)
 
     trials = []

@@ -14,9 +14,9 @@ from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 from midastouch_perception.message_arrays import image_from_msg, pose_from_msg
 
-from ..bags.frames import BagFrame, read_bag
+from ..bags.frames import OWN, BagFrame, GelStream, read_bag
 from ..bags.images import image_messages
-from ..bags.messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, header_stamp_ns
+from ..bags.messages import header_stamp_ns
 from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
 
@@ -57,21 +57,15 @@ class Column:
 
 
 class Recording:
-    """The frames of a bag, read as often as asked for.
+    """The frames of a stream of a bag, read as often as asked for.
 
     Attributes: path; object_name, empty where the bag does not say it; columns, that it has. Raises InputError if it
-    is no bag with images on `image_topic` and transforms from `base_frame` to `gel_frame`.
+    is no bag with such images and transforms.
     """
 
-    def __init__(
-        self,
-        path: str | Path,
-        image_topic: str = IMAGE_TOPIC,
-        base_frame: str = BASE_FRAME,
-        gel_frame: str = GEL_FRAME,
-    ):
-        self.path, self._image_topic = Path(path), image_topic
-        self._posed_frames = partial(read_bag, self.path, image_topic, base_frame, gel_frame)
+    def __init__(self, path: str | Path, stream: GelStream = OWN):
+        self.path, self._stream = Path(path), stream
+        self._posed_frames = partial(read_bag, self.path, self._stream)
         self._topics = {topic.name for topic in bag_topics(path)}
         self.object_name = bag_metadata(path).get("object", "")
         self.columns = tuple(self._find_columns(next(self.frames())))
@@ -80,7 +74,7 @@ class Recording:
     def rate(self) -> float:
         """Images per second, as most of them follow each other. Raises InputError for fewer than two."""
         with readable(self.path):
-            stamps = [header_stamp_ns(message.data) for message in image_messages(self.path, self._image_topic)]
+            stamps = [header_stamp_ns(message.data) for message in image_messages(self.path, self._stream.image_topic)]
         distinct = np.unique(stamps)
         if len(distinct) < 2:
             raise InputError(f"{self.path}: one image is no recording; record a slide")

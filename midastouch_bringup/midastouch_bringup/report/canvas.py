@@ -110,7 +110,7 @@ class Canvas:
         starts: np.ndarray,
         ends: np.ndarray,
         colours: np.ndarray,
-        radius: float = 1.5,
+        radius: float,
         hidden_alpha: float = 0.25,
     ) -> None:
         """Draw straight lines between starts and ends (N, 3) m, `radius` px thick to either side."""

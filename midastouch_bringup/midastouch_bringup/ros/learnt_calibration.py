@@ -15,7 +15,7 @@ from midastouch_perception.ros import qos
 from .local_context import started_context
 
 
-def learnt_calibration(namespace: str = "", patience: float = 10.0) -> ArmCalibration:
+def learnt_calibration(namespace: str, patience: float = 10.0) -> ArmCalibration:
     """The message kept on `calibration` in the namespace; InputError if none comes within `patience` seconds."""
     context, received = started_context(), []
     try:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from recorded import SECOND, STILL, STORE, compressed, header, image, tf, write
 
-from midastouch_bringup.bags.frames import read_bag
+from midastouch_bringup.bags.frames import GelStream, read_bag
 from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message
 from midastouch_perception.errors import InputError
 
@@ -27,7 +27,7 @@ def test_bgr_padded_and_compressed_images(tmp_path):
     small = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, small)
     for topic in ("/image_raw", "/compressed"):
-        (frame,) = read_bag(path, image_topic=topic)
+        (frame,) = read_bag(path, GelStream(topic))
         np.testing.assert_array_equal(frame.image, pixels)
 
 
@@ -40,7 +40,7 @@ def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
     np.testing.assert_array_equal(frames["small"], frames["raw"])
     np.testing.assert_array_equal(frames["both"], frames["raw"])
     with pytest.raises(InputError, match=r"has no /other; it has /image_raw/compressed"):
-        next(read_bag(tmp_path / "small.mcap", image_topic="/other"))
+        next(read_bag(tmp_path / "small.mcap", GelStream("/other")))
 
 
 @pytest.mark.parametrize("data", [b"", b"no picture"])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from recorded import SECOND, image, tf, write
 
+from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.bags.messages import SEQUENCE_TOPICS, sequence_messages
 from midastouch_bringup.bags.posed_slide import PosedSlide
 from midastouch_bringup.bags.writer import BagWriter, write_bag
@@ -59,7 +60,7 @@ def test_topic_and_frames_of_a_bag_may_have_other_names(tmp_path):
         for stamp in (SECOND, 2 * SECOND)
         for message in (tf(stamp, turned, "part", "left_gel"), image(stamp, topic="/left/image_raw"))
     ]
-    names = {"image_topic": "/left/image_raw", "base_frame": "part", "gel_frame": "left_gel"}
-    slide = PosedSlide(write(tmp_path / "left.mcap", *messages), **names)
+    stream = GelStream("/left/image_raw", "part", "left_gel")
+    slide = PosedSlide(write(tmp_path / "left.mcap", *messages), stream)
     np.testing.assert_allclose(slide.poses[:, 0, 3], 0.2)
     assert len(slide.images([0, 1])) == 2

@@ -6,6 +6,7 @@ import pytest
 import trimesh
 
 from midastouch_bringup import cli
+from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_perception.codebook import FORMAT, Codebook
@@ -95,8 +96,8 @@ def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
 def test_whatever_reads_a_bag_takes_the_names_in_it(monkeypatch, capsys, command, reader):
     asked = {}
 
-    def read(path, **names):
-        asked[str(path)] = names
+    def read(path, stream):
+        asked[str(path)] = stream
         raise InputError("asked")
 
     monkeypatch.setitem(sys.modules, "h5py", ModuleType("h5py"))  # of an extra; nothing is written
@@ -104,4 +105,4 @@ def test_whatever_reads_a_bag_takes_the_names_in_it(monkeypatch, capsys, command
     names = ["--image-topic", "/left/image_raw", "--base-frame", "part", "--gel-frame", "left_gel"]
     assert cli.main([*command, *names]) == 2
     assert "asked" in capsys.readouterr().err
-    assert asked == {"a.mcap": {"image_topic": "/left/image_raw", "base_frame": "part", "gel_frame": "left_gel"}}
+    assert asked == {"a.mcap": GelStream("/left/image_raw", "part", "left_gel")}

@@ -15,15 +15,15 @@ def options(*given: str) -> argparse.Namespace:
 
 
 def test_the_deadline_is_counted_from_the_start():
-    with campaigns.campaign(options(), "trial") as (_, deadline, _):
-        assert deadline == math.inf
+    with campaigns.campaign(options(), "trial") as workforce:
+        assert workforce.deadline == math.inf
     before = time.monotonic()
-    with campaigns.campaign(options("--minutes", "2"), "trial") as (cluster, deadline, start_progress):
-        progress = start_progress(2)
-        for number, square in enumerate(cluster.map(pow, [(1, 2), (3, 2)], deadline)):
+    with campaigns.campaign(options("--minutes", "2"), "trial") as workforce:
+        progress = workforce.start_progress(2)
+        for number, square in enumerate(workforce.cluster.map(pow, [(1, 2), (3, 2)], workforce.deadline)):
             assert square == (2 * number + 1) ** 2
             progress(1)
-    assert before + 120 <= deadline <= time.monotonic() + 120
+    assert before + 120 <= workforce.deadline <= time.monotonic() + 120
 
 
 def test_it_is_said_how_it_goes_on():

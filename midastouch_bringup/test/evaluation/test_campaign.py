@@ -8,6 +8,7 @@ import trimesh
 
 from midastouch_bringup.cluster import open_cluster
 from midastouch_bringup.evaluation.campaign import Plan, likelihood_levels, run_campaign
+from midastouch_bringup.evaluation.open_trials import Workforce
 from midastouch_bringup.evaluation.stock import SlideKind
 from midastouch_bringup.evaluation.symmetry import Symmetry
 from midastouch_bringup.evaluation.touches import Touches
@@ -66,7 +67,7 @@ def plan(sequence, codebook, networks) -> Plan:
 @pytest.fixture
 def here():
     with open_cluster() as cluster:
-        yield cluster
+        yield Workforce(cluster)
 
 
 @pytest.fixture
@@ -82,7 +83,8 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
         totals.append(total)
         return done.append
 
-    trials, missing = run_campaign(plan, [saved_mesh], log, here, start_progress=start_progress)
+    told = replace(here, start_progress=start_progress)
+    trials, missing = run_campaign(plan, [saved_mesh], log, told)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
@@ -91,12 +93,12 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert (totals, sum(done)) == ([4], 4)
     # again: nothing is left to do
     kept = TrialLog(tmp_path / "trials.jsonl")
-    again, _ = run_campaign(plan, [saved_mesh], kept, here, start_progress=start_progress)
+    again, _ = run_campaign(plan, [saved_mesh], kept, told)
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
     other = replace(plan, config=replace(plan.config, min_particles=301))
-    assert run_campaign(other, [saved_mesh], log, here, deadline=0)[1] == 4
+    assert run_campaign(other, [saved_mesh], log, replace(here, deadline=0))[1] == 4
 
 
 @pytest.mark.slow
@@ -109,7 +111,7 @@ def test_a_seed_fixes_a_trial(plan, saved_mesh, here, tmp_path):
 
 
 def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log, here):
-    trials, missing = run_campaign(plan, [saved_mesh], log, here, deadline=0)
+    trials, missing = run_campaign(plan, [saved_mesh], log, replace(here, deadline=0))
     assert (trials, missing) == ([], 4)
 
 

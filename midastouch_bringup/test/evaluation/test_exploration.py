@@ -4,6 +4,7 @@ import pytest
 
 from midastouch_bringup.cluster import open_cluster
 from midastouch_bringup.evaluation.exploration import Plan, run_exploration
+from midastouch_bringup.evaluation.open_trials import Workforce
 from midastouch_bringup.evaluation.stock import Stock
 from midastouch_bringup.evaluation.trial_log import TrialLog
 from midastouch_filter.config import FilterConfig
@@ -21,7 +22,7 @@ def explored(tmp_path_factory):
 
     def run():
         with open_cluster() as cluster:
-            return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), cluster)
+            return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), Workforce(cluster))
 
     return run(), run
 

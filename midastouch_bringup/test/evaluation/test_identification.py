@@ -10,6 +10,7 @@ from midastouch_bringup.evaluation.identification_summary import (
     identification_table,
     summarise_identification,
 )
+from midastouch_bringup.evaluation.open_trials import Workforce
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_bringup.evaluation.trial_log import TrialLog
 from midastouch_filter.config import FilterConfig
@@ -26,7 +27,7 @@ def campaign(tmp_path_factory):
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
-        trials, missing = run_identification(plan, meshes, log, cluster)
+        trials, missing = run_identification(plan, meshes, log, Workforce(cluster))
     assert not missing
     return plan, meshes, log, trials
 
@@ -48,11 +49,10 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
     plan, meshes, log, trials = campaign
     begun = []
     with open_cluster() as cluster:
-        again, _ = run_identification(
-            plan, meshes, log, cluster, start_progress=lambda total: begun.append(total) or (lambda done: None)
-        )
+        told = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
+        again, _ = run_identification(plan, meshes, log, told)
         further = dataclasses.replace(plan, slides=(0, 1))
-        _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), cluster, deadline=-np.inf)
+        _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), Workforce(cluster, -np.inf))
     assert begun == [0]
     assert again == trials
     assert missing == 4

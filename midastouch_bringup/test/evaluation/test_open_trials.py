@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.cluster import open_cluster
-from midastouch_bringup.evaluation.open_trials import run_open
+from midastouch_bringup.evaluation.open_trials import Workforce, run_open
 from midastouch_bringup.evaluation.trial_log import TrialLog
 
 UNITS = [(("a", 2), {"a1": 1, "a2": 2}), (("b", 3), {"b1": 1})]
@@ -28,7 +28,7 @@ class Run:
 
 def complete(log, run, **options):
     with open_cluster() as cluster:
-        return run_open(run, UNITS, log, cluster, **options)
+        return run_open(run, UNITS, log, Workforce(cluster, **options))
 
 
 def test_only_what_the_log_lacks_is_run_and_all_is_returned_in_order(log):

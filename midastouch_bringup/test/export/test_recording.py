@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from recorded import SECOND, STILL, compressed, image, tf, write
 
+from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.export.recording import FILTER_STATES, Recording
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -53,10 +54,10 @@ def test_a_bag_with_compressed_images_alone_is_a_recording(tmp_path):
 def test_topic_and_frames_may_have_other_names(tmp_path):
     """As of the left finger of two, on another arm."""
     stamps = [SECOND, SECOND + SECOND // 10]
-    names = {"image_topic": "/left/image_raw", "base_frame": "a_base", "gel_frame": "left_gel"}
+    stream = GelStream("/left/image_raw", "a_base", "left_gel")
     places = [tf(stamp, STILL, "a_base", "left_gel") for stamp in stamps]
     images = [image(stamp, topic="/left/image_raw") for stamp in stamps]
-    recording = Recording(write(tmp_path / "left.mcap", *places, *images), **names)
+    recording = Recording(write(tmp_path / "left.mcap", *places, *images), stream)
     assert recording.rate == pytest.approx(10)
     assert [row["stamp_ns"][0] for row in recording.rows()] == stamps
 

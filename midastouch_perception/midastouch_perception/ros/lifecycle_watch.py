@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import GetState
@@ -21,13 +21,11 @@ _ASK_AGAIN_S = 1.0  # an event may be lost while both sides still find each othe
 class LifecycleWatch:
     """Follows lifecycle nodes. `node` listens for it and must be spun.
 
-    names: of the nodes, absolute or in the namespace of `node`. on_change is called, by who spins, after each change of
-    `states`.
+    names: of the nodes, absolute or in the namespace of `node`.
     """
 
-    def __init__(self, node: Node, names: Iterable[str], on_change: Callable[[], None] = lambda: None):
-        self._on_change = on_change
-        self._watched = [_Watched(node, name, on_change) for name in names]
+    def __init__(self, node: Node, names: Iterable[str]):
+        self._watched = [_Watched(node, name) for name in names]
         node.create_timer(_LOOK_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
@@ -48,9 +46,8 @@ class LifecycleWatch:
 class _Watched:
     """One node: what it has said of its state."""
 
-    def __init__(self, node: Node, name: str, on_change: Callable[[], None]):
+    def __init__(self, node: Node, name: str):
         self.name, self.state = name, _ABSENT
-        self._on_change = on_change
         self._client = node.create_client(GetState, f"{name}/get_state")
         self._answer: Future | None = None
         self._asked = 0.0
@@ -60,7 +57,7 @@ class _Watched:
         """Ask the node for its state unless it is known, or forget what was known of one that is gone."""
         if not self._client.service_is_ready():
             self._drop_question()
-            self._set(_ABSENT)
+            self.state = _ABSENT
         elif self.state != "active" and (self._answer is None or time.monotonic() - self._asked > _ASK_AGAIN_S):
             self._drop_question()
             self._asked = time.monotonic()
@@ -69,19 +66,14 @@ class _Watched:
 
     def _on_answer(self, answer: Future) -> None:
         if answer is self._answer:  # else it comes too late
-            self._set(answer.result().current_state.label)
+            self.state = answer.result().current_state.label
 
     def _on_event(self, event: TransitionEvent) -> None:
         # what is still to be answered may have been said before
         self._drop_question()
-        self._set(event.goal_state.label)
+        self.state = event.goal_state.label
 
     def _drop_question(self) -> None:
         if self._answer is not None:
             self._client.remove_pending_request(self._answer)
             self._answer = None
-
-    def _set(self, state: str) -> None:
-        if state != self.state:
-            self.state = state
-            self._on_change()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import traceback
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -23,17 +24,10 @@ AUTOSTART = Parameter("autostart", True, "Configure and activate at start, witho
 _UNCONFIGURED = "not configured (ros2 lifecycle set)"
 
 
-class ManagedNode(PipelineNode, RobustLifecycleNode):
+class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
     """A lifecycle node that says what it is loading, and why it could not.
 
-    A subclass makes its publishers and services in its constructor, which ends with `autostart()`. It has
-
-    configure(): load what the parameters name, and `say` so first; raises InputError;
-    connect(): make subscriptions and timers, which are destroyed when the node stops being active, so that a matched
-    subscription means an active node; raises InputError;
-    disconnect(): end what else `connect` has begun;
-    unload(): let go of what `configure` has loaded, all of it or a part;
-    describe(): level, message and values for the diagnostics of the active node.
+    A subclass makes its publishers and services in its constructor, which ends with `autostart()`.
 
     table: its parameters. Those that are neither `at_start` nor may change at run time may while the node is
     unconfigured: what could not be loaded can be mended and configured again.
@@ -85,19 +79,27 @@ class ManagedNode(PipelineNode, RobustLifecycleNode):
         finally:
             self._doing = ""
 
+    @abstractmethod
     def configure(self) -> None:
-        raise NotImplementedError
+        """Load what the parameters name, and `say` so first; raises InputError."""
 
+    @abstractmethod
     def connect(self) -> None:
-        raise NotImplementedError
+        """Make subscriptions and timers; raises InputError.
 
-    def disconnect(self) -> None: ...
+        They are destroyed when the node stops being active: a matched subscription means an active node.
+        """
 
+    def disconnect(self) -> None:
+        """End what else `connect` has begun."""
+
+    @abstractmethod
     def unload(self) -> None:
-        raise NotImplementedError
+        """Let go of what `configure` has loaded, all of it or a part."""
 
+    @abstractmethod
     def describe(self) -> tuple[bytes, str, dict]:
-        raise NotImplementedError
+        """Level, message and values for the diagnostics of the active node."""
 
     def destroy_node(self) -> None:
         """As rclpy's, once what was begun has ended."""

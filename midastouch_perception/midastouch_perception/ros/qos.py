@@ -32,7 +32,7 @@ def stage_publisher(depth: int = 5) -> QoSProfile:
     return _profile(max(depth, 5), reliable=True, latched=True)
 
 
-def stage_subscriber(depth: int = 1, reliable: bool = False) -> QoSProfile:
+def stage_subscriber(depth: int, reliable: bool) -> QoSProfile:
     """The same, received. Replay: also what was sent before; live: the newest only."""
     return _profile(depth, reliable, latched=reliable)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from midastouch_perception.ros import diagnostics
 from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
 
@@ -21,14 +22,16 @@ class Idle(ManagedNode):
 
     def unload(self): ...
 
+    def describe(self):
+        return diagnostics.OK, "idles", {}
+
 
 def add(graph, name, **parameters):
     return graph.add(lambda **options: Idle(name, **options), parameters)
 
 
 def test_nodes_are_followed_from_before_their_start_to_their_end(graph):
-    changes = []
-    watch = LifecycleWatch(graph.companion, ["one", "/two"], lambda: changes.append(dict(watch.states)))
+    watch = LifecycleWatch(graph.companion, ["one", "/two"])
     assert watch.waiting_for == "one (not running), /two (not running)"
     one = add(graph, "one", autostart=False)
     graph.spin_until(lambda: watch.states["one"] == "unconfigured", "the state of the first")
@@ -39,7 +42,7 @@ def test_nodes_are_followed_from_before_their_start_to_their_end(graph):
     graph.spin_until(lambda: watch.waiting_for == "one (inactive)", "the event")
     assert graph.change_state("one", "activate")
     graph.spin_until(lambda: watch.waiting_for == "", "both")
-    assert changes[-1] == {"one": "active", "/two": "active"}
+    assert watch.states == {"one": "active", "/two": "active"}
     assert graph.change_state("one", "deactivate")
     graph.spin_until(lambda: watch.waiting_for == "one (inactive)", "the event")
     graph.remove(one)

@@ -1,19 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.gel_light import GelLight
-
-
-@pytest.fixture(scope="module")
-def real():
-    return SensorModel.load("digit_real").scaled(0.5)
-
-
-@pytest.fixture(scope="module")
-def cap(real):
-    return np.maximum(ball_penetration(ball_centre(60, 80, 2e-3, 4e-3, real), 4e-3, real), 0)
 
 
 def test_flat_gel_is_as_without_contact(real):

@@ -1,21 +1,8 @@
 import numpy as np
-import pytest
 
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.gel_surface import sunk_in
 
 REACH = 0.5e-3
-
-
-@pytest.fixture(scope="module")
-def real():
-    return SensorModel.load("digit_real").scaled(0.5)
-
-
-@pytest.fixture(scope="module")
-def cap(real):
-    return np.maximum(ball_penetration(ball_centre(60, 80, 2e-3, 4e-3, real), 4e-3, real), 0)
 
 
 def test_the_gel_keeps_the_object_s_shape_and_follows_beside_it(cap, real):

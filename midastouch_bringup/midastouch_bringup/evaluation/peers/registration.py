@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from midastouch_filter.state import AMBIGUOUS, CONVERGED
+from midastouch_filter.touch import MAP_SCALE
 from midastouch_perception import se3
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pointcloud import cloud_from_penetration
@@ -53,7 +54,7 @@ class Registration(DeadReckoning):
     ):
         self._config = config or RegistrationConfig()
         self._open3d = require_open3d()
-        self._sensor = SensorModel.load(codebook.meta["sensor"]).scaled(0.25)
+        self._sensor = SensorModel.load(codebook.meta["sensor"]).scaled(MAP_SCALE)
         points, normals, _ = mesh.sample_surface(
             max(int(4 * mesh.area / self._config.voxel**2), 1000), np.random.default_rng(0)
         )

@@ -53,7 +53,7 @@ class Press:
 
 
 def feel_presses(
-    tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None = None
+    tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None
 ) -> Iterator[Press]:
     """Every press with what should be felt of a ball of `radius` m; with the calibration of its own, if there are any.
 

@@ -59,7 +59,7 @@ def measure_object(
     networks: Networks,
     plan: SingleTouchPlan,
     rng: np.random.Generator,
-    progress: Callable[[int], object] = lambda touches: None,
+    progress: Callable[[int], object],
 ) -> dict:
     """One object's entry of the `single-touch` JSON; `errors` are quantiles, `cells` rows of `CELL_COLUMNS`."""
     simulator = TouchSimulator(mesh, networks, plan.lighting)

@@ -1,4 +1,4 @@
-"""The fine stage in the whole filter: what it does for an answer, and what once the answer is out."""
+"""Hindsight in the whole filter: what the fine stage does for an answer, and what once the answer is out."""
 
 from dataclasses import replace
 

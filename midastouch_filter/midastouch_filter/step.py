@@ -1,0 +1,123 @@
+"""One step of the filter: what odometry and touches do to a belief (paper section 4.3 and appendix C).
+
+Move the particles by the odometry, weigh them by the measured codes, resample if the weights have become too uneven,
+find the modes, and let what is felt in detail refine them. How each part works is said by `policies.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from midastouch_perception import se3
+
+from .belief import Belief
+from .fingers import FIRST, Finger, count
+from .gates import Gates
+from .motion_model import Odometry
+from .particles import Particles
+from .policies import Policies
+from .propagation import OdometryJump
+from .stopwatch import Stopwatch
+from .touch import Measurement
+
+
+class Outcome(NamedTuple):
+    """The fingers that felt something new; whether any touches; why the step started again, in words, "" if not."""
+
+    felt: list[Finger]
+    in_contact: bool
+    restarted: str
+
+
+class Step:
+    """Applies the policies to a belief, one after the other.
+
+    Args: policies; particles, number of them after a restart; gates; watch.
+    """
+
+    def __init__(self, policies: Policies, particles: int, gates: Gates, watch: Stopwatch):
+        self._do, self._particles, self._gates, self._watch = policies, particles, gates, watch
+
+    def __call__(
+        self,
+        belief: Belief,
+        odometry: np.ndarray | None,
+        touches: Mapping[str, Measurement],
+        elapsed: float | None,
+    ) -> Outcome:
+        """Change the belief; touches: of all fingers, by name, the first one's among them; else as
+        `ParticleFilter.step`."""
+        do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
+        self._gates.note = self._restarted = ""
+        self._gates.skips("no_contact", not in_contact)
+        better = self._correct(belief, odometry, touches[FIRST], elapsed)
+        motion = self._propagate(belief, better, in_contact)
+        felt = do.fingers.feel(touches, motion)
+        do.refine.moved(motion, do.fingers.path, in_contact)
+        touching = [finger for finger in felt if finger.touch.in_contact]
+        tempering = self._update(belief, felt, touching[0]) if touching else 0.0
+        self._cluster(belief, changed=bool(touching) or motion is not None)
+        if do.refine(belief, felt, tempering):
+            do.reweigh.trend.explained()
+        return Outcome(felt, in_contact, self._restarted)
+
+    def _correct(
+        self, belief: Belief, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None
+    ) -> np.ndarray | None:
+        """The odometry without what is known to be wrong with it; says so when the object moved."""
+        better, jump = self._do.correct(odometry, touch, elapsed), self._do.correct.jump
+        if jump is not None:
+            distance, angle = np.linalg.norm(jump.moved[:3, 3]), se3.rotation_angle(jump.moved[:3, :3])
+            said = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"
+            self._gates.refuse("object_moved", said)
+            self._do.propagate.blur(belief.particles, jump.covariance)
+        return better
+
+    def _propagate(self, belief: Belief, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
+        """Equation 1; starts again after a jump. The motion, None if nothing moved."""
+        with self._watch.stage("motion"):
+            try:
+                motion = self._do.propagate(belief.particles, odometry, in_contact)
+            except OdometryJump as jump:
+                self._restart(belief, self._do.source.uniform(self._particles), "odometry_jump", str(jump))
+                return None
+            if motion is not None:
+                belief.moved(motion.path)
+            return motion
+
+    def _update(self, belief: Belief, felt: list[Finger], touching: Finger) -> float:
+        """Equation 2 and resampling; the largest tempering exponent of the fingers that touch, `touching` the first."""
+        do = self._do
+        with self._watch.stage("lookup"):
+            codebook_distance = belief.look_up()
+        with self._watch.stage("weights"):
+            alive = do.reweigh(belief, felt, codebook_distance)
+            tempering = count(felt)
+            do.propagate.explore(belief.dominant_mass, tempering)
+        with self._watch.stage("resampling"):
+            if alive:
+                collapse = do.reweigh.trend.injection
+                do.resample(belief, needed=collapse > 0)
+                do.recover(belief, touching, collapse)
+            else:
+                particles = do.source.matches_and_uniform(touching, self._particles)
+                said = "no particle can explain the touch; started again over the surface"
+                self._restart(belief, particles, "restarted", said)
+        return tempering
+
+    def _restart(self, belief: Belief, particles: Particles, kind: str, reason: str) -> None:
+        """Start again from these particles; kind: what it counts as; reason in words."""
+        self._restarted = reason
+        self._gates.refuse(kind, reason)
+        belief.restart(particles)
+        self._do.restart()
+
+    def _cluster(self, belief: Belief, changed: bool) -> None:
+        """Find the modes, unless the particles are those of the last step."""
+        with self._watch.stage("modes"):
+            if not (belief.modes and self._gates.skips("unmoved_modes", not changed)):
+                belief.cluster()
