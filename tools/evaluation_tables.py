@@ -32,7 +32,7 @@ TABLES = {
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas,
         accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.slides,
         trust.converged, trust.weights, trust.regions, trust.events,
-        exploring.identification, exploring.exploration, exploring.twins,
+        exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
         perception.real, perception.depth, perception.labels, perception.presses, perception.checks,
         perception.diameters, perception.contacts, perception.brightness, perception.single_touch,
         speed.speed, speed.load, speed.soak, commands,

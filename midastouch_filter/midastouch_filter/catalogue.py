@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +16,9 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
+from . import memory
 from .alignment import PenetrationAlignment
+from .coarse_index import typical_codes
 from .config import FilterConfig
 from .localiser import LoadedObject, object_of
 from .lookup import NearestEntry
@@ -27,75 +28,146 @@ from .touch import MAP_SCALE
 FEWEST = 5_000
 """Poses of each codebook that are compared, at least."""
 
+ROOM = 2**20
+"""Poses that a touch is compared with at most: 40 ms of one core, a third more than all YCB scans take."""
+
 _SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
+
+_PARTS = ("mesh", "codebook", "lookup", "alignment")  # of an entry, as a comparison needs them
 
 _SAME = 1e-6  # share of its size within which one mesh is another one
 
 
-@dataclass(frozen=True)
 class Entry:
-    """One object: mesh; codebook, no more poses of it than `poses_worth`; path of the whole codebook, None if that is
-    all; alignment to its surface."""
+    """One object of a catalogue. What was forgotten is read again when it is asked for, or InputError raised.
 
-    mesh: ObjectMesh
-    codebook: Codebook
-    path: Path | None
-    alignment: PenetrationAlignment
+    Attributes: name; path of the whole codebook, None if there is no more of it; meta, its description; size, poses of
+    it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; lookup among them; alignment to
+    the mesh; typical codes, (T, D).
+    """
 
-    @property
-    def name(self) -> str:
-        """Of the mesh."""
-        return self.mesh.name
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel):
+        if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
+            unsaid = ", ".join(missing)
+            raise InputError(f"{path or mesh.name}: codebook that does not say its {unsaid}; build it again")
+        if path is not None and len(codebook.poses) > (worth := poses_worth(mesh)):
+            codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
+        self.mesh, self.codebook = mesh, codebook
+        self.name, self.path, self.meta, self.size = mesh.name, path, codebook.meta, len(codebook.poses)
+        self._noise, self._mesh_path, self._content = noise, mesh.path, mesh.sha256
+        self._form = (mesh.faces.shape, mesh.bounds, mesh.area)
+
+    @cached_property
+    def mesh(self) -> ObjectMesh:
+        mesh = ObjectMesh.load(self._mesh_path)
+        if mesh.sha256 != self._content:
+            raise InputError(f"{self._mesh_path}: the mesh has changed since it was read; start again")
+        return mesh
+
+    @cached_property
+    def codebook(self) -> Codebook:
+        codebook = Codebook.load(self.path, first=self.size)
+        if codebook.meta != self.meta:
+            raise InputError(f"{self.path}: the codebook has changed since it was read; start again")
+        return codebook
 
     @cached_property
     def lookup(self) -> NearestEntry:
-        """Among the codebook's poses."""
         return NearestEntry(self.codebook.poses)
+
+    @cached_property
+    def alignment(self) -> PenetrationAlignment:
+        sensor = SensorModel.load(self.meta["sensor"]).scaled(MAP_SCALE)
+        return PenetrationAlignment(self.mesh, sensor, self._noise)
+
+    @cached_property
+    def typical(self) -> np.ndarray:
+        return typical_codes(self.codebook.codes)
+
+    def prepare(self) -> None:
+        """Have all at hand that a comparison asks for."""
+        for part in _PARTS:
+            getattr(self, part)
+
+    @property
+    def prepared(self) -> bool:
+        """Whether that is so."""
+        return all(part in self.__dict__ for part in _PARTS)
+
+    def forget(self) -> None:
+        """Free the memory of all that files hold, but for the typical codes."""
+        if self.path is not None and self._mesh_path is not None:
+            kept = self.typical  # of codes that are still there
+            for part in _PARTS:
+                self.__dict__.pop(part, None)
+            self.typical = kept
 
     def load(self, config: FilterConfig, seed: int) -> LoadedObject:
         """The filter on this object, with its whole codebook; InputError as `localiser.object_of`."""
         codebook = self.codebook if self.path is None else Codebook.load(self.path, mesh=self.mesh)
         return object_of(self.mesh, codebook, config, seed)
 
+    def is_same_as(self, other: Entry) -> bool:
+        """Whether the two meshes are one, be it in other files."""
+        (faces, bounds, area), (their_faces, their_bounds, their_area) = self._form, other._form
+        close = _SAME * float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        return self._content == other._content or (
+            faces == their_faces
+            and np.allclose(bounds, their_bounds, rtol=0, atol=close)
+            and bool(np.isclose(area, their_area, rtol=_SAME))
+        )
+
 
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; rows, of each entry in codes (M, D), of all; calibration of the codes; sensor, at map
-    resolution; network_id; twins, for each name that stands for the same mesh as another one, that one's.
+    Attributes: entries; room, for so many poses that a touch is compared with; rows, of each entry among the poses of
+    all; calibration of the codes; sensor, at map resolution; network_id; twins, for each name that stands for the same
+    mesh as another one, that one's.
     Raises InputError: no objects, two of one name, of different networks or sensors.
     """
 
-    def __init__(self, entries: Sequence[Entry], twins: dict[str, str] | None = None):
+    def __init__(self, entries: Sequence[Entry], twins: dict[str, str] | None = None, room: int = ROOM):
         if not entries:
             raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
-        self.entries, self.twins = list(entries), dict(twins or {})
-        first = self.entries[0].codebook.meta
+        self.entries, self.twins, self.room = list(entries), dict(twins or {}), room
+        first = self.entries[0].meta
         for entry in self.entries[1:]:
             _require_alike(self.entries[0], entry)
-        ends = np.cumsum([0, *(len(entry.codebook.codes) for entry in self.entries)])
+        ends = np.cumsum([0, *(entry.size for entry in self.entries)])
         self.rows = [slice(low, high) for low, high in pairwise(ends)]
-        self.codes = np.concatenate([entry.codebook.codes for entry in self.entries])
         self.calibration, self.network_id = first, str(first["tcn"])
         self.sensor = SensorModel.load(first["sensor"]).for_maps
 
     @classmethod
-    def of(cls, objects: Sequence[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel) -> Catalogue:
-        """Of meshes with their codebooks, and the files of these if `Entry.load` is to read them again.
+    def of(
+        cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel, room: int = ROOM
+    ) -> Catalogue:
+        """Of meshes with their codebooks, and the files of these if an `Entry` is to read them again.
 
-        Meshes that are the same count once, under the first one's name.
+        Meshes that are the same count once, under the first one's name. What has no room is forgotten until it is asked
+        for; all else is made ready, so that no touch has to wait for it.
         """
         entries: list[Entry] = []
         twins: dict[str, str] = {}
+        poses = 0
         for mesh, codebook, path in objects:
-            twin = next((entry.name for entry in entries if _are_same(entry.mesh, mesh)), None)
+            entry = Entry(mesh, codebook, path, noise)
+            twin = next((each.name for each in entries if each.is_same_as(entry)), None)
             if twin is not None:
                 twins[mesh.name] = twin
-            elif mesh.name in (entry.name for entry in entries):
+                continue
+            if mesh.name in (each.name for each in entries):
                 raise InputError(f"{mesh.path or mesh.name}: another object is called '{mesh.name}'; rename the file")
+            entries.append(entry)
+            poses += entry.size
+            if poses > room:
+                entry.forget()
             else:
-                entries.append(_entry(mesh, codebook, path, noise))
-        return cls(entries, twins)
+                entry.prepare()
+        if poses > room:
+            memory.trim()
+        return cls(entries, twins, room)
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -104,9 +176,18 @@ class Catalogue:
         """Of the object of that name."""
         return [entry.name for entry in self.entries].index(name)
 
+    def only(self, numbers: Sequence[int]) -> Catalogue:
+        """The same with these objects only, in this order."""
+        return Catalogue([self.entries[number] for number in numbers], room=self.room)
+
     def without(self, name: str) -> Catalogue:
         """The same but for one object."""
-        return Catalogue([entry for entry in self.entries if entry.name != name])
+        return self.only([number for number, entry in enumerate(self.entries) if entry.name != name])
+
+    def with_room(self, ranked: Sequence[int]) -> list[int]:
+        """The first of `ranked` numbers, in their own order: as many as there is room for, one at least."""
+        poses = np.cumsum([self.entries[number].size for number in ranked])
+        return sorted(ranked[: max(int((poses <= self.room).sum()), 1)])
 
 
 def poses_worth(mesh: ObjectMesh) -> int:
@@ -115,14 +196,17 @@ def poses_worth(mesh: ObjectMesh) -> int:
 
 
 def read_catalogue(
-    sources: Sequence[Path], build: Callable[[Path], tuple[ObjectMesh, Codebook]], noise: NoiseModel
+    sources: Sequence[Path],
+    build: Callable[[Path], tuple[ObjectMesh, Codebook]],
+    noise: NoiseModel,
+    room: int = ROOM,
 ) -> Catalogue:
     """From codebooks (.npz), whose meshes they name, folders of codebooks, and meshes.
 
     build: makes the codebook of a mesh. Of a codebook only what is needed is read. Raises InputError that names the
     file: missing, unreadable, too large or too small, and as `Catalogue`.
     """
-    return Catalogue.of([each for source in _files(sources) for each in [_read(source, build)]], noise)
+    return Catalogue.of((_read(source, build) for source in _files(sources)), noise, room)
 
 
 def _files(sources: Sequence[Path]) -> list[Path]:
@@ -153,29 +237,10 @@ def _read(
     return mesh, Codebook.load(source, mesh=mesh, first=poses_worth(mesh)), source
 
 
-def _entry(mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel) -> Entry:
-    if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
-        raise InputError(f"{path or mesh.name}: codebook that does not say its {', '.join(missing)}; build it again")
-    if path is not None and len(codebook.poses) > (worth := poses_worth(mesh)):
-        codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
-    sensor = SensorModel.load(codebook.meta["sensor"]).scaled(MAP_SCALE)
-    return Entry(mesh, codebook, path, PenetrationAlignment(mesh, sensor, noise))
-
-
-def _are_same(a: ObjectMesh, b: ObjectMesh) -> bool:
-    """Whether two meshes are one, be it in other files."""
-    close = _SAME * a.diagonal
-    return a.sha256 == b.sha256 or (
-        a.faces.shape == b.faces.shape
-        and np.allclose(a.bounds, b.bounds, rtol=0, atol=close)
-        and np.isclose(a.area, b.area, rtol=_SAME)
-    )
-
-
 def _require_alike(first: Entry, other: Entry) -> None:
     """Raise InputError unless codes of both can be compared."""
     for key, what in (("tcn", "network"), ("sensor", "sensor")):
-        one, two = first.codebook.meta[key], other.codebook.meta[key]
+        one, two = first.meta[key], other.meta[key]
         if one != two:
             raise InputError(
                 f"{other.path or other.name}: codebook of the {what} {two}, that of {first.name} is of {one}; "

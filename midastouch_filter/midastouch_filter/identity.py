@@ -4,33 +4,34 @@ Identity and place are one question: the posterior is over places on all objects
 is what none of them explains. Codes are of one network, so that how well they fit is on one scale over all objects, and
 the best entries of the whole catalogue become the candidates of a touch. The best of these places are aligned to the
 kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after a few maps, so
-that ten objects take hardly more alignments than one. docs/evidence.md has the mathematics.
+that ten objects take hardly more alignments than one. Of thousands of objects only some are compared: `compared`.
+docs/evidence.md has the mathematics.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from midastouch_perception import se3
+from midastouch_perception.errors import InputError
 
 from .catalogue import Catalogue
 from .change_points import place_posterior
+from .compared import Compared
 from .config import FilterConfig
 from .effort import Effort
 from .gates import Gates, RestGate
 from .joint_alignment import transform_covariance
 from .keyframes import Keyframe, KeyframeWindow
-from .measurement_model import CodeScores
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .places import Place, distinct
 from .replay import Followed, Race, Replay
 from .rival_search import Pace, RivalSearch, Scored
 from .touch import Measurement, require_network
-from .workers import Workers
 
 UNKNOWN = "unknown"
 """Name of what is none of the catalogue's objects."""
@@ -109,15 +110,14 @@ class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
     Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them.
-    Attributes: window of the kept touches; found, by the last comparison, its places as they were then; contest, that
-    it comes from, None before the first.
+    Attributes: compared, the objects that are; window of the kept touches; found, by the last comparison, its places as
+    they were then; contest, that it comes from, None before the first.
     """
 
     def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
         self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
-        self._scores = CodeScores(catalogue.codes, catalogue.calibration, config, Workers(config.threads))
-        pace = Pace(_EFFORT.lookups_per_step)
-        self._searches = [RivalSearch(entry.lookup, noise, _EFFORT, pace) for entry in catalogue.entries]
+        self.compared = Compared(catalogue, config, noise)
+        self._pace = Pace(_EFFORT.lookups_per_step)
         self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
@@ -145,7 +145,8 @@ class Identification:
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:
         """One frame: motion since the last (4, 4), None if unknown; whether the identity was found anew.
 
-        What the filter refuses is passed over; raises InputError if the code comes from another network.
+        What the filter refuses is passed over; raises InputError if the code comes from another network, or if what is
+        not held in memory cannot be read.
         """
         require_network([touch], self._catalogue.network_id)
         self._move(odometry, touch.in_contact)
@@ -153,7 +154,11 @@ class Identification:
             self._keep(touch)
         if self._running is None and self._news >= self._patience and len(self.window) >= _EFFORT.fewest:
             self._news, self._running = 0, self._run()
-        found = next(self._running) if self._running else None
+        try:
+            found = next(self._running) if self._running else None
+        except InputError:  # a codebook or a mesh that is gone; the touches are half scored
+            self.restart()
+            raise
         if found is None:
             return False
         self._running, self.contest = None, found
@@ -173,15 +178,15 @@ class Identification:
             self.window.moved(motion.transform, motion.path, in_contact)
 
     def _is_usable(self, penetration: np.ndarray | None) -> bool:
-        shape = self._catalogue.entries[0].alignment.map_shape
+        shape = self.compared.catalogue.entries[0].alignment.map_shape
         return penetration is not None and penetration.shape == shape and bool(np.isfinite(penetration).all())
 
     def _keep(self, touch: Measurement) -> None:
         try:
-            self._scores.score_codebook(self._scores.unit_code(touch.code))
+            log_ratio = self.compared.scores.log_ratio_of(touch)
         except ValueError:
             return
-        self.window.keep([touch], [self._scores.log_ratio])
+        self.window.keep([touch], [log_ratio])
         self._news += 1
         if self.window.lifted:  # what is under way was asked before, of an object that may have been exchanged
             self._running, self._patience = None, _EFFORT.anew
@@ -202,49 +207,57 @@ class Identification:
     # ------------------------------------------------------------------ one contest
 
     def _run(self) -> Iterator[Contest | None]:
+        best = self._best_found()
+        yield from self.compared.choose(self.window, [k for k, each in best if each.probability > self.found.unknown])
         window = Scored.of(list(self.window.keyframes), self._noise)
-        views = [replace(window, keyframes=[_seen(each, rows) for each in window.keyframes])
-                 for rows in self._catalogue.rows]  # fmt: skip
-        carried = self._carried(window.keyframes[-1].motion)
+        views = {
+            k: replace(window, keyframes=[_seen(each, rows) for each in window.keyframes])
+            for k, rows in zip(self.compared.numbers, self.compared.catalogue.rows, strict=True)
+        }
+        onward = se3.inverse(self._found_at) @ window.keyframes[-1].motion
+        carried = [(k, place.pose @ onward) for k, place in best if k in views]
         ranked = yield from self._ranked(views, carried)
-        race = Race(window)
-        replays = [
-            Replay(view, entry.alignment, self._noise, _EFFORT, self._config.relief_fit, race)
-            for view, entry in zip(views, self._catalogue.entries, strict=True)
-        ]
-        for k, pose in carried:
-            yield from replays[k].follow(pose)
-        for k, pose in ranked:
-            if race.alignments >= _EFFORT.alignments:
-                break
-            yield from replays[k].follow(pose)
+        race, replays = Race(window), {}
+        for starts, most in ((carried, np.inf), (ranked, _EFFORT.alignments)):
+            for k, pose in starts:
+                if race.alignments >= most:
+                    break
+                if k not in replays:
+                    if not self._catalogue.entries[k].prepared:
+                        yield None  # to read a mesh takes as long as a step may
+                    replays[k] = self._replay(k, views[k], race)
+                yield from replays[k].follow(pose)
         yield self._contest(window, replays)
 
-    def _carried(self, at: np.ndarray) -> list[tuple[int, np.ndarray]]:
-        """The best places of before, each with the number of its object, when the gel's motion was `at` (4, 4)."""
-        onward = se3.inverse(self._found_at) @ at
+    def _replay(self, number: int, view: Scored, race: Race) -> Replay:
+        alignment = self._catalogue.entries[number].alignment
+        return Replay(view, alignment, self._noise, _EFFORT, self._config.relief_fit, race)
+
+    def _best_found(self) -> list[tuple[int, Place]]:
+        """The best places of before, as they were then, each with the number of its object."""
         found = [(each.name, place) for each in self.found.hypotheses for place in each.places]
         found.sort(key=lambda each: -each[1].probability)
-        return [(self._catalogue.number(name), place.pose @ onward) for name, place in found[:_CARRIED]]
+        return [(self._catalogue.number(name), place) for name, place in found[:_CARRIED]]
 
     def _ranked(
-        self, views: list[Scored], carried: list[tuple[int, np.ndarray]]
+        self, views: dict[int, Scored], carried: list[tuple[int, np.ndarray]]
     ) -> Generator[None, None, list[tuple[int, np.ndarray]]]:
-        """Further places that codes bring up, with the numbers of their objects, best first."""
+        """Further places that codes bring up, with the numbers of their objects, best first; views by these."""
         found: list[tuple[float, int, np.ndarray]] = []
-        for k, view in enumerate(views):
+        for k, view in views.items():
             if any(len(each.shortlists[0]) for each in view.sparser(_EFFORT.sieve).keyframes):
-                rivals = yield from self._searches[k].find(view, [pose for owner, pose in carried if owner == k])
+                search = RivalSearch(self._catalogue.entries[k].lookup, self._noise, _EFFORT, self._pace)
+                rivals = yield from search.find(view, [pose for owner, pose in carried if owner == k])
                 found += [(score, k, pose) for score, pose in zip(rivals.scores, rivals.poses, strict=True)]
         found.sort(key=lambda each: -each[0])
         return [(k, pose) for score, k, pose in found if score > found[0][0] - self._noise.code_margin]
 
-    def _contest(self, window: Scored, replays: Sequence[Replay]) -> Contest:
-        """The distinct places that were followed, as they are now."""
+    def _contest(self, window: Scored, replays: dict[int, Replay]) -> Contest:
+        """The distinct places that were followed, as they are now; replays by the numbers of their objects."""
         owner: list[int] = []
         places: list[Place] = []
         kept: list[Followed] = []
-        for k, replay in enumerate(replays):
+        for k, replay in sorted(replays.items()):
             followed = sorted(replay.followed, key=lambda one: -self._support(window, one))
             onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)

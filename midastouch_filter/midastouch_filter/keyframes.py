@@ -112,8 +112,12 @@ class KeyframeWindow:
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
         """The codebook has other entries: `log_ratio_of` a touch, (M,), is that of each of these."""
         for k, keyframe in enumerate(self.keyframes):
-            log_ratios, shortlists = self._kept([log_ratio_of(touch) for touch in keyframe.touches])
-            self.keyframes[k] = replace(keyframe, log_ratios=log_ratios, shortlists=shortlists)
+            self.keyframes[k] = self.scored(keyframe, [log_ratio_of(touch) for touch in keyframe.touches])
+
+    def scored(self, keyframe: Keyframe, log_ratios: Sequence[np.ndarray]) -> Keyframe:
+        """A keyframe with other entries' log-ratios (M,), for each of its touches."""
+        log_ratios, shortlists = self._kept(log_ratios)
+        return replace(keyframe, log_ratios=log_ratios, shortlists=shortlists)
 
     def _kept(self, log_ratios: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """`Keyframe.log_ratios` and `Keyframe.shortlists`."""

@@ -40,8 +40,7 @@ class CodeScores:
         self.codes = np.ascontiguousarray(codes, np.float32)
         if not np.isfinite(self.codes).all():
             raise InputError("codebook: codes are not finite; build it again with `midastouch build-codebook`")
-        self._temperature = config.temperature or _calibration(meta, "temperature", np.inf)
-        self.outlier = config.outlier or _calibration(meta, "outlier", 1.0)
+        self._temperature, self.outlier = calibration(meta, config)
         self._workers = workers
         self._every = np.arange(len(self.codes))
         self._forget()
@@ -161,6 +160,14 @@ class MeasurementModel(CodeScores):
         """n entries (n,) int32 drawn by their likelihood; needs `score_codebook` for the same code before."""
         share = np.cumsum(np.exp(self.log_ratio, dtype=float))
         return np.searchsorted(share, rng.random(n) * share[-1], side="right").astype(np.int32)
+
+
+def calibration(meta: dict, config: FilterConfig) -> tuple[float, float]:
+    """Temperature and outlier share: configured, or else a codebook's; raises InputError if its metadata has none."""
+    return (
+        config.temperature or _calibration(meta, "temperature", np.inf),
+        config.outlier or _calibration(meta, "outlier", 1.0),
+    )
 
 
 def _calibration(meta: dict, name: str, below: float) -> float:

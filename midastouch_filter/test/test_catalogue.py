@@ -48,11 +48,11 @@ def shelf(world, tmp_path_factory):
     return SimpleNamespace(folder=folder, add=add, books=[add("bumpy"), add("small", 0.8)])
 
 
-def read(*sources):
+def read(*sources, **room):
     def build(path):
         raise AssertionError(f"{path}: nothing is to be built")
 
-    return read_catalogue(sources, build, NOISE)
+    return read_catalogue(sources, build, NOISE, **room)
 
 
 def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
@@ -61,10 +61,46 @@ def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
     assert len(catalogue) == 2
     assert all(len(entry.codebook.poses) == FEWEST for entry in catalogue.entries)
     assert catalogue.rows[1] == slice(FEWEST, 2 * FEWEST)
-    assert np.array_equal(catalogue.codes[catalogue.rows[1]], catalogue.entries[1].codebook.codes)
+    assert catalogue.entries[1].typical.shape == (128, 64)
     whole = catalogue.entries[0].load(FilterConfig(threads=1), seed=0)
     assert whole.name == "bumpy"
     assert "8,000" in whole.density
+
+
+def test_what_has_no_room_is_read_again_when_it_is_asked_for(shelf):
+    there = read(*shelf.books).entries[1]
+    first, entry = read(*shelf.books, room=FEWEST).entries
+    assert first.prepared
+    assert not entry.prepared
+    assert np.array_equal(entry.typical, there.typical)
+    assert np.array_equal(entry.codebook.codes, there.codebook.codes)
+    assert np.array_equal(entry.codebook.poses, there.codebook.poses)
+    assert entry.alignment.map_shape == there.alignment.map_shape
+    entry.prepare()
+    assert entry.prepared
+    entry.forget()
+    assert not entry.prepared
+
+
+@pytest.mark.parametrize(
+    ("change", "part", "said"),
+    [
+        (lambda mesh, book: book.unlink(), "codebook", "fleeting.npz: no such codebook"),
+        (lambda mesh, book: mesh.unlink(), "mesh", "fleeting.ply: no such mesh"),
+        (lambda mesh, book: mesh.write_bytes(mesh.with_stem("small").read_bytes()), "mesh", "fleeting.ply: .* changed"),
+        (
+            lambda mesh, book: book.write_bytes(book.with_stem("small").read_bytes()),
+            "codebook",
+            "fleeting.npz: .* changed",
+        ),
+    ],
+)
+def test_what_is_not_the_same_any_more_is_named(shelf, change, part, said):
+    book = shelf.add("fleeting", 0.9)
+    entry = read(*shelf.books, book, room=FEWEST).entries[-1]
+    change(book.with_suffix(".ply"), book)
+    with pytest.raises(InputError, match=said):
+        getattr(entry, part)
 
 
 def test_large_objects_are_worth_more_poses(world):
@@ -77,7 +113,7 @@ def test_a_mesh_without_codebook_gets_one(world, shelf):
     mesh = ObjectMesh.load(shelf.folder / "bumpy.ply")
     book = described(mesh, world.poses[:100], world.encode(world.poses[:100]), world.of_surface)
     catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE)
-    assert len(catalogue.codes) == 100
+    assert catalogue.entries[0].size == 100
     assert "100 poses" in catalogue.entries[0].load(FilterConfig(threads=1), 0).density
 
 

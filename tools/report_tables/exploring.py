@@ -33,6 +33,24 @@ def identification() -> Table:
     return header, rows
 
 
+def shapes() -> Table:
+    """Catalogues of ever more random shapes."""
+    header = ["shapes", "slides", "compared after 0.1 m", "leads then", "compared at the end", "leads then", "right"]
+    header += ["refused, when left out", "CPU a frame", "slowest frame", "memory", "report"]
+    if "identify_shapes" not in reported():
+        return header, [[UNMEASURED, *["-"] * 11]]
+    rows = []
+    for size, one in report("identify_shapes")["shape_catalogues"].items():
+        cells = [f"too few ({one['known']})"] * 6
+        if one["enough"]:
+            shares = ("compared_early", "leads_early", "compared", "leads", "right", "refused")
+            cells = [share_cell(one[key]) for key in shares]
+        cells += [f"{one['cpu_ms']['value']:.1f} ms ({between(one['cpu_ms']['interval'], '{:.1f}')})"]
+        cells += [f"{one['slowest_ms']:.0f} ms", f"{one['memory_mib']:.0f} MiB"]
+        rows.append([size, f"{one['known']} with, {one['unknown']} without", *cells, "[identify_shapes]"])
+    return header, rows
+
+
 def exploration() -> Table:
     """A finger that is told where to touch next, against one that goes anywhere."""
     header = ["finger goes", "trials", "converged right", "converged wrong", "said alike", "path until right, median"]

@@ -17,18 +17,36 @@ def add_parser(subparsers) -> None:
         "midastouch identify --meshes ../shared/meshes/ycb --slides 10 --json out/identify.json",
         "Each trial slides 0.3 m over one object, of which nothing is known at the start: once with the object in the\n"
         "catalogue, and once left out of it. Slides, codebooks and finished trials are kept in --out, as by\n"
-        "`midastouch benchmark`: the same command goes on where it was stopped.",
+        "`midastouch benchmark`: the same command goes on where it was stopped.\n\n"
+        "--shapes asks how catalogues of ever more objects fare: of so many random shapes each, the first hundred of\n"
+        "which are slid over. Only the object is asked for, and whether it was among those that were compared.",
     )
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
     parser.add_argument(
         "--codebook-size", type=arguments.positive_int, default=50_000, help="poses of an object (default 50000)"
     )
+    parser.add_argument(
+        "--shapes",
+        nargs="+",
+        type=arguments.positive_int,
+        metavar="N",
+        help="random shapes in each catalogue, instead of --meshes",
+    )
+    parser.add_argument(
+        "--room",
+        type=arguments.positive_int,
+        help="with --shapes: poses that a touch is compared with (default 1048576)",
+    )
     campaigns.add_campaign_options(parser, "slide")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    return _run_shapes(args) if args.shapes else _run_meshes(args)
+
+
+def _run_meshes(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from ..evaluation.identification import IdentityPlan, run_identification
@@ -59,4 +77,40 @@ def run(args: argparse.Namespace) -> int:
     if summary:
         shown = [text_table(*identification_table(summary))]
         shown += [f"{wrong}: {times}" for wrong, times in summary["answers"].items()]
+    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+
+
+def _run_shapes(args: argparse.Namespace) -> int:
+    from pathlib import Path
+
+    from midastouch_filter.catalogue import ROOM
+    from midastouch_perception.errors import InputError
+
+    from ..evaluation.machine import machine_info
+    from ..evaluation.setup import load_filter_config
+    from ..evaluation.shape_catalogues import ShapePlan, run_shapes
+    from ..evaluation.shape_summary import shape_table, summarise_shapes
+    from ..evaluation.stock import SlideKind, Stock
+    from ..evaluation.table import text_table
+    from ..evaluation.trial_log import TrialLog
+
+    if args.meshes or args.objects:
+        raise InputError("--shapes makes its own objects; leave --meshes and --objects out")
+    folder = Path(args.out).resolve()  # workers may run elsewhere
+    stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
+    sizes = tuple(sorted(set(args.shapes)))
+    slides = tuple(range(args.slides))
+    plan = ShapePlan(stock, load_filter_config(args.config), slides, room=args.room or ROOM, sizes=sizes)
+    machine = machine_info()
+    with campaigns.campaign(args, "slide") as means:
+        trials, missing = run_shapes(plan, TrialLog(folder / "shape_catalogues.jsonl"), *means)
+    summary = summarise_shapes(trials)
+    result = {
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
+        "machine": machine,
+        "missing_slides": missing,
+        "shape_catalogues": summary,
+        "trials": trials,
+    }
+    shown = [text_table(*shape_table(summary))] if summary else []
     return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))

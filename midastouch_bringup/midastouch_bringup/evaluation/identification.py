@@ -116,10 +116,10 @@ def identify(
 ) -> dict:
     """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
 
-    What `_Answers.describe` says, and pose_right: the object is, the state converged and the published pose within
+    What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose within
     10 mm; cpu_ms of a frame, of all but the networks.
     """
-    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown), _Answers(truth)
+    localiser, answers = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown), Answers(truth)
     cpu, count = 0.0, 0
     for frame in frames:
         start = time.process_time()
@@ -134,11 +134,11 @@ def identify(
 
 
 def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterConfig, unknown: float) -> dict:
-    """A slide over an object that is not in the catalogue: what `_Answers.describe` says.
+    """A slide over an object that is not in the catalogue: what `Answers.describe` says.
 
     No filter runs: a `CatalogueLocaliser` would give the same answers, and a pose on a wrong object.
     """
-    identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), _Answers(UNKNOWN)
+    identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), Answers(UNKNOWN)
     last = None
     for frame in frames:
         identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
@@ -147,34 +147,34 @@ def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterCo
     return answers.describe()
 
 
-class _Answers:
-    """What is answered along a slide; truth, the answer that is right."""
+class Answers:
+    """What is answered along a slide, so far of `path` m; truth, the answer that is right."""
 
     def __init__(self, truth: str):
-        self._truth, self._path, self._last = truth, 0.0, None
+        self._truth, self.path, self._last = truth, 0.0, None
         self._given: list[tuple[float, float, bool]] = []
 
     def note(self, frame: TrialFrame, identity: Identity) -> None:
         """What a frame has led to."""
         if self._last is not None:
-            self._path += Odometry.from_matrix(se3.inverse(self._last) @ frame.measured).distance
+            self.path += Odometry.from_matrix(se3.inverse(self._last) @ frame.measured).distance
         self._last, self._answer = frame.measured, identity.answer
         sure = max(identity.unknown, identity.leading.probability)
-        self._given.append((self._path, sure, identity.answer == self._truth))
+        self._given.append((self.path, sure, identity.answer == self._truth))
 
     def describe(self) -> dict:
         """answer, right, and confidence, its probability, at the end; asked, [path m, confidence, right] on the way;
         right_from_m: path from which the answer is right until the end, None if it is not; length_m."""
         wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
         since = wrong[-1] + 1 if wrong else 0
-        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED if at <= self._path]
+        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED if at <= self.path]
         return {
             "answer": self._answer,
             "right": self._given[-1][2],
             "confidence": self._given[-1][1],
             "asked": [list(each) for each in asked],
             "right_from_m": self._given[since][0] if since < len(self._given) else None,
-            "length_m": self._path,
+            "length_m": self.path,
         }
 
 
