@@ -102,8 +102,8 @@ def _run_shapes(args: argparse.Namespace) -> int:
     slides = tuple(range(args.slides))
     plan = ShapePlan(stock, load_filter_config(args.config), slides, room=args.room or ROOM, sizes=sizes)
     machine = machine_info()
-    with campaigns.campaign(args, "slide") as means:
-        trials, missing = run_shapes(plan, TrialLog(folder / "shape_catalogues.jsonl"), *means)
+    with campaigns.campaign(args, "slide") as workforce:
+        trials, missing = run_shapes(plan, TrialLog(folder / "shape_catalogues.jsonl"), workforce)
     summary = summarise_shapes(trials)
     result = {
         "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},

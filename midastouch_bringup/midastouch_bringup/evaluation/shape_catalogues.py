@@ -22,11 +22,10 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.procedural import random_shape
 
-from ..cluster import Cluster
 from ..processes.process import resident_mb
 from .identification import Answers, IdentityPlan
 from .intervals import ENOUGH
-from .open_trials import StartProgress, run_open, untold
+from .open_trials import Workforce, run_open
 from .stock import Stock
 from .trial import TrialFrame
 from .trial_log import TrialLog, key_of, source_digest
@@ -60,18 +59,12 @@ class ShapePlan(IdentityPlan):
         return range(first, first + size)
 
 
-def run_shapes(
-    plan: ShapePlan,
-    log: TrialLog,
-    cluster: Cluster,
-    deadline: float = np.inf,
-    start_progress: StartProgress = untold,
-) -> tuple[list[dict], int]:
+def run_shapes(plan: ShapePlan, log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`: each slide with its shape in the catalogue and without."""
     numbers = {number for size in plan.sizes for number in plan.mates(plan.touched - 1, size)} | set(
         range(plan.touched)
     )
-    books = dict(cluster.map(_make, [(plan.stock, number) for number in sorted(numbers)]))
+    books = dict(workforce.cluster.map(_make, [(plan.stock, number) for number in sorted(numbers)]))
     described = plan.describe() | {"sizes": None, "touched": None, "slides": plan.stock.slides.name}
     units = [
         (
@@ -82,7 +75,7 @@ def run_shapes(
         for slide in plan.slides
         for number in range(plan.touched)
     ]
-    done, missing = run_open(_run_slides, units, log, cluster, deadline, start_progress)
+    done, missing = run_open(_run_slides, units, log, workforce)
     return [trial for both in done for trial in both["trials"]], missing
 
 

@@ -2,6 +2,7 @@ import pytest
 
 from midastouch_bringup import cli
 from midastouch_bringup.cluster import open_cluster
+from midastouch_bringup.evaluation.open_trials import Workforce
 from midastouch_bringup.evaluation.shape_catalogues import ShapePlan, run_shapes
 from midastouch_bringup.evaluation.shape_summary import shape_table, summarise_shapes
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
@@ -17,7 +18,7 @@ def campaign(tmp_path_factory):
     plan = ShapePlan(stock, FilterConfig(), (0,), room=300, sizes=(1, 3), touched=1)
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
-        trials, missing = run_shapes(plan, log, cluster)
+        trials, missing = run_shapes(plan, log, Workforce(cluster))
     assert not missing
     return plan, log, trials
 
@@ -36,9 +37,8 @@ def test_what_was_run_is_not_run_again(campaign):
     plan, log, trials = campaign
     begun = []
     with open_cluster() as cluster:
-        again, _ = run_shapes(
-            plan, log, cluster, start_progress=lambda total: begun.append(total) or (lambda done: None)
-        )
+        watched = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
+        again, _ = run_shapes(plan, log, watched)
     assert begun == [0]
     assert again == trials
 
