@@ -20,6 +20,7 @@ def another_digit(real):
     return lambda seed: PressedSensor(real, lamps[None], RADIUS, np.random.default_rng(seed))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def digit(another_digit):
+    """One that nothing has pressed yet: its noise goes on with every image."""
     return another_digit(6)

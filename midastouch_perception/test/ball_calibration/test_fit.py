@@ -9,13 +9,13 @@ DIAMETER = 2 * RADIUS
 
 
 @pytest.fixture(scope="module")
-def presses(digit):
-    return digit.presses(10)
+def presses(another_digit):
+    return another_digit(6).presses(10)
 
 
 @pytest.fixture(scope="module")
-def result(digit, presses, real):
-    return calibrate(presses, digit.background, DIAMETER, real, "D20123")
+def result(another_digit, presses, real):
+    return calibrate(presses, another_digit(6).background, DIAMETER, real, "D20123")
 
 
 def test_slopes_of_unseen_presses_become_those_of_the_ball(result):
@@ -56,8 +56,9 @@ SPOILED = {
 
 
 @pytest.fixture(scope="module")
-def beside_spoiled(digit, presses, real):
+def beside_spoiled(another_digit, presses, real):
     """A calibration from presses among which are images that cannot be used, named by what is wrong with them."""
+    digit = another_digit(6)
     spoiled = {said: spoil(digit) for said, spoil in SPOILED.items()}
     return calibrate({**presses, **spoiled}, digit.background, DIAMETER, real)
 

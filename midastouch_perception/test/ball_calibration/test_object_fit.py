@@ -14,9 +14,9 @@ TOUCHES = 15
 
 
 @pytest.fixture(scope="module")
-def slide(digit, real, tool):
+def slide(another_digit, real, tool):
     """True and measured poses of some touches on a slide over the tool, and their images."""
-    rng = np.random.default_rng(0)
+    rng, digit = np.random.default_rng(0), another_digit(6)
     poses = simulate_slide(tool, real, 0.15, rng)
     chosen = np.array(choose_touches(poses, tool, real))
     poses = poses[chosen[:: max(1, len(chosen) // TOUCHES)][:TOUCHES]]
@@ -26,9 +26,9 @@ def slide(digit, real, tool):
 
 
 @pytest.fixture(scope="module")
-def result(slide, digit, real, tool):
+def result(slide, another_digit, real, tool):
     _, measured, images = slide
-    return calibrate_on_object(images, measured, digit.background, tool, real, "D20123")
+    return calibrate_on_object(images, measured, another_digit(6).background, tool, real, "D20123")
 
 
 def test_slopes_of_a_ball_never_seen_are_known(result, digit, real):
