@@ -47,7 +47,8 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant paper ablation",
+    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
+    "no_surface no_book_constraint no_tempering no_smoothing no_calibration no_annealing",
     "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
     "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_MANY} --variant no_recovery",
