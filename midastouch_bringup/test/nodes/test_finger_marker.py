@@ -147,6 +147,11 @@ def test_a_viewer_gets_the_marker_with_its_menu_and_one_thing_to_grasp(rig):
 
 
 def test_it_follows_the_finger_without_a_gap_and_is_silent_at_rest(held):
+    for degrees in (40, 50):
+        slides = held.statuses[-1].slides
+        held.viewer.drag(elsewhere(held, degrees))
+        held.graph.spin_until(lambda slides=slides: held.statuses[-1].slides > slides, "the slide")
+        rest(held)
     numbers = held.viewer.numbers  # the first ones may be lost while both sides still find each other
     assert held.viewer.number < numbers[-1]
     assert set(np.diff(numbers)) == {FACTS["client"]["next_number"]}
