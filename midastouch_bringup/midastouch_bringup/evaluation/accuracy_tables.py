@@ -79,10 +79,9 @@ def trust_table(trust: dict) -> tuple[list[str], list[list[object]]]:
         ("closest_mode_rot_deg", "median"): "closest mode deg, median",
         ("filter_cpu_ms", "mean"): "CPU ms of the filter a frame, mean",
     }
-    rows = [
-        [label, *_figure(one["share"], one["interval"], "{:.1%}")]
-        for label, one in ((label, trust[key]) for key, label in percent.items())
-    ]
+    # results of before 2026-11-23 do not have all
+    shares = ((label, trust[key]) for key, label in percent.items() if key in trust)
+    rows = [[label, *_figure(one["share"], one["interval"], "{:.1%}")] for label, one in shares]
     rows += [
         [label, *_figure(one["value"], one["interval"], "{:.1f}")]
         for label, one in ((label, trust[key][statistic]) for (key, statistic), label in plain.items())
