@@ -75,6 +75,13 @@ def test_who_is_never_right_again_counts_in_the_median(trials):
     assert ["frames until right, median", "never", "never ... never"] in trust_table(lost)[1]
 
 
+def test_results_of_before_a_figure_was_added_can_be_read(trials):
+    figures = trust([trials[0] | {"slide": k} for k in range(120)])
+    labels = [label for label, *_ in trust_table(figures)[1]]
+    del figures["right_or_among_modes_at_end"]
+    assert len(trust_table(figures)[1]) == len(labels) - 1
+
+
 def test_too_few_trials_claim_nothing(trials):
     _, rows = trust_table(trust(trials[:3]))
     assert {row[1] for row in rows} == {"too few (3)"}
