@@ -56,6 +56,7 @@ class Explorer(PipelineNode):
         self._on_end, self.gave_up = on_end, False
         self._heard_at = time.monotonic()
         self._filter_state, self._felt = "", False
+        self._untouched = 0
         self._begun = False
         self._poses: Poses | None = None
         self._orders: deque[Order] = deque()
@@ -98,7 +99,10 @@ class Explorer(PipelineNode):
         self._filter_state, self._felt = status.state, self._felt or touches
         if self._report.state == ExplorerStatus.STATE_WAITING:
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
-                return  # it has not seen yet what the sensor looks like untouched
+                return
+            self._untouched += 1
+            if self._untouched < self._settings["untouched_frames"]:
+                return  # a contact would become part of what `tdn` takes for the sensor untouched, and be felt for ever
             if self._settings["start_paused"]:
                 self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
             else:

@@ -17,6 +17,13 @@ PARAMETERS = (
     ),
     Parameter("max_path", 1.5, "It gives up after so long a way on the surface", "m", minimum=0.01, maximum=100.0),
     Parameter(
+        "untouched_frames",
+        32,
+        "Answered images of the untouched sensor before it touches: as many as tdn estimates its background from",
+        minimum=1,
+        maximum=1000,
+    ),
+    Parameter(
         "start_paused", False, "It begins in a person's hands: the finger does not move before ~/resume or an order"
     ),
     Parameter("base_frame_id", BASE_FRAME, "Frame in which the arm stands"),

@@ -26,7 +26,7 @@ class Rig:
         self.poses, self.objects, self.asked = [], [], []
         self._answers = graph.companion.create_publisher(FilterStatus, "filter_status", qos.latched(100))
         graph.companion.create_subscription(TFMessage, "/tf", self._on_tf, qos.TF)
-        given = {"mesh": BALL, "seed": 1, **parameters}
+        given = {"mesh": BALL, "seed": 1, "untouched_frames": 1, **parameters}
         self.node = graph.add(lambda **options: Explorer(lambda: self.ended.append(1), **options), given)
         self.statuses = graph.listen(ExplorerStatus, "explorer/status", latched=True)
 

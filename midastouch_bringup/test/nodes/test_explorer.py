@@ -5,12 +5,18 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import TRUTH_FRAME
+from midastouch_bringup.nodes.explorer_parameters import PARAMETERS
 from midastouch_msgs.msg import FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.message_arrays import stamp_ns
+from midastouch_perception.nodes import tdn
 from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
+
+
+def default(parameters, name):
+    return next(one.default for one in parameters if one.name == name)
 
 
 @pytest.fixture
@@ -28,6 +34,16 @@ def test_it_explores_until_the_filter_knows(rig):
     assert status.path_length > 0.01
     steps = np.linalg.norm(np.diff([pose[:3, 3] for pose in rig.poses], axis=0), axis=1)
     assert steps.max() < 4 * 1.5 * 0.05 / 30  # a lift is four times as fast
+
+
+def test_it_touches_once_tdn_has_seen_the_untouched_sensor_often_enough(graph):
+    """Else a contact becomes part of the background, and is felt to the end in images without one."""
+    needed = default(tdn.PARAMETERS, "background_frames")
+    rig = Rig(graph, untouched_frames=default(PARAMETERS, "untouched_frames"))
+    rig.until("exploring", "somewhere")
+    first_touch = next(i for i, pose in enumerate(rig.poses) if np.linalg.norm(pose[:3, 3]) < TOUCHING)
+    assert first_touch >= needed
+    assert np.ptp([pose[:3, 3] for pose in rig.poses[:needed]], axis=0).max() == 0
 
 
 def test_started_paused_it_does_not_move_before_it_is_resumed(graph):
