@@ -200,6 +200,8 @@ def test_to_bag_writes_what_replay_can_play(run, workspace):
         (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
+        (["bench-scale", "--frames", "3"], "--frames 3: too few"),
+        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced, accurate"),
         (["benchmark", "--objects", "teapot"], "bundled objects: no object 'teapot': there are ball, eyebolt"),
         (["benchmark", "--meshes", "none"], "none: no such folder"),
         (["benchmark", "--variant", "best"], "--variant best: not known"),
