@@ -172,10 +172,7 @@ SETS = {
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": (
-        *_group(PRESET),
-        *("1k", "5k", "20k", "align_1", "align_8", "book_5k", "book_10k", "code_32", "code_8"),
-    ),
+    "front": (*_group(PRESET), "1k", "5k", "20k", "align_1", "align_8", "book_10k", "code_16"),
     "contacts": _group(CONTACTS),
 }
 """Names for several variants at once; "all" is every one. "front" is what error is set against run time for: as much of

@@ -38,7 +38,7 @@ def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
         for axes, (init, rows) in zip(axes_of_error, columns.items(), strict=True):
             _draw(axes, rows, error, variants)
             axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
-    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
     figure.draw_without_rendering()  # where things lie is known only then
     for axes_of_error, error in zip(grid, errors, strict=True):
         for axes, rows in zip(axes_of_error, columns.values(), strict=True):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..evaluation.speed.scaling import USUAL, scaling_table
-from .figures import MODE_COLOUR, save, style_axes
+from .figures import MODE_COLOUR, save, style_error_axes
 from .page import Page
+
+# what varies, what stays, label
+_COLUMNS = ("particles", "poses", "particles"), ("poses", "particles", "codebook poses")
 
 
 def scaling_section(page: Page, contents: list[dict], folder: Path) -> None:
@@ -25,15 +27,17 @@ def scaling_section(page: Page, contents: list[dict], folder: Path) -> None:
 def scaling_figure(points: list[dict]) -> Figure:
     """CPU time of a step and memory, each over particles and over poses, all logarithmic."""
     figure = Figure(figsize=(9, 6), layout="constrained")
-    for column, (varied, other) in enumerate((("particles", "poses"), ("poses", "particles"))):
-        shown = sorted((point for point in points if point[other] == USUAL), key=lambda point: point[varied])
+    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
+    for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):
+        shown = sorted((point for point in points if point[kept] == USUAL), key=lambda point: point[varied])
         numbers = [point[varied] for point in shown]
-        times, memory = [point["step_ms"]["cpu"] for point in shown], [point["memory_mb"] for point in shown]
-        for row, (label, values) in enumerate((("CPU ms a step", times), ("memory MiB", memory))):
-            axes = figure.add_subplot(2, 2, 2 * row + column + 1)
+        for axes, values in (
+            (of_time, [point["step_ms"]["cpu"] for point in shown]),
+            (of_memory, [point["memory_mb"] for point in shown]),
+        ):
             axes.loglog(numbers, values, "o-", color=MODE_COLOUR, ms=5, lw=1.4)
-            style_axes(axes, label, "particles" if varied == "particles" else "codebook poses")
-            axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-            axes.yaxis.set_minor_formatter(NullFormatter())
+            style_error_axes(axes, "", "")
+        of_memory.set_xlabel(label, fontsize=9)
+    for axes, label in zip(columns[0], ("CPU ms a step", "memory MiB"), strict=True):
+        axes.set_ylabel(label, fontsize=9)
     return figure

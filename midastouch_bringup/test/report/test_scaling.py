@@ -15,8 +15,8 @@ def test_time_and_memory_are_drawn_over_each_number():
     curves = [axes.lines[0].get_xydata().tolist() for axes in scaling_figure(POINTS).axes]
     assert curves == [
         [[100, 0.01], [50_000, 5]],
-        [[100, 50], [50_000, 50]],
         [[50_000, 5], [1_000_000, 5]],
+        [[100, 50], [50_000, 50]],
         [[50_000, 50], [1_000_000, 1000]],
     ]
 
