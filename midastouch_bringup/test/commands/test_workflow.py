@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup import cli
+from midastouch_bringup.evaluation.speed import scaling
 from midastouch_perception.sensor_model import LIGHTS
 
 TIMES = {"p50", "p95", "cpu"}
@@ -124,6 +125,17 @@ def test_bench_has_the_keys_of_the_design(run):
     assert 0 < result["filter_start_s"]["p50"] <= result["filter_start_s"]["max"]
     for key in ("threads", "filter_rss_mb", "end_to_end_hz", "renders_per_s", "codebook_poses_per_s", "peak_rss_mb"):
         assert result[key] > 0
+
+
+def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypatch):
+    monkeypatch.setattr(scaling, "USUAL", 300)  # poses and particles of what is not varied
+    sizes = ("--particles", "100", "--poses", "200", "--frames", "10")
+    output, result = run("bench-scale", "--object", "eyebolt", *sizes, "--json", "scale.json")
+    assert [(point["particles"], point["poses"]) for point in result["scaling"]] == [(100, 300), (300, 200)]
+    assert all(set(point["step_ms"]) == TIMES and point["memory_mb"] > 0 for point in result["scaling"])
+    assert len(output.splitlines()) == 4
+    run("report", "scale.json", "--out", "scale_report")
+    assert (workspace / "scale_report" / "scaling_0.png").is_file()
 
 
 @pytest.mark.slow
