@@ -229,6 +229,41 @@ def test_trust_is_claimed_by_whole_intervals_only(load_tool, monkeypatch):
     assert cells()[0] == tool.UNMEASURED
 
 
+def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials(load_tool, monkeypatch):
+    load_tool("evaluation_tables")
+    from report_tables import accuracy as tool
+
+    from midastouch_bringup.evaluation.variants import VARIANTS
+
+    def compared(variant: str, cpu: float, error: float) -> dict:
+        same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg"), 0.0)
+        one = {"variant": variant, "trials": 100, "cpu_ms_filter": cpu, "e_trans_mm": error, "verdict": "-"}
+        return one | same | {"difference_mm_interval": None, "right": 0.9}
+
+    rows = [compared("default", 6, 2), compared("fast", 3, 4), compared("5k", 4, 5)]
+    about = {one["variant"]: VARIANTS[one["variant"]].describe() for one in rows}
+    monkeypatch.setattr(tool, "reported", lambda: ["front"])
+    monkeypatch.setattr(tool, "report", lambda name: {"comparison": rows, "variants": about})
+    table = [(row[0].startswith("**"), row[1]) for row in tool.front()[1]]
+    assert table == [(True, "yes"), (False, ""), (True, "yes")]
+    rows[:] = [one | {"trials": 99} for one in rows]
+    ((what, *cells, _),) = tool.front()[1]
+    assert (what, set(cells)) == ("3 variants", {"too few (99)"})
+    monkeypatch.setattr(tool, "reported", list)
+    assert tool.front()[1][0][0] == tool.UNMEASURED
+
+
+def test_an_ablation_that_is_not_measured_yet_is_in_the_table(load_tool, monkeypatch):
+    load_tool("evaluation_tables")
+    from report_tables import accuracy as tool
+
+    monkeypatch.setattr(tool, "reported", list)
+    header, rows = tool.variants()
+    by_report = {row[-1]: row for row in rows}
+    assert by_report["`ablation_rest`"][:2] == ["at rest in contact for 20 s", tool.UNMEASURED]
+    assert {len(row) for row in rows} == {len(header)}
+
+
 def test_parameter_tables_are_those_of_the_nodes():
     from midastouch_bringup.ros.parameter_tables import markdown
 

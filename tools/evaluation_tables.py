@@ -30,12 +30,13 @@ TABLES = {
     table.__name__: table
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas,
-        accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.slides,
+        accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.front,
+        accuracy.slides,
         trust.converged, trust.weights, trust.regions, trust.events,
         exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
         perception.real, perception.depth, perception.labels, perception.presses, perception.checks,
         perception.diameters, perception.contacts, perception.brightness, perception.single_touch,
-        speed.speed, speed.load, speed.soak, commands,
+        speed.speed, speed.scaling, speed.load, speed.soak, commands,
     )
 }  # fmt: skip
 

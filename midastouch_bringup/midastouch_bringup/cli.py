@@ -12,6 +12,7 @@ from midastouch_perception.errors import InputError
 
 from .commands import (
     bench,
+    bench_scale,
     benchmark,
     build_codebook,
     calibrate,
@@ -56,6 +57,7 @@ _COMMANDS = (
     calibrate,
     single_touch,
     bench,
+    bench_scale,
     benchmark,
     identify,
     to_bag,

@@ -6,6 +6,7 @@ import pytest
 
 from midastouch_bringup.processes.parameter_files import merged, read_parameters
 from midastouch_bringup.ros.parameter_tables import TABLES
+from midastouch_filter.presets import PRESETS
 
 CONFIG = Path(__file__).parents[1] / "config"
 
@@ -54,6 +55,13 @@ def test_an_overlay_changes_something_and_drops_nothing(name):
 def test_every_parameter_is_described(node):
     for one in TABLES[node]:
         assert len(one.description) > 3, one.name
+
+
+@pytest.mark.parametrize("name", ["midastouch.yaml", "replay.yaml", "explore.yaml"])
+def test_presets_have_an_effect(name):
+    """What a file sets goes over them."""
+    turned = {parameter for settings in PRESETS.values() for parameter in settings}
+    assert turned.isdisjoint(read_parameters(CONFIG / name)["particle_filter"])
 
 
 def test_finger_and_simulated_camera_have_one_time():

@@ -55,11 +55,13 @@ def test_composed_runs_perception_and_filter_in_one_process():
 def test_arguments_become_parameters_only_when_given():
     plain = parameters(carry_out("live_ur")["digit_driver", "digit_driver"])
     assert plain["/digit_driver"]["serial"] == ""
-    given = carry_out("live_ur", serial="20025", seed="7", init_mode="wait", mesh="a.ply", codebook="a.npz")
+    given = carry_out(
+        "live_ur", serial="20025", seed="7", init_mode="wait", preset="fast", mesh="a.ply", codebook="a.npz"
+    )
     assert parameters(given["digit_driver", "digit_driver"])["/digit_driver"]["serial"] == "20025"
     assert parameters(given["midastouch_perception", "tdn"])["/tdn"]["serial"] == "20025"
     filter_ = parameters(given["midastouch_filter", "particle_filter"])["/particle_filter"]
-    assert (filter_["seed"], filter_["init_mode"]) == (7, "wait")
+    assert (filter_["seed"], filter_["init_mode"], filter_["preset"]) == (7, "wait", "fast")
     assert (filter_["mesh"], filter_["codebook"]) == ("a.ply", "a.npz")
 
 

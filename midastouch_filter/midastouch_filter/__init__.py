@@ -19,5 +19,6 @@ __getattr__, __all__ = lazy_exports(
         "Workers": "workers",
         "default_policies": "policies",
         "measurement_of": "perceived",
+        "preset": "presets",
     },
 )

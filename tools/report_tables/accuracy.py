@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_bringup.evaluation.comparison import pareto_front
 from midastouch_bringup.evaluation.intervals import bootstrap_interval, share_interval
 from midastouch_bringup.evaluation.summary import final_errors, is_right
 from midastouch_bringup.evaluation.trust import right_or_among_modes_at_end
-from midastouch_bringup.evaluation.variants import DEFAULT
+from midastouch_bringup.evaluation.variants import DEFAULT, PRESET
 
 from .cells import between, final_error, frames_cell, part_of, percent, pose_cell, share_cell
 from .perception import depth_summary
 from .reports import (
+    COMMANDS,
     ENOUGH,
     NARROWER,
     PROTOCOLS,
@@ -19,6 +21,7 @@ from .reports import (
     UNMEASURED,
     Table,
     benchmark_summary,
+    conditions_of,
     held_out,
     report,
     reported,
@@ -249,24 +252,58 @@ def grasps() -> Table:
 def variants() -> Table:
     """What each part of the filter is worth, under the protocols that exercise it."""
     rows = []
-    for name in (name for name in reported() if name.startswith("ablation")):
+    for name in (name for name in COMMANDS if name.startswith("ablation")):
+        conditions = conditions_of(name)
+        if name not in reported():
+            rows.append([conditions, UNMEASURED, *["-"] * 5, f"`{name}`"])
+            continue
         content = report(name)
         compared = content["comparison"]
         if (trials := compared[0]["trials"]) < ENOUGH:
-            rows.append([f"{len(compared)} variants", *[f"too few ({trials})"] * 5, f"[{name}]"])
+            rows.append([conditions, f"{len(compared)} variants", *[f"too few ({trials})"] * 5, f"[{name}]"])
             continue
         for one in compared:
-            difference = between(one["difference_mm_interval"], "{:+.1f}")
-            cells = [
-                pose_cell(one["e_trans_mm"], one["e_rot_deg"]),
-                f"{one['difference_mm']:+.1f} mm ({difference})",
-                part_of(round(one["right"] * one["trials"]), one["trials"]),
-                percent(one["wrong_converged"], 1),
-                f"{one['cpu_ms_filter']:.1f} ms; {one['verdict']}",
-            ]
-            rows.append([content["variants"][one["variant"]]["summary"], *cells, f"[{name}]"])
-    header = ["filter", "particles, mean", "paired difference", "right", "frames converged wrong"]
-    return [*header, "CPU a frame; against the default", "report"], rows
+            rows.append([conditions, content["variants"][one["variant"]]["summary"], *_compared(one), f"[{name}]"])
+    return ["conditions", "filter", *_COMPARED, "report"], rows
+
+
+_COMPARED = (
+    "particles, mean",
+    "paired difference",
+    "right",
+    "frames converged wrong",
+    "CPU a frame; against the default",
+)
+
+
+def _compared(one: dict) -> list[str]:
+    """A variant against the default on the same trials."""
+    return [
+        pose_cell(one["e_trans_mm"], one["e_rot_deg"]),
+        f"{one['difference_mm']:+.1f} mm ({between(one['difference_mm_interval'], '{:+.1f}')})",
+        part_of(round(one["right"] * one["trials"]), one["trials"]),
+        percent(one["wrong_converged"], 1),
+        f"{one['cpu_ms_filter']:.1f} ms; {one['verdict']}",
+    ]
+
+
+def front() -> Table:
+    """Run time against error: what can be had in more or less, fastest first, with the default and the presets."""
+    header = ["filter", "nothing is both faster and more exact", *_COMPARED, "report"]
+    if "front" not in reported():
+        return header, [[UNMEASURED, *["-"] * 7]]
+    content = report("front")
+    compared = sorted(content["comparison"], key=lambda one: one["cpu_ms_filter"])
+    if (trials := compared[0]["trials"]) < ENOUGH:
+        return header, [[f"{len(compared)} variants", *[f"too few ({trials})"] * 6, "[front]"]]
+    best = [one["variant"] for one in pareto_front(compared, "e_trans_mm")]
+    rows = []
+    for one in compared:
+        about = content["variants"][one["variant"]]
+        marked = about["group"] in (DEFAULT, PRESET)
+        what = f"**{about['summary']}**" if marked else about["summary"]
+        rows.append([what, "yes" if one["variant"] in best else "", *_compared(one), "[front]"])
+    return header, rows
 
 
 def slides() -> Table:

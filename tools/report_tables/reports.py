@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -49,6 +50,7 @@ COMMANDS = {
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
     "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
     "no_surface no_book_constraint no_tempering no_smoothing no_calibration no_annealing",
+    "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
     "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_MANY} --variant no_recovery",
@@ -79,6 +81,7 @@ COMMANDS = {
     "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
     "--policy suggested",
     "bench": "midastouch bench --paper-networks",
+    "scale": "midastouch bench-scale",
     "soak": "make soak MINUTES=1",
     "load_eyebolt": f"SOAK_MINUTES=10 {_LOAD}",
     "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
@@ -117,6 +120,12 @@ def benchmark_summary(name: str) -> dict:
     """Summary of a benchmark of the filter as shipped, in its only way to start."""
     (summary,) = report(name)["summary"]["default"].values()
     return summary
+
+
+def conditions_of(name: str) -> str:
+    """What is done to the slides of a benchmark, by its protocol."""
+    protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
+    return PROTOCOLS[protocol[1]] if protocol else STARTS["accuracy"]
 
 
 def held_out() -> dict[str, str]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from midastouch_bringup.evaluation.speed.scaling import scaling_table
+
 from .cells import part_of, percent
-from .reports import Table, report
+from .reports import UNMEASURED, Table, report, reported
 
 _LIGHTS = ("additive", "relative")
 _SIZES = ("50000", "10000", "1000")
@@ -50,6 +52,15 @@ def speed() -> Table:
         ],
     ]
     return ["what", "[bench]"], rows
+
+
+def scaling() -> Table:
+    """Time and memory of the filter over particles and codebook poses."""
+    if "scale" not in reported():
+        header, _ = scaling_table([])
+        return [*header, "report"], [[UNMEASURED, *["-"] * len(header)]]
+    header, rows = scaling_table(report("scale")["scaling"])
+    return [*header, "report"], [[*row, "[scale]"] for row in rows]
 
 
 def load() -> Table:

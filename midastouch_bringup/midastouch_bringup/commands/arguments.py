@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from midastouch_filter.presets import PRESETS_IN_WORDS
 from midastouch_perception.errors import InputError
 
 from ..output_paths import codebook_path
@@ -38,6 +39,16 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+
+
+def add_filter_options(parser: argparse.ArgumentParser) -> None:
+    """Add --config and --preset, with which `load_filter_config` is called."""
+    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help=f"filter settings between run time and error ({PRESETS_IN_WORDS}); those in --config go over them",
+    )
 
 
 def add_bag_options(parser: argparse.ArgumentParser, base_frame: str = "base_link") -> None:

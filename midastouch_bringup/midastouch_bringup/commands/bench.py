@@ -40,8 +40,9 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json
     from ..evaluation.setup import Networks
+    from ..evaluation.speed.memory import peak_rss_mb
     from ..evaluation.speed.node_start import node_start
-    from ..evaluation.speed.stages import SpeedMeasurement, peak_rss_mb
+    from ..evaluation.speed.stages import SpeedMeasurement
     from ..progress import progress_bar
     from ..ros.pose_age import pose_age
 

@@ -26,7 +26,7 @@ def add_parser(subparsers) -> None:
         "--variant takes names and sets:\n"
         "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
         "(each mechanism and gate off), gates, counts (fewer particles), codebooks (fewer poses, shorter codes),\n"
-        "front (what error is set against run time for), scale (100 to a million particles and poses),\n"
+        "front (what error is set against run time for: presets, particles, poses, codes, alignment),\n"
         "contacts (fewer fingers, for --protocol grasp), all.\n"
         "--protocol takes one of:\n"
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
@@ -122,7 +122,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     size = args.codebook_size or protocol.codebook_size
     return Plan(
         protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size),
-        load_filter_config(args.config),
+        load_filter_config(args.config, args.preset),
         tuple(variants),
         tuple(dict.fromkeys(args.init or protocol.starts)),
         args.beta or protocol.beta,

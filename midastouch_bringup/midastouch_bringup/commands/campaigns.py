@@ -42,7 +42,7 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         "--meshes, all of the bundled)",
     )
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
-    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
+    arguments.add_filter_options(parser)
     arguments.add_network_options(parser)
     outcome.add_json_option(parser)
 

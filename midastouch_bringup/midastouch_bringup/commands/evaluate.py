@@ -43,7 +43,7 @@ def add_parser(subparsers) -> None:
         metavar="FILE",
         help="in place of mesh and codebook: codebooks, or folders of codebooks, of which one is to be found out",
     )
-    parser.add_argument("--config", metavar="YAML", help="filter settings, or a ROS parameter file")
+    arguments.add_filter_options(parser)
     parser.add_argument(
         "--init",
         choices=("paper", "uniform"),
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.table import text_table
     from ..progress import progress_bar
 
-    config = load_filter_config(args.config)
+    config = load_filter_config(args.config, args.preset)
     beta = args.beta or (BETA if args.real else 1.0)
     plan = TrialPlan(args.init, beta, args.seeds, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two

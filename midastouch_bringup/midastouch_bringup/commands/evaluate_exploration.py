@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
-    config = dataclasses.replace(load_filter_config(args.config), threads=1)
+    config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
     plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
     meshes = campaigns.chosen_meshes(args.meshes, args.objects)
     with campaigns.campaign(args, "trial") as workforce:

@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from ..progress import progress_bar
 
     stock = Stock(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
-    config, meshes = load_filter_config(args.config), campaigns.chosen_meshes(args.meshes, args.objects)
+    config, meshes = load_filter_config(args.config, args.preset), campaigns.chosen_meshes(args.meshes, args.objects)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
         trials += first_poses(mesh, stock, range(args.slides), config)

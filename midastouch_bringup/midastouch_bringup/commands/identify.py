@@ -59,7 +59,7 @@ def _run_meshes(args: argparse.Namespace) -> int:
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
-    plan = IdentityPlan(stock, load_filter_config(args.config), tuple(range(args.slides)))
+    plan = IdentityPlan(stock, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
     meshes = campaigns.chosen_meshes(args.meshes, args.objects)
     machine = machine_info()
     with campaigns.campaign(args, "slide") as workforce:
@@ -100,7 +100,7 @@ def _run_shapes(args: argparse.Namespace) -> int:
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
     sizes = tuple(sorted(set(args.shapes)))
     slides = tuple(range(args.slides))
-    plan = ShapePlan(stock, load_filter_config(args.config), slides, room=args.room or ROOM, sizes=sizes)
+    plan = ShapePlan(stock, load_filter_config(args.config, args.preset), slides, room=args.room or ROOM, sizes=sizes)
     machine = machine_info()
     with campaigns.campaign(args, "slide") as workforce:
         trials, missing = run_shapes(plan, TrialLog(folder / "shape_catalogues.jsonl"), workforce)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.presets import BALANCED, preset
 from midastouch_perception.errors import InputError
 from midastouch_perception.files import read_yaml
 from midastouch_perception.pipeline import TouchPipeline
@@ -58,18 +59,20 @@ def sequence_background(sequence: Sequence) -> tuple[np.ndarray, str]:
     return estimate_background([sequence.image(int(i)) for i in chosen]), f"estimated from {len(chosen)} frames"
 
 
-def load_filter_config(path: str | None) -> FilterConfig:
-    """Filter settings from a YAML file: plain `name: value` lines or a ROS parameter file.
+def load_filter_config(path: str | None, preset_name: str | None = None) -> FilterConfig:
+    """Filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
 
-    In a ROS parameter file the entries of `particle_filter` count; those that concern only the node (topics,
-    frames, files) are passed over. Raises InputError on unknown names and values out of range.
+    What the file does not set is as in a preset: the one named, or else the file's. In a ROS parameter file the entries
+    of `particle_filter` count; those that concern only the node (topics, frames, files) are passed over. Raises
+    InputError on unknown names and values out of range.
     """
+    settings = preset(preset_name or BALANCED)
     if path is None:
-        return FilterConfig()
+        return FilterConfig(**settings)
     content = read_yaml(path, "configuration") or {}
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
-    known = {item.name for item in dataclasses.fields(FilterConfig)}
+    known = {"preset", *(item.name for item in dataclasses.fields(FilterConfig))}
     values = content
     if any(isinstance(value, dict) for value in content.values()):
         values = read_parameters(path).get("particle_filter", {})
@@ -77,6 +80,7 @@ def load_filter_config(path: str | None) -> FilterConfig:
     if unknown := sorted(set(map(str, values)) - known):
         raise InputError(f"{path}: unknown filter settings: {', '.join(unknown)}; check the spelling")
     try:
-        return FilterConfig(**values)
+        of_file = preset(values.pop("preset", BALANCED))
+        return FilterConfig(**((settings if preset_name else of_file) | values))
     except InputError as error:
         raise InputError(f"{Path(path)}: {error}") from error

@@ -1,4 +1,4 @@
-"""What is compared on the same slides: each mechanism off, fewer particles, other codebooks, the paper's filter."""
+"""What is compared on the same slides: presets, a mechanism off, fewer particles, other codebooks, other methods."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import time
 
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
+from midastouch_filter.presets import PRESETS, preset_in_words
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
@@ -17,9 +18,9 @@ from .peers.paper_filter import PaperConfig, PaperFilter
 from .peers.registration import Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame
 
-DEFAULT = "default"
+DEFAULT, PRESET = "default", "preset"
 PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
-COUNT, INPUT, BUDGET, SCALE, CONTACTS = "particles", "codebook", "alignment", "scale", "contacts"
+COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
@@ -90,6 +91,11 @@ class Variant:
 
 VARIANTS = {
     DEFAULT: Variant("as shipped", DEFAULT),
+    **{
+        name: Variant(f"preset {name}: {preset_in_words(name)}", PRESET, settings)
+        for name, settings in PRESETS.items()
+        if settings
+    },
     "paper": Variant(
         "the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER, method="paper"
     ),
@@ -145,12 +151,6 @@ VARIANTS = {
     "align_1": Variant("one mode is aligned to the felt map", BUDGET, {"refined_modes": 1}),
     "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
     "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
-    "100": Variant("at most 100 particles", SCALE, {"max_particles": 100, "min_particles": 100}),
-    "200k": Variant("at most 200,000 particles", SCALE, {"max_particles": 200_000}),
-    "1m": Variant("at most 1,000,000 particles", SCALE, {"max_particles": 1_000_000}),
-    "book_1k": Variant("codebook of 1,000 poses", SCALE, codebook_size=1_000),
-    "book_200k": Variant("codebook of 200,000 poses", SCALE, codebook_size=200_000),
-    "book_1m": Variant("codebook of 1,000,000 poses", SCALE, codebook_size=1_000_000),
     "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
     "book_10k": Variant("codebook of 10,000 poses", INPUT, codebook_size=10_000),
     "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
@@ -166,19 +166,17 @@ def _group(*groups: str) -> tuple[str, ...]:
     return tuple(name for name, variant in VARIANTS.items() if variant.group in groups)
 
 
-_FINE_STAGE = ("no_refinement", "no_hindsight")
-_GATES_IN_MOTION = ("no_size_gate", "no_book_gate", "no_rival_gate", "no_wide_gate")
 SETS = {
     "peers": ("paper", *_group(PEER)),
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),
     "ablation": _group(MECHANISM, GATE),
-    "front": ("paper", *_FINE_STAGE, *_GATES_IN_MOTION, *_group(COUNT, INPUT, BUDGET)),
+    "front": (*_group(PRESET), "1k", "5k", "20k", "align_1", "align_8", "book_10k", "code_16"),
     "contacts": _group(CONTACTS),
-    "scale": ("1k", "10k", "book_10k", *_group(SCALE)),
 }
-"""Names for several variants at once; "all" is every one. "front" is what error is set against run time for."""
+"""Names for several variants at once; "all" is every one. "front" is what error is set against run time for: as much of
+everything that can be had in more or less; mechanisms and other methods have sets of their own."""
 
 
 def chosen_variants(names: list[str]) -> list[str]:

@@ -8,21 +8,22 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..evaluation.comparison import pareto_front, rows_by_init
-from ..evaluation.variants import BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER, SCALE
+from ..evaluation.variants import BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER, PRESET
 from .figures import style_error_axes
 from .point_labels import label_points
 
 _GROUPS = {
     DEFAULT: ("default, as shipped", "#cc1a73", "*"),
+    PRESET: ("a preset", "#cc1a73", "d"),
     PAPER: ("the paper's filter", "black", "s"),
     PEER: ("another method", "#555555", "P"),
     COUNT: ("fewer particles", "#1f77b4", "o"),
     INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
     BUDGET: ("fewer or more modes aligned", "#17a2b8", "X"),
-    SCALE: ("scaled far up or down", "#8c564b", "p"),
     MECHANISM: ("a mechanism off", "#e08214", "v"),
     GATE: ("a gate off", "#7a4fb5", "^"),
 }
+_MARKED = {DEFAULT: 13, PRESET: 10}  # size of the marker
 _ERRORS = {"e_trans_mm": "particles [mm]", "symmetric_e_trans_mm": "particles, modulo symmetry [mm]"}
 
 
@@ -37,7 +38,7 @@ def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
         for axes, (init, rows) in zip(axes_of_error, columns.items(), strict=True):
             _draw(axes, rows, error, variants)
             axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
-    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
     figure.draw_without_rendering()  # where things lie is known only then
     for axes_of_error, error in zip(grid, errors, strict=True):
         for axes, rows in zip(axes_of_error, columns.values(), strict=True):
@@ -57,9 +58,9 @@ def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -
                 *place,
                 marker,
                 color=colour,
-                ms=13 if group == DEFAULT else 6,
+                ms=_MARKED.get(group, 6),
                 label=label,
-                zorder=2 + (group == DEFAULT),
+                zorder=2 + (group in _MARKED),
             )
     style_error_axes(axes, f"mean final error of the {_ERRORS[error]}", "filter, CPU ms per frame")
     axes.set_xscale("log")

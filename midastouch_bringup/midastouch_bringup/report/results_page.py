@@ -24,6 +24,7 @@ from .identification import identification_section
 from .object_view import ObjectView
 from .page import Page
 from .presses import press_section
+from .scaling import scaling_section
 from .single_touch import single_touch_section
 
 
@@ -41,7 +42,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     page = Page("MidasTouch results")
     for section in (
         _evaluate, accuracy_section, identification_section, _depth, press_section, check_section, single_touch_section,
-        _speed,
+        _speed, scaling_section,
     ):  # fmt: skip
         if section in by_kind:
             try:
@@ -69,6 +70,7 @@ def _section(name: str, content: dict) -> Callable:
         ("identification", identification_section),
         ("trials", _evaluate),
         ("tdn_ms", _speed),
+        ("scaling", scaling_section),
         ("sequences", _depth),
         ("presses", press_section),
         ("fit_check", check_section),
@@ -78,7 +80,7 @@ def _section(name: str, content: dict) -> Callable:
             return section
     raise InputError(
         f"{name}: not a result of evaluate, benchmark, identify, evaluate-tdn, evaluate-presses, evaluate-checks, "
-        "single-touch or bench"
+        "single-touch, bench or bench-scale"
     )
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 
+from midastouch_filter.presets import PRESETS, PRESETS_IN_WORDS
 from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
 
@@ -92,6 +93,11 @@ ARGUMENTS = {
         "Start: over the whole surface, at initial_pose, or once a pose is given",
         choices=("", "uniform", "pose", "wait"),
         sets=(("particle_filter", "init_mode"),),
+    ),
+    "preset": Argument(
+        f"Filter settings between run time and error ({PRESETS_IN_WORDS}); those in a parameter file go over them",
+        choices=("", *PRESETS),
+        sets=(("particle_filter", "preset"),),
     ),
     "fingers": Argument(
         "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',', e.g. /right:right_digit_gel_frame",

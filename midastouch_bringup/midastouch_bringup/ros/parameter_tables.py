@@ -41,8 +41,8 @@ _HEADER = """# Parameters
 Written by `python -m midastouch_bringup.ros.parameter_tables` from what the nodes declare; a test compares.
 Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
 that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes
-`digit_sim`, `tdn`, `tcn` and `particle_filter`, but for `queue_depth`, `reliable` and `autostart`, while the node is
-unconfigured.
+`digit_sim`, `tdn`, `tcn` and `particle_filter`, but for `queue_depth`, `reliable`, `autostart` and `preset`, while the
+node is unconfigured.
 
 The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publisher.POLICY` or
 `qos_overrides.TOPIC.subscription.POLICY` with the topic's full name and `history`, `depth` or `reliability`.

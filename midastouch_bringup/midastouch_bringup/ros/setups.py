@@ -50,7 +50,7 @@ class Setup:
 
 
 _COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
-_FILTER = ("object", "mesh", "codebook", "objects", "init_mode", "fingers", "seed")
+_FILTER = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
 _PERCEPTION = ("serial", "background")
 _RVIZ = ("use_rviz", "rviz_config")
 _RECORDING = ("bag", "rate", "loop", *_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix", *_RVIZ)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup import cli
+from midastouch_bringup.evaluation.speed import scaling
 from midastouch_perception.sensor_model import LIGHTS
 
 TIMES = {"p50", "p95", "cpu"}
@@ -126,6 +127,17 @@ def test_bench_has_the_keys_of_the_design(run):
         assert result[key] > 0
 
 
+def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypatch):
+    monkeypatch.setattr(scaling, "USUAL", 300)  # poses and particles of what is not varied
+    sizes = ("--particles", "100", "--poses", "200", "--frames", "10")
+    output, result = run("bench-scale", "--object", "eyebolt", *sizes, "--json", "scale.json")
+    assert [(point["particles"], point["poses"]) for point in result["scaling"]] == [(100, 300), (300, 200)]
+    assert all(set(point["step_ms"]) == TIMES and point["memory_mb"] > 0 for point in result["scaling"])
+    assert len(output.splitlines()) == 4
+    run("report", "scale.json", "--out", "scale_report")
+    assert (workspace / "scale_report" / "scaling_0.png").is_file()
+
+
 @pytest.mark.slow
 def test_benchmark_compares_variants_and_goes_on_where_it_was_stopped(run, workspace):
     options = (
@@ -200,6 +212,8 @@ def test_to_bag_writes_what_replay_can_play(run, workspace):
         (["evaluate", "eyebolt/00", "--config", "none.yaml"], "none.yaml"),
         (["evaluate-tdn", "eyebolt/00", "--background", "none.png"], "none.png"),
         (["bench", "--frames", "3"], "--frames 3: too few"),
+        (["bench-scale", "--frames", "3"], "--frames 3: too few"),
+        (["benchmark", "--preset", "quick"], "preset quick: not known; there are fast, balanced, accurate"),
         (["benchmark", "--objects", "teapot"], "bundled objects: no object 'teapot': there are ball, eyebolt"),
         (["benchmark", "--meshes", "none"], "none: no such folder"),
         (["benchmark", "--variant", "best"], "--variant best: not known"),

@@ -3,6 +3,7 @@ import pytest
 
 from midastouch_bringup.evaluation.setup import load_filter_config, sequence_background
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.presets import PRESETS
 from midastouch_perception.errors import InputError
 
 
@@ -29,12 +30,32 @@ def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
     assert load_filter_config(written(tmp_path, text)).max_particles == 1234
 
 
+def test_settings_of_a_file_go_over_a_preset(tmp_path):
+    fast, accurate = PRESETS["fast"], PRESETS["accurate"]
+    assert load_filter_config(None, "fast") == FilterConfig(**fast)
+    path = written(tmp_path, "preset: fast\nrefined_modes: 3\n")
+    assert load_filter_config(path) == FilterConfig(**(fast | {"refined_modes": 3}))
+    assert load_filter_config(path, "accurate") == FilterConfig(**(accurate | {"refined_modes": 3}))
+
+
+def test_a_ros_parameter_file_names_a_preset(tmp_path):
+    path = written(tmp_path, "particle_filter:\n  ros__parameters: {preset: fast, base_frame_id: base}\n")
+    assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
+
+
+def test_an_unknown_preset_is_refused():
+    with pytest.raises(InputError, match="preset quick: not known"):
+        load_filter_config(None, "quick")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("max_partikles: 5", "max_partikles"),
         ("max_particles: -5", "max_particles"),
         ("max_particles: [", "not YAML"),
+        ("preset: quick", "preset quick: not known; there are fast, balanced"),
+        ("preset: [fast]", "preset .*not known"),
         ("- 1", "holds no settings"),
     ],
 )

@@ -4,6 +4,7 @@ import pytest
 from midastouch_bringup.evaluation.peers.paper_filter import PaperConfig
 from midastouch_bringup.evaluation.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.presets import BALANCED, PRESETS
 from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
@@ -53,14 +54,21 @@ def test_a_variant_is_laid_over_the_settings_given():
     assert (config.min_particles, config.max_particles, config.correlation_length) == (200, 1000, 0.02)
 
 
+@pytest.mark.parametrize("name", ["fast", "accurate"])
+def test_presets_are_variants_whatever_the_settings_given(name):
+    for base in PRESETS.values():
+        config = VARIANTS[name].config(FilterConfig(**base), threads=0)
+        assert config == FilterConfig(**PRESETS[name])
+
+
 def test_names_and_sets_are_chosen_once_each_with_the_default_first():
     assert chosen_variants([]) == [DEFAULT]
     assert chosen_variants(["paper", "counts", "5k"]) == [DEFAULT, "paper", "1k", "5k", "10k", "20k"]
     assert chosen_variants(["all"]) == list(VARIANTS)
     assert {"no_refinement", "no_recovery", "no_kld", "no_rest_gate"} < set(SETS["ablation"])
-    assert {"paper", "1k", "no_refinement", "no_size_gate", "code_16", "book_5k"} < set(SETS["front"])
+    assert {*PRESETS, "1k", "align_8", "code_16", "book_10k"} - {BALANCED} <= set(SETS["front"])
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(InputError, match="--variant best: not known; there are default, paper"):
+    with pytest.raises(InputError, match="--variant best: not known; there are default, fast"):
         chosen_variants(["best"])

@@ -3,12 +3,12 @@ import pytest
 from midastouch_bringup.evaluation.variants import VARIANTS
 from midastouch_bringup.report.front import front_figure
 
-DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "1k")}
+DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper", "1k", "fast")}
 
 
 @pytest.fixture
 def comparison() -> list[dict]:
-    points = {"default": (8, 3), "paper": (100, 30), "1k": (2, 9)}
+    points = {"default": (8, 3), "paper": (100, 30), "1k": (2, 9), "fast": (4, 5)}
     return [
         {"init": init, "variant": name, "trials": 5, "cpu_ms_filter": ms, "e_trans_mm": e, "symmetric_e_trans_mm": e}
         for init in ("paper", "uniform")
@@ -23,16 +23,17 @@ def test_every_start_has_its_panel_with_every_variant(comparison):
         "start: uniform, 5 trials each",
     ]
     for axes in figure.axes:
-        assert {text.get_text() for text in axes.texts} == {"default", "paper", "1k"}
+        assert {text.get_text() for text in axes.texts} == {"default", "paper", "1k", "fast"}
         assert axes.get_xscale() == "log"
 
 
-def test_the_front_joins_what_nothing_beats_and_the_default_is_marked(comparison):
+def test_the_front_joins_what_nothing_beats_and_default_and_presets_are_marked(comparison):
     lines = {line.get_label(): line for line in front_figure(comparison, DESCRIPTIONS).axes[0].lines}
-    assert lines["Pareto front"].get_xydata().tolist() == [[2, 9], [8, 3]]
-    default = lines["default, as shipped"]
-    assert default.get_xydata().tolist() == [[8, 3]]
-    assert default.get_marker() not in {line.get_marker() for line in lines.values() if line is not default}
+    assert lines["Pareto front"].get_xydata().tolist() == [[2, 9], [4, 5], [8, 3]]
+    for label, point in {"default, as shipped": [8, 3], "a preset": [4, 5]}.items():
+        marked = lines[label]
+        assert marked.get_xydata().tolist() == [point]
+        assert marked.get_marker() not in {line.get_marker() for line in lines.values() if line is not marked}
 
 
 def test_an_error_modulo_symmetry_has_a_row_where_it_differs(comparison):

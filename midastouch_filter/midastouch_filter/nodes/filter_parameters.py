@@ -13,6 +13,7 @@ from midastouch_perception.ros.parameters import QUEUE, Parameter, Parameters
 
 from ..config import FilterConfig
 from ..localiser import Start
+from ..presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 
 _INITIAL_POSE = tuple(
     Parameter(f"initial_pose.{name}", 0.0, text, unit=unit)
@@ -155,6 +156,14 @@ _NODE = (
     ),
     *QUEUE,
     AUTOSTART,
+    Parameter(
+        "preset",
+        BALANCED,
+        f"Other defaults of the filter's settings, between run time and error ({PRESETS_IN_WORDS})",
+        choices=tuple(PRESETS),
+        at_start=True,
+        presets=PRESETS,
+    ),
 )
 
 

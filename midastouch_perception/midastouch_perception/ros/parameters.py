@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -25,7 +25,8 @@ class Parameter:
     `default` fixes the type (bool, int, float, str or a list of one of them). `minimum` and `maximum` are
     inclusive and hold for every element of a list; `choices` lists the only legal values. Only parameters
     with `read_only=False` may change while the node runs; those of a managed node also while it is unconfigured,
-    but for those with `at_start=True`.
+    but for those with `at_start=True`. `presets`: by each of the choices, the defaults that it gives to parameters
+    further down the table; what else sets them goes over it.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Parameter:
     choices: tuple = ()
     read_only: bool = True
     at_start: bool = False
+    presets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def problem(self, value: Any) -> str | None:
         """Why `value` is illegal, in words; None if it is legal."""
@@ -102,10 +104,14 @@ class Parameters:
         for name in overrides:
             if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
                 raise InputError(f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}")
+        defaults: dict[str, Any] = {}
         for name, parameter in self.table.items():
+            parameter = replace(parameter, default=defaults.get(name, parameter.default))
             value = overrides[name].value if name in overrides else parameter.default
             if problem := parameter.problem(value):
                 raise InputError(f"{node.get_name()}: {problem}")
+            if parameter.presets:
+                defaults |= parameter.presets[value]
             try:
                 node.declare_parameter(name, parameter.default, parameter.descriptor(unconfigured is not None))
             except ParameterException as error:

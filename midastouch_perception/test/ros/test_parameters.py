@@ -52,6 +52,24 @@ def test_illegal_overrides_fail_at_start_with_a_reason(graph, overrides, complai
         graph.add(_Node, overrides)
 
 
+PRESETS = {"coarse": {"rate": 2.0, "depth": 2}, "plain": {}}
+WITH_PRESETS = (Parameter("preset", "plain", "Defaults", choices=tuple(PRESETS), presets=PRESETS), *TABLE)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [({}, (10.0, 1)), ({"preset": "coarse"}, (2.0, 2)), ({"preset": "coarse", "depth": 1}, (2.0, 1))],
+)
+def test_a_preset_is_laid_under_what_is_set(graph, overrides, expected):
+    class Preset(Node):
+        def __init__(self, **options):
+            super().__init__("preset", **options)
+            self.parameters = Parameters(self, WITH_PRESETS)
+
+    parameters = graph.add(Preset, overrides).parameters
+    assert (parameters["rate"], parameters["depth"]) == expected
+
+
 def test_changes_while_running(graph):
     node = graph.add(_Node)
 

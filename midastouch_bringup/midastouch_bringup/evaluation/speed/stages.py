@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import resource
 import time
 from collections.abc import Callable
 
@@ -224,8 +223,3 @@ class SpeedMeasurement:
 
     def _odometry(self, frame: int) -> np.ndarray | None:
         return None if frame == 0 else se3.inverse(self._measured[frame - 1]) @ self._measured[frame]
-
-
-def peak_rss_mb() -> float:
-    """Largest resident memory of this process so far, MiB."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

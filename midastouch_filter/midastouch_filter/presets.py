@@ -1,0 +1,31 @@
+"""Named settings of the filter, between run time and error.
+
+Launch files read this module, in a Python that need not have the filter's libraries: it imports none of them.
+"""
+
+from __future__ import annotations
+
+from midastouch_perception.errors import InputError
+
+BALANCED = "balanced"
+PRESETS: dict[str, dict[str, int]] = {
+    "fast": {"max_particles": 5_000, "refined_modes": 2},
+    BALANCED: {},
+    "accurate": {"max_particles": 200_000, "refined_modes": 8},
+}
+"""By name, the settings of `FilterConfig` that differ from its defaults."""
+
+
+def preset(name: str) -> dict[str, int]:
+    """Settings of a preset; InputError for an unknown name."""
+    if name not in list(PRESETS):  # a file may hold anything, a list too
+        raise InputError(f"preset {name}: not known; there are {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+def preset_in_words(name: str) -> str:
+    """For help and tables."""
+    return ", ".join(f"{key} {value}" for key, value in PRESETS[name].items()) or "the defaults"
+
+
+PRESETS_IN_WORDS = "; ".join(f"{name}: {preset_in_words(name)}" for name in PRESETS)
