@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from . import arguments, campaigns, outcome
+
+if TYPE_CHECKING:
+    from ..evaluation.identification import IdentityPlan
+    from ..evaluation.shape_catalogues import ShapePlan
+    from ..evaluation.stock import Stock
 
 
 def add_parser(subparsers) -> None:
@@ -43,74 +49,58 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    return _run_shapes(args) if args.shapes else _run_meshes(args)
-
-
-def _run_meshes(args: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from ..evaluation.identification import IdentityPlan, run_identification
-    from ..evaluation.identification_summary import identification_table, summarise_identification
     from ..evaluation.machine import machine_info
-    from ..evaluation.setup import load_filter_config
     from ..evaluation.stock import SlideKind, Stock
-    from ..evaluation.table import text_table
-    from ..evaluation.trial_log import TrialLog
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
+    machine = machine_info()
+    plan, found, missing, shown = (_of_shapes if args.shapes else _of_meshes)(args, stock)
+    config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
+    result = {"config": config, "machine": machine, "missing_slides": missing} | found
+    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+
+
+def _of_meshes(args: argparse.Namespace, stock: Stock) -> tuple[IdentityPlan, dict, int, list[str]]:
+    """What was planned; what was found, for the result; slides that are missing; what is to be shown."""
+    from ..evaluation.identification import IdentityPlan, run_identification
+    from ..evaluation.identification_summary import identification_table, summarise_identification
+    from ..evaluation.setup import load_filter_config
+    from ..evaluation.table import text_table
+    from ..evaluation.trial_log import TrialLog
+
     plan = IdentityPlan(stock, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
     meshes = campaigns.chosen_meshes(args.meshes, args.objects)
-    machine = machine_info()
     with campaigns.campaign(args, "slide") as workforce:
-        trials, missing = run_identification(plan, meshes, TrialLog(folder / "identifications.jsonl"), workforce)
+        trials, missing = run_identification(plan, meshes, TrialLog(stock.folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None
-    result = {
-        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
-        "machine": machine,
-        "catalogue": [mesh.name for mesh in meshes],
-        "missing_slides": missing,
-        "identification": summary,
-        "trials": trials,
-    }
     shown = []
     if summary:
         shown = [text_table(*identification_table(summary))]
         shown += [f"{wrong}: {times}" for wrong, times in summary["answers"].items()]
-    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+    found = {"catalogue": [mesh.name for mesh in meshes], "identification": summary, "trials": trials}
+    return plan, found, missing, shown
 
 
-def _run_shapes(args: argparse.Namespace) -> int:
-    from pathlib import Path
-
+def _of_shapes(args: argparse.Namespace, stock: Stock) -> tuple[ShapePlan, dict, int, list[str]]:
+    """Likewise."""
     from midastouch_filter.catalogue import ROOM
     from midastouch_perception.errors import InputError
 
-    from ..evaluation.machine import machine_info
     from ..evaluation.setup import load_filter_config
     from ..evaluation.shape_catalogues import ShapePlan, run_shapes
     from ..evaluation.shape_summary import shape_table, summarise_shapes
-    from ..evaluation.stock import SlideKind, Stock
     from ..evaluation.table import text_table
     from ..evaluation.trial_log import TrialLog
 
     if args.meshes or args.objects:
         raise InputError("--shapes makes its own objects; leave --meshes and --objects out")
-    folder = Path(args.out).resolve()  # workers may run elsewhere
-    stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
-    sizes = tuple(sorted(set(args.shapes)))
-    slides = tuple(range(args.slides))
+    slides, sizes = tuple(range(args.slides)), tuple(sorted(set(args.shapes)))
     plan = ShapePlan(stock, load_filter_config(args.config, args.preset), slides, room=args.room or ROOM, sizes=sizes)
-    machine = machine_info()
     with campaigns.campaign(args, "slide") as workforce:
-        trials, missing = run_shapes(plan, TrialLog(folder / "shape_catalogues.jsonl"), workforce)
+        trials, missing = run_shapes(plan, TrialLog(stock.folder / "shape_catalogues.jsonl"), workforce)
     summary = summarise_shapes(trials)
-    result = {
-        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
-        "machine": machine,
-        "missing_slides": missing,
-        "shape_catalogues": summary,
-        "trials": trials,
-    }
     shown = [text_table(*shape_table(summary))] if summary else []
-    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+    return plan, {"shape_catalogues": summary, "trials": trials}, missing, shown

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .intervals import ENOUGH, bootstrap_interval, share_interval
+from .figures import Figures
+from .intervals import ENOUGH
 from .table import number
 
 
@@ -30,8 +31,7 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
 
 
 def _figures(trials: list[dict]) -> dict:
-    groups = [(t["object"], t["seed"]) for t in trials]
-    ones = [1] * len(trials)
+    figures = Figures([(t["object"], t["seed"]) for t in trials])
     converged = [t["ending"] == "converged" for t in trials]
     right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
     alike = [t["ending"] == "alike" for t in trials]
@@ -39,25 +39,21 @@ def _figures(trials: list[dict]) -> dict:
     named = [a and t["truth_among_places"] for a, t in zip(alike, trials, strict=True)]
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
 
-    def share(part: list[bool], whole: list[int]) -> dict:
-        total = sum(whole)
-        return {"share": sum(part) / total if total else None, "interval": share_interval(part, whole, groups)}
-
     def of_rivalled(part: list[bool]) -> dict:
-        return share([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
+        return figures.share([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
 
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
     return {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
-        "right": share(right, ones),
-        "wrong": share([c and not r for c, r in zip(converged, right, strict=True)], ones),
-        "alike": share(alike, ones),
-        "alike_truly": share(named, [int(a) for a in alike]),
-        "rivalled": share(rivalled, ones),
+        "right": figures.share(right),
+        "wrong": figures.share([c and not r for c, r in zip(converged, right, strict=True)]),
+        "alike": figures.share(alike),
+        "alike_truly": figures.share(named, [int(a) for a in alike]),
+        "rivalled": figures.share(rivalled),
         "told_apart": of_rivalled(right),
         "said_alike": of_rivalled(alike),
-        "path_m": {"value": float(np.median(paths)), "interval": bootstrap_interval(paths, groups, np.median)},
+        "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
     }
 

@@ -20,7 +20,8 @@ from midastouch_perception.simulation.grasp import CONTACTS
 
 from ..datasets.slide_simulation import simulate_grasp_sequence
 from .disturbances import Disturbed, Scene
-from .intervals import ENOUGH, share_interval
+from .figures import Figures
+from .intervals import ENOUGH
 from .metrics import closest_mode_error
 from .stock import Stock
 from .trial import FRAME_TIME, AnyFilter, TrialFrame, Yardstick
@@ -98,18 +99,13 @@ def grasp_summary(trials: list[dict]) -> list[dict] | None:
     is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
     if not all("grasps" in trial for trial in trials):
         return None
-    groups = [(t["object"], t["slide"]) for t in trials]
+    figures = Figures.by_slide(trials)
     out = []
     for rows in zip(*(trial["grasps"] for trial in trials), strict=True):
         wrong = [row["converged"] and not row["right"] for row in rows]
-        figures = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
-        out.append(
-            {"trials": len(rows)}
-            | {
-                name: {"share": float(np.mean(part)), "interval": share_interval(part, np.ones(len(rows)), groups)}
-                for name, part in (figures | {"converged_wrong": wrong}).items()
-            }
-        )
+        parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
+        parts["converged_wrong"] = wrong
+        out.append({"trials": len(rows)} | {name: figures.share(part) for name, part in parts.items()})
     return out
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .intervals import ENOUGH, bootstrap_interval, share_interval
+from .figures import Figures
+from .intervals import ENOUGH
 
 _BINS = 10
 
@@ -20,22 +21,23 @@ def summarise_identification(trials: list[dict]) -> dict:
     """
     known = [trial for trial in trials if trial["in_catalogue"]]
     unknown = [trial for trial in trials if not trial["in_catalogue"]]
+    of_known = Figures.by_slide(known)
     return {
         "known": len(known),
         "unknown": len(unknown),
         "objects": len({trial["object"] for trial in trials}),
         "enough": min(len(known), len(unknown)) >= ENOUGH,
-        "right": _share(known, "right"),
-        "pose_right": _share(known, "pose_right"),
-        "alone_pose_right": _share(known, "alone_pose_right"),
-        "refused": _share(unknown, "right"),
-        "path_until_right": _value(
-            known, [np.inf if t["right_from_m"] is None else t["right_from_m"] for t in known], np.median
+        "right": of_known.share([trial["right"] for trial in known]),
+        "pose_right": of_known.share([trial["pose_right"] for trial in known]),
+        "alone_pose_right": of_known.share([trial["alone_pose_right"] for trial in known]),
+        "refused": Figures.by_slide(unknown).share([trial["right"] for trial in unknown]),
+        "path_until_right": of_known.value(
+            [np.inf if t["right_from_m"] is None else t["right_from_m"] for t in known], np.median
         ),
         "calibration_error": calibration_error(
             [tuple(each[1:]) for t in trials for each in (*t["asked"], (0.0, t["confidence"], t["right"]))]
         ),
-        "cpu_ratio": _value(known, [t["cpu_ms"] / t["alone_cpu_ms"] for t in known], np.mean),
+        "cpu_ratio": of_known.value([t["cpu_ms"] / t["alone_cpu_ms"] for t in known], np.mean),
         "answers": confusions(trials),
     }
 
@@ -78,21 +80,3 @@ def _figure(one: dict, key: str, form: str) -> tuple[str, str]:
         return "never" if value is None or np.isinf(value) else form.format(value)
 
     return said(one[key]), "-" if one["interval"] is None else "...".join(map(said, one["interval"]))
-
-
-def _groups(trials: list[dict]) -> list[tuple]:
-    return [(trial["object"], trial["slide"]) for trial in trials]
-
-
-def _share(trials: list[dict], key: str) -> dict:
-    part = [float(trial[key]) for trial in trials]
-    return {
-        "share": float(np.mean(part)) if part else None,
-        "interval": share_interval(part, np.ones(len(part)), _groups(trials)),
-    }
-
-
-def _value(trials: list[dict], values: list[float], statistic) -> dict:
-    if not trials:
-        return {"value": None, "interval": None}
-    return {"value": float(statistic(values)), "interval": bootstrap_interval(values, _groups(trials), statistic)}

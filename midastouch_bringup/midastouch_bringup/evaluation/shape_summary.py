@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .intervals import ENOUGH, bootstrap_interval, share_interval
+from .figures import Figures
+from .intervals import ENOUGH
 from .shape_catalogues import EARLY
 
 
@@ -25,33 +26,20 @@ def summarise_shapes(trials: list[dict]) -> dict[str, dict]:
 def _summary(trials: list[dict]) -> dict:
     known = [trial for trial in trials if trial["in_catalogue"]]
     unknown = [trial for trial in trials if not trial["in_catalogue"]]
+    of_known = Figures.by_slide(known)
     return {
         "known": len(known),
         "unknown": len(unknown),
         "enough": len(known) >= ENOUGH,
-        "compared_early": _share(known, [trial["early"]["compared"] for trial in known]),
-        "leads_early": _share(known, [trial["early"]["leads"] for trial in known]),
-        "compared": _share(known, [trial["late"]["compared"] for trial in known]),
-        "leads": _share(known, [trial["late"]["leads"] for trial in known]),
-        "right": _share(known, [trial["right"] for trial in known]),
-        "refused": _share(unknown, [trial["right"] for trial in unknown]),
-        "cpu_ms": {
-            "value": float(np.mean([trial["cpu_ms"] for trial in trials])),
-            "interval": bootstrap_interval([trial["cpu_ms"] for trial in trials], _groups(trials)),
-        },
+        "compared_early": of_known.share([trial["early"]["compared"] for trial in known]),
+        "leads_early": of_known.share([trial["early"]["leads"] for trial in known]),
+        "compared": of_known.share([trial["late"]["compared"] for trial in known]),
+        "leads": of_known.share([trial["late"]["leads"] for trial in known]),
+        "right": of_known.share([trial["right"] for trial in known]),
+        "refused": Figures.by_slide(unknown).share([trial["right"] for trial in unknown]),
+        "cpu_ms": Figures.by_slide(trials).value([trial["cpu_ms"] for trial in trials], np.mean),
         "slowest_ms": max(trial["slowest_ms"] for trial in trials),
         "memory_mib": max(trial["memory_mib"] for trial in trials),
-    }
-
-
-def _groups(trials: list[dict]) -> list[tuple]:
-    return [(trial["object"], trial["slide"]) for trial in trials]
-
-
-def _share(trials: list[dict], part: list[bool]) -> dict:
-    return {
-        "share": float(np.mean(part)) if part else None,
-        "interval": share_interval(part, np.ones(len(part)), _groups(trials)),
     }
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from midastouch_filter.state import AMBIGUOUS, CONVERGED
 
 from .calibration import LEVELS, WEIGHTS
-from .intervals import ENOUGH, bootstrap_interval, share_interval
+from .figures import Figures
+from .intervals import ENOUGH
 from .summary import final_errors, is_right
 from .trial import AFTER_EVENT, STAGES
 
@@ -32,7 +31,7 @@ def trust(trials: list[dict]) -> dict:
     right, share of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
-    figures = _Figures(trials)
+    figures = Figures.by_slide(trials)
     return {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
@@ -60,35 +59,7 @@ def right_or_among_modes_at_end(trials: list[dict]) -> dict:
     """Share of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
     near = [float(t["final"]["min_cluster_trans_mm"] or np.inf) <= 1e3 * t["right_m"] for t in trials]
     among = [t["final"]["state"] == AMBIGUOUS and each for t, each in zip(trials, near, strict=True)]
-    return _Figures(trials).share(np.logical_or([is_right(t) for t in trials], among), [1] * len(trials))
-
-
-class _Figures:
-    """Figures over trials, one number of each, with 95 % intervals; trials on one slide are not independent."""
-
-    def __init__(self, trials: list[dict]):
-        self._slides = [(t["object"], t["slide"]) for t in trials]
-
-    def share(self, part: list[float], whole: list[float]) -> dict:
-        """That `part` is of `whole`, both summed."""
-        total = float(np.sum(whole))
-        return {
-            "share": float(np.sum(part)) / total if total else None,
-            "interval": share_interval(part, whole, self._slides),
-        }
-
-    def value(self, some: list[float], statistic: Callable) -> dict:
-        """A statistic of what is not nan."""
-        some = np.array(some, float)
-        known = some[~np.isnan(some)]
-        return {
-            "value": float(statistic(known)) if len(known) else None,
-            "interval": bootstrap_interval(some, self._slides, statistic),
-        }
-
-    def values(self, some: list[float]) -> dict:
-        """Mean and median."""
-        return {"mean": self.value(some, np.mean), "median": self.value(some, np.median)}
+    return Figures.by_slide(trials).share(np.logical_or([is_right(t) for t in trials], among))
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
@@ -96,9 +67,9 @@ def _converged_wrong(trials: list[dict]) -> np.ndarray:
     return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
 
 
-def _at_the_end(trials: list[dict], figures: _Figures) -> dict:
+def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     """What states and regions promise, and what the last answers are."""
-    wrong, ones = _converged_wrong(trials), [1] * len(trials)
+    wrong = _converged_wrong(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
     right = {key: [is_right(t, f"{key}estimate_trans_mm") for t in trials] for key in ("", "symmetric_")}
 
@@ -110,8 +81,8 @@ def _at_the_end(trials: list[dict], figures: _Figures) -> dict:
     return {
         "converged_wrong": figures.share(wrong, [t["frames"] for t in trials]),
         "converged_frames_wrong": figures.share(wrong, [t["frames_converged"] for t in trials]),
-        "right_at_end": figures.share(right[""], ones),
-        "right_modulo_symmetry_at_end": figures.share(right["symmetric_"], ones),
+        "right_at_end": figures.share(right[""]),
+        "right_modulo_symmetry_at_end": figures.share(right["symmetric_"]),
         "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
         "right_if_converged_at_end": figures.share(right[""], ends_converged),
         "right_if_converged_modulo_symmetry_at_end": figures.share(right["symmetric_"], ends_converged),
@@ -120,7 +91,7 @@ def _at_the_end(trials: list[dict], figures: _Figures) -> dict:
     }
 
 
-def _around_an_event(trials: list[dict], figures: _Figures) -> dict:
+def _around_an_event(trials: list[dict], figures: Figures) -> dict:
     wrong = _converged_wrong(trials)
     asked = [t["right_after_event"] is not None for t in trials]
     before = [bool(t["right_before_event"]) for t in trials]
@@ -135,7 +106,7 @@ def _around_an_event(trials: list[dict], figures: _Figures) -> dict:
     }
 
 
-def _by_weight(trials: list[dict], figures: _Figures) -> list[dict]:
+def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
     out = []
     for k in range(len(WEIGHTS) + 1):
         frames, right, weight = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right", "weight"))
