@@ -55,9 +55,6 @@ class FilterConfig:
     correlation_length: float = _number(
         0.03, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
-    smoothing_neighbours: int = _number(
-        8, 0, 24, "", "codebook neighbours of its entry that a particle's likelihood is interpolated from; 0: none"
-    )
 
     # --- surface constraint (paper appendix C, pruning)
     max_penetration: float = _number(2e-3, 0.0, 0.02, "m", "the gel's apex may lie this deep in the object for free")

@@ -69,7 +69,7 @@ class PoseLookup(NearestEntry):
         super().__init__(poses)
         self._workers = workers
         self.neighbours, links = neighbours_and_links(poses) if graph is None else graph
-        self.graph = kernels.PoseGraph(self.records, links, self.neighbours)
+        self.graph = kernels.PoseGraph(self.records, links)
         self.neighbour_distance = kernels.pose_distances(self.records, self.neighbours)
         nearest, farthest = self.neighbour_distance[:, 0], self.neighbour_distance[:, -1]
         self.spacing = float(np.median(nearest))

@@ -19,12 +19,10 @@ import midastouch_kernels as kernels
 from midastouch_perception.errors import InputError
 
 from .config import FilterConfig
-from .lookup import PoseLookup
 from .particles import Particles
 from .touch import Measurement
 from .workers import Workers
 
-_NARROWEST = 1e-5  # m; a codebook that holds poses twice has no distance between them to interpolate over
 _SPARSE = 16  # every so many of the sample below are enough to tell what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
@@ -103,11 +101,9 @@ class CodeScores:
 class MeasurementModel(CodeScores):
     """Scores codebook entries by a measured code and hands the scores to particles."""
 
-    def __init__(self, codes: np.ndarray, meta: dict, lookup: PoseLookup, config: FilterConfig, workers: Workers):
-        """`codes` (M, D) in the order of `lookup`'s poses; the others as of `CodeScores`."""
+    def __init__(self, codes: np.ndarray, meta: dict, config: FilterConfig, workers: Workers):
+        """`codes` (M, D) in the order of the look-up's poses; the others as of `CodeScores`."""
         super().__init__(codes, meta, config, workers)
-        self._lookup = lookup
-        self._smoothing = min(config.smoothing_neighbours, lookup.neighbours.shape[1])
         self._sample = self._every[:: max(len(self.codes) // _SAMPLE, 1)].copy()
         self._sampled_codes = self.codes[self._sample]
 
@@ -123,9 +119,7 @@ class MeasurementModel(CodeScores):
         The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
         """
         self._scored = None
-        rows, others = kernels.occupied_entries(
-            particles.entries, self._lookup.neighbours, self._smoothing, self._sample
-        )
+        rows, others = kernels.occupied_entries(particles.entries, len(self.codes), self._sample)
         scores = self._similarity(self.codes, rows, code), self._similarity(self._sampled_codes, others, code)
         likelihood = self._relative_likelihood(np.concatenate(scores))
         here, elsewhere = likelihood[: len(rows)], likelihood[len(rows) :]
@@ -142,19 +136,8 @@ class MeasurementModel(CodeScores):
         return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
 
     def log_likelihood(self, particles: Particles) -> np.ndarray:
-        """l (N,) float32 of each particle: its entry's, or interpolated between the entry and its neighbours."""
-        if not self._smoothing:
-            return self.log_ratio[particles.entries]
-        rate = -0.5 / max(self._lookup.spacing, _NARROWEST) ** 2
-        out = np.empty(len(particles), np.float32)
-        self._workers.run(
-            len(particles),
-            lambda low, high, _: self._lookup.graph.interpolate(
-                low, high, particles.positions, particles.quaternions, particles.entries, self._smoothing, rate,
-                self.log_ratio, out,
-            ),
-        )  # fmt: skip
-        return out
+        """l (N,) float32 of each particle: that of its entry."""
+        return self.log_ratio[particles.entries]
 
     def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """n entries (n,) int32 drawn by their likelihood; needs `score_codebook` for the same code before."""

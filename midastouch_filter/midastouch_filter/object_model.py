@@ -58,7 +58,7 @@ class ObjectModel:
     def _make_entries(self, codebook: Codebook, index: ObjectIndex) -> None:
         config, workers = self.config, self.workers
         self._index, self.order, self.lookup, self.normals = index, index.order, index.lookup, index.normals
-        self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, self.lookup, config, workers)
+        self.measurement = MeasurementModel(codebook.codes[self.order], codebook.meta, config, workers)
         self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)
         self.gap = _gap(self.mesh, self.lookup.poses)
         self.regions = Regions(self.lookup, config.region_radius)

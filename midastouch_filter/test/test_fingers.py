@@ -26,7 +26,7 @@ def parts(world):
     """lookup, surface, model, workers: what fingers are made of."""
     workers = Workers(1)
     lookup = PoseLookup(world.poses, workers)
-    model = MeasurementModel(world.codebook.codes, world.codebook.meta, lookup, CONFIG, workers)
+    model = MeasurementModel(world.codebook.codes, world.codebook.meta, CONFIG, workers)
     grid = SurfaceGrid(world.mesh, CONFIG.dead_distance)
     surface = SurfaceConstraint(grid, lookup.largest_gap, CONFIG, workers)
     return lookup, surface, model, workers

@@ -33,28 +33,14 @@ void dot_rows(std::size_t low, std::size_t high, In<float, -1, -1> codes, In<int
     }
 }
 
-// Entries, ascending, that particles lie at and the `count` nearest neighbours of these; and which of a sample of
-// entries are none of them.
-nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbours, std::size_t count,
-                           In<int64_t, -1> sample) {
+// Entries of `size`, ascending, that particles lie at; and which of a sample of entries are none of them.
+nb::tuple occupied_entries(In<int32_t, -1> entries, std::size_t size, In<int64_t, -1> sample) {
     constexpr std::size_t kBits = 64;
-    const std::size_t n = neighbours.shape(0), k = neighbours.shape(1);
-    if (count > k) throw nb::value_error("more neighbours than there are");
-    std::vector<uint64_t> lies(n / kBits + 1), taken(n / kBits + 1);
-    auto set = [&](std::vector<uint64_t>& bits, std::size_t entry) {
-        uint64_t &word = bits[entry / kBits], bit = uint64_t{1} << entry % kBits;
-        const bool was = word & bit;
-        word |= bit;
-        return was;
-    };
-    auto ahead = [&](std::size_t i) { return entries.data()[std::min(i + kPrefetch, entries.shape(0) - 1)]; };
+    std::vector<uint64_t> taken(size / kBits + 1);
     for (std::size_t i = 0; i < entries.shape(0); ++i) {
         const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
-        if (entry >= n) throw nb::value_error("an entry that is not there");
-        __builtin_prefetch(neighbours.data() + k * ahead(i));
-        if (set(lies, entry)) continue;
-        set(taken, entry);
-        for (std::size_t j = 0; j < count; ++j) set(taken, static_cast<std::size_t>(neighbours.data()[k * entry + j]));
+        if (entry >= size) throw nb::value_error("an entry that is not there");
+        taken[entry / kBits] |= uint64_t{1} << entry % kBits;
     }
     std::vector<int64_t> rows, others;
     for (std::size_t w = 0; w < taken.size(); ++w)
@@ -62,7 +48,7 @@ nb::tuple occupied_entries(In<int32_t, -1> entries, In<int32_t, -1, -1> neighbou
             rows.push_back(static_cast<int64_t>(kBits * w + __builtin_ctzll(word)));
     for (std::size_t i = 0; i < sample.shape(0); ++i) {
         const std::size_t entry = static_cast<std::size_t>(sample.data()[i]);
-        if (entry >= n) throw nb::value_error("an entry that is not there");
+        if (entry >= size) throw nb::value_error("an entry that is not there");
         if (!(taken[entry / kBits] >> entry % kBits & 1)) others.push_back(static_cast<int64_t>(i));
     }
     return nb::make_tuple(copy_of(rows), copy_of(others));
@@ -118,9 +104,8 @@ nb::tuple reweigh(In<double, -1> belief, In<double, -1> evidence, In<double, -1>
 void bind_measurement(nb::module_& m) {
     m.def("dot_rows", &dot_rows, nb::arg("low"), nb::arg("high"), named("codes"), named("rows"), named("code"),
           named("out"), "Dot product with a code (D,) of each of `rows` [low, high) of codes (M, D).");
-    m.def("occupied_entries", &occupied_entries, named("entries"), named("neighbours"), nb::arg("count"),
-          named("sample"), "Entries, ascending, that particles lie at and the `count` nearest neighbours of these; and "
-          "which of a sample of entries (S,) are none of them.");
+    m.def("occupied_entries", &occupied_entries, named("entries"), nb::arg("size"), named("sample"),
+          "Entries of `size`, ascending, that particles lie at; and which of a sample of entries (S,) are none of them.");
     m.def("reweigh", &reweigh, named("belief"), named("evidence"), named("tempered"), named("log_weights"),
           named("weights"),
           "log_weights = belief + tempered, normalised, and weights; returns the logarithms of the sums of "

@@ -1,5 +1,4 @@
-// The codebook's entries as a graph: the one nearest to each particle, by walking along its links, and what its
-// neighbours say there.
+// The codebook's entries as a graph: the one nearest to each particle, by walking along its links.
 #include "arrays.hpp"
 #include "huge_pages.hpp"
 #include "parallel.hpp"
@@ -22,18 +21,15 @@ std::size_t padded(std::size_t count) { return (count + kLanes - 1) / kLanes * k
 
 class PoseGraph {
 public:
-    PoseGraph(In<float, -1, kRecord> records, In<int32_t, -1, -1> links, In<int32_t, -1, -1> neighbours)
-        : size_(records.shape(0)), links_(padded(links.shape(1))), neighbours_(padded(neighbours.shape(1))),
-          neighbour_count_(neighbours.shape(1)) {
+    PoseGraph(In<float, -1, kRecord> records, In<int32_t, -1, -1> links)
+        : size_(records.shape(0)), links_(padded(links.shape(1))) {
         const std::size_t count = links.shape(1);
-        if (links.shape(0) != size_ || neighbours.shape(0) != size_)
-            throw nb::value_error("records, links and neighbours of different sizes");
+        if (links.shape(0) != size_) throw nb::value_error("records and links of different sizes");
         keep_records(records.data());
         link_.resize(size_ * links_), reach_.resize(size_ * batches());
-        neighbour_.resize(size_ * neighbours_);
         std::vector<std::pair<float, int32_t>> sorted(count);
         for (std::size_t i = 0; i < size_; ++i) {
-            const int32_t *to = links.data() + i * count, *beside = neighbours.data() + i * neighbour_count_;
+            const int32_t* to = links.data() + i * count;
             const float* here = records.data() + kRecord * i;
             for (std::size_t j = 0; j < count; ++j) {
                 const float* there = records.data() + kRecord * static_cast<std::size_t>(checked(to[j]));
@@ -43,8 +39,6 @@ public:
             for (std::size_t j = 0; j < links_; ++j)
                 link_[i * links_ + j] = j < count ? sorted[j].second : static_cast<int32_t>(i);
             for (std::size_t b = 0; b < batches(); ++b) reach_[i * batches() + b] = sorted[kLanes * b].first;
-            for (std::size_t j = 0; j < neighbours_; ++j)
-                neighbour_[i * neighbours_ + j] = j < neighbour_count_ ? checked(beside[j]) : static_cast<int32_t>(i);
         }
     }
 
@@ -59,38 +53,6 @@ public:
             const int32_t entry = nearest(query, entries.data()[i]);
             entries.data()[i] = entry;
             distance.data()[i] = std::sqrt(std::max(query.squared_distance(record(entry)), 0.0f));
-        }
-    }
-
-    void interpolate(std::size_t low, std::size_t high, In<float, -1, 3> positions, In<float, -1, 4> quaternions,
-                     In<int32_t, -1> entries, std::size_t count, float rate, In<float, -1> values,
-                     InOut<float, -1> out) const {
-        check(low, high, {positions.shape(0), quaternions.shape(0), entries.shape(0), out.shape(0)}, entries.data());
-        if (values.shape(0) != size_ || count > neighbour_count_ || !(rate <= 0))
-            throw nb::value_error("a value for each entry, at most as many neighbours as there are, a rate <= 0");
-        nb::gil_scoped_release released;
-        Mask lane{};
-        for (int l = 0; l < kLanes; ++l) lane[l] = l;
-        for (std::size_t i = low; i < high; ++i) {
-            __builtin_prefetch(&neighbour_[neighbours_ * entries.data()[std::min(i + kPrefetch, high - 1)]]);
-            const Query query(*this, positions.data() + 3 * i, quaternions.data() + 4 * i);
-            const std::size_t entry = static_cast<std::size_t>(entries.data()[i]);
-            const float nearest = query.squared_distance(record(entry));
-            Lanes total{}, weighted{};
-            for (std::size_t j = 0; j < count; j += kLanes) {
-                const int32_t* other = &neighbour_[entry * neighbours_ + j];
-                // relative to the nearest entry, so that a particle far from all of them still gets a weight; one
-                // that has not reached its nearest entry yet must not overflow
-                const Lanes farther = query.squared_distances(*this, other) - nearest;
-                const Lanes weight = exp_nonpositive(rate * (farther > 0 ? farther : Lanes{}));
-                const Mask counts = lane + static_cast<int32_t>(j) < static_cast<int32_t>(count);
-                Lanes value;
-                for (int l = 0; l < kLanes; ++l) value[l] = values.data()[other[l]];
-                // what does not count may be no number
-                total += counts ? weight : Lanes{}, weighted += counts ? weight * value : Lanes{};
-            }
-            const float own = values.data()[entry];
-            out.data()[i] = (own + horizontal(weighted)) / (1 + horizontal(total));
         }
     }
 
@@ -125,8 +87,6 @@ private:
         Lanes pose;
         float constant;
     };
-
-    static float horizontal(Lanes x) { return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7])); }
 
     std::size_t batches() const { return links_ / kLanes; }
 
@@ -184,12 +144,11 @@ private:
         return best;
     }
 
-    std::size_t size_, links_, neighbours_, neighbour_count_;  // entries, and the lengths of their padded rows
+    std::size_t size_, links_;  // entries, and the length of their padded rows
     float centre_[3];
     Table<float> records_;
     Table<int32_t> link_;  // shortest first
     Table<float> reach_;   // the shortest link of each eight
-    Table<int32_t> neighbour_;
 };
 
 // Links (M, count) from the nearest entries (M, C), nearest first, at their distances (M, C).
@@ -253,16 +212,11 @@ Out<float> pose_distances(In<float, -1, kRecord> records, In<int32_t, -1, -1> ot
 }  // namespace
 
 void bind_pose_graph(nb::module_& m) {
-    nb::class_<PoseGraph>(m, "PoseGraph", "Entries of a codebook with their links and nearest neighbours.")
-        .def(nb::init<In<float, -1, kRecord>, In<int32_t, -1, -1>, In<int32_t, -1, -1>>(), named("records"),
-             named("links"), named("neighbours"))
+    nb::class_<PoseGraph>(m, "PoseGraph", "Entries of a codebook with their links.")
+        .def(nb::init<In<float, -1, kRecord>, In<int32_t, -1, -1>>(), named("records"), named("links"))
         .def("walk", &PoseGraph::walk, nb::arg("low"), nb::arg("high"), named("positions"), named("quaternions"),
              named("entries"), named("distance"),
-             "Move `entries` [low, high) along the links to the entry nearest to each pose; its distance [m].")
-        .def("interpolate", &PoseGraph::interpolate, nb::arg("low"), nb::arg("high"), named("positions"),
-             named("quaternions"), named("entries"), nb::arg("count"), nb::arg("rate"), named("values"), named("out"),
-             "values (M,) at poses [low, high): a mean over each one's entry and the `count` nearest to that, weighed "
-             "by exp(rate d^2) of what they are farther.");
+             "Move `entries` [low, high) along the links to the entry nearest to each pose; its distance [m].");
     m.def("choose_links", &choose_links, named("features"), named("index"), named("distance"), nb::arg("count"),
           "Links (M, count) in all directions from the nearest entries (M, C) at their distances.");
     m.def("pose_distances", &pose_distances, named("records"), named("others"),

@@ -31,7 +31,7 @@ def graph(positions):
     records = np.zeros((COUNT, 8), np.float32)
     records[:, :3], records[:, 4:] = positions, TURN
     links = chosen(positions)
-    return kernels.PoseGraph(records, links, links)
+    return kernels.PoseGraph(records, links)
 
 
 def walked(graph, queries: np.ndarray, entries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -102,7 +102,7 @@ def likelihood_counts(
     """
     workers = Workers(config.threads)
     lookup = PoseLookup(codebook.poses, workers)
-    model = MeasurementModel(codebook.codes, codebook.meta, lookup, config, workers)
+    model = MeasurementModel(codebook.codes, codebook.meta, config, workers)
     counts = np.zeros(len(LEVELS) + 1, int)
     for code, entry in zip(codes, lookup.exact(poses), strict=True):
         model.score_codebook(model.unit_code(code))

@@ -128,9 +128,6 @@ VARIANTS = {
     "no_tempering": Variant(
         "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
     ),
-    "no_smoothing": Variant(
-        "the likelihood of the nearest codebook entry alone", MECHANISM, {"smoothing_neighbours": 0}
-    ),
     "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
     "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
     "no_arm_errors": Variant("errors of mount and clock are not learned", MECHANISM, {"calibration": False}),

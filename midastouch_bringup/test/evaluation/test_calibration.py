@@ -88,7 +88,7 @@ def test_the_likelihood_is_judged_by_the_rank_of_the_true_entry(temperature, cal
     # codes as a temperature of 0.1 means them: density exp(s / 0.1) around the true entry's
     true = rng.integers(0, 400, 600)
     felt = [vonmises_fisher(codes[k] / np.linalg.norm(codes[k]), 10).rvs(1, rng)[0] for k in true.tolist()]
-    counts = likelihood_counts(book, felt, poses[true], FilterConfig(smoothing_neighbours=0, threads=1))
+    counts = likelihood_counts(book, felt, poses[true], FilterConfig(threads=1))
     assert sum(counts) == 600
     shares = observed_shares(counts)
     if calibrated:
