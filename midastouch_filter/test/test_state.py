@@ -29,6 +29,7 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(spread_t=0.02), state.AMBIGUOUS, "20.0 mm"),
         (narrow(checked=False), state.AMBIGUOUS, "not compared with other places"),
         (narrow(spread_r=1.0), state.AMBIGUOUS, "1.00 rad"),
+        (narrow(error=0.03), state.AMBIGUOUS, "30 mm"),
         (narrow(in_contact=False), state.NO_CONTACT, "touches nothing"),
         (narrow(support=0.45), state.AMBIGUOUS, "fit the particles badly"),
         (narrow(support=0.9), state.LOST, "contradict"),
