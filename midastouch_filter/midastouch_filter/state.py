@@ -107,7 +107,7 @@ class StateMachine:
         if e.spread_r > c.converged_rotation * slack:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
         if e.error > c.converged_error * slack:
-            return False, f"the last touches leave the pose of the dominant mode open by {1000 * e.error:.0f} mm"
+            return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
         if not e.checked:
             return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other places yet"
         return True, ""
