@@ -37,6 +37,7 @@ class Reporter:
                 mode_mass=dominant.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
+                error=belief.answers[0].spread_translation,
             )
         )
         return Estimate(belief.answers, self._status(belief), belief.covariance, self._do.correct.calibration)

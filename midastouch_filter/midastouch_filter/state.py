@@ -48,7 +48,8 @@ class Status:
 class Evidence:
     """What the state depends on; units as in `Status`.
 
-    support: the trend over log(outlier), 1 is worst; checked: other places were compared with the dominant mode.
+    support: the trend over log(outlier), 1 is worst; checked: other places were compared with the dominant mode;
+    error [m]: RMS distance of the truth to the published pose, by its covariance, if its place is the right one.
     """
 
     initialised: bool = False
@@ -59,6 +60,7 @@ class Evidence:
     mode_mass: float = 0.0
     spread_t: float = 0.0
     spread_r: float = 0.0
+    error: float = 0.0
 
 
 class StateMachine:
@@ -104,6 +106,8 @@ class StateMachine:
             return False, f"the dominant mode spreads over {1000 * e.spread_t:.1f} mm"
         if e.spread_r > c.converged_rotation * slack:
             return False, f"the dominant mode spreads over {e.spread_r:.2f} rad"
+        if e.error > c.converged_error * slack:
+            return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
         if not e.checked:
             return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other places yet"
         return True, ""

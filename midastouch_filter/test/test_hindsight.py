@@ -11,10 +11,10 @@ from midastouch_filter.state import CONVERGED
 
 @pytest.fixture
 def slide(mapped_slide):
-    """make_filter(), started near the truth; odometry and touches along 60 poses."""
+    """make_filter(**settings), started near the truth; odometry and touches along 60 poses."""
 
-    def make_filter() -> ParticleFilter:
-        running = mapped_slide.make_filter()
+    def make_filter(**settings) -> ParticleFilter:
+        running = mapped_slide.make_filter(**settings)
         running.initialise_gaussian(mapped_slide.poses[0], 0.03, 0.3)
         return running
 
@@ -37,6 +37,14 @@ def test_who_does_not_ask_for_reflection_gets_the_same_answers(slide):
         np.testing.assert_array_equal(one.covariance, other.covariance)
         states.add(one.status.state)
     assert CONVERGED in states  # which it is not before places were compared
+
+
+def test_who_asks_for_a_narrower_covariance_than_is_published_gets_no_trusted_answer(slide):
+    make_filter, odometry, touches = slide
+    running = make_filter(converged_error=1e-4)
+    estimates = [running.step(motion, touch) for motion, touch in zip(odometry, touches, strict=True)]
+    assert CONVERGED not in {each.status.state for each in estimates}
+    assert any("published" in each.status.reason for each in estimates)
 
 
 def test_places_are_compared_after_the_answer(slide):
