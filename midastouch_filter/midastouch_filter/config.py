@@ -53,7 +53,7 @@ class FilterConfig:
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
     outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
-        0.03, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
+        0.02, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
 
     # --- surface constraint (paper appendix C, pruning)
@@ -116,7 +116,7 @@ class FilterConfig:
     min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
     converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
     converged_probability: float = _number(
-        0.95, 0.5, 1.0, "", "... and its place is this probable, by the last touches, among all that explain them"
+        0.99, 0.5, 1.0, "", "... and its place is this probable, by the last touches, among all that explain them"
     )
     converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")

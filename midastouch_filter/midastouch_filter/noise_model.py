@@ -59,7 +59,7 @@ class NoiseModel:
     code_margin: float = 4.0
     elsewhere: float = 22.5
     decisive: float = 6.75
-    between_objects: float = 0.35
+    between_objects: float = 0.23
     foreign_misfit: float = 0.73
     strain_cost: float = 0.54
     best_of_places: float = 2.6
