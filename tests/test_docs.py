@@ -208,6 +208,7 @@ def test_trust_is_claimed_by_whole_intervals_only(load_tool, monkeypatch):
     load_tool("evaluation_tables")
     from report_tables import trust as tool
 
+    monkeypatch.setattr(tool, "PROMISED_WRONG", 0.05)
     report = {"trials": 200, "converged_frames_wrong": {"share": 0.04, "interval": [0.03, 0.049]}}
     none = {"share": None, "interval": None}
     report |= {"right_if_converged_at_end": none, "right_if_converged_modulo_symmetry_at_end": none, "regions": {}}

@@ -28,6 +28,7 @@ PROTOCOLS = {
 _MANY = "--slides 10 --seeds 2"
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
+_EVIDENCE = "no_surface no_book_constraint no_tempering"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
@@ -51,6 +52,10 @@ COMMANDS = {
     "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
     "no_surface no_book_constraint no_tempering no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
+    **{
+        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} --slides 10 --seeds 1 --variant {_EVIDENCE}"
+        for name in ("kidnap", "tool_bias", "rest", "slow_camera")
+    },
     "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
     "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
     "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_MANY} --variant no_recovery",
