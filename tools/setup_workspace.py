@@ -8,6 +8,7 @@ starts from an empty environment (pip's cache makes that quick), as nobody can s
 Runs on the standard library of any Python 3, to be able to say that 3.10 or later is needed.
 """
 
+import argparse
 import contextlib
 import fcntl
 import hashlib
@@ -266,4 +267,5 @@ def main():
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter).parse_args()
     sys.exit(main())

@@ -44,7 +44,7 @@ from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
 from .launch_arguments import explored, quick_codebooks
 from .local_context import local_context
-from .recording_start import RESULTS, await_recorder
+from .recording_ends import RESULTS, await_recorder, hear_the_last
 
 KEYS_HELP = (
     "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
@@ -161,10 +161,7 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: 
         if seat.ended is None:
             print(f"midastouch: error: {error}", file=sys.stderr)
             seat.fail(error.cause)
-    # what the nodes had sent before may still be on its way to the recorder
-    quiet_until = time.monotonic() + 0.5
-    while time.monotonic() < quiet_until:
-        executor.spin_once(timeout_sec=0.05)
+    hear_the_last(executor)
 
 
 class _Seat(Node):

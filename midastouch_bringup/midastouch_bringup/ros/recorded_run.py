@@ -25,7 +25,7 @@ from ..processes.program import node_program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from .local_context import local_context
-from .recording_start import RESULTS, await_recorder
+from .recording_ends import RESULTS, await_recorder, hear_the_last
 
 _SILENCE_S = 120.0  # without a status while the replay goes on
 _LAST_STATUS_S = 5.0
@@ -119,7 +119,4 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: 
         supervisor.look_after()
         if time.monotonic() - ended > _LAST_STATUS_S:
             raise NodeFailed("the replay has ended, but its last frame was never answered")
-    # what the nodes had sent before their last status may still be on its way to the recorder
-    quiet_until = time.monotonic() + 0.5
-    while time.monotonic() < quiet_until:
-        executor.spin_once(timeout_sec=0.05)
+    hear_the_last(executor)

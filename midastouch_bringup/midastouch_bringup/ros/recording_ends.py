@@ -1,9 +1,11 @@
-"""The moment from which a recorder misses nothing."""
+"""The two ends of a recording, between which nothing is missed."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+
+from rclpy.executors import Executor
 
 from ..bags.run_record import CODE, MODES, PARTICLES, PENETRATION, STATUS
 from ..nodes.recorder import Recorder
@@ -13,6 +15,7 @@ RESULTS = (CODE, PENETRATION, MODES, PARTICLES, STATUS)
 """What the nodes of a run add to a bag."""
 
 _SILENCE_S = 120.0
+_ON_THEIR_WAY_S = 0.5
 
 
 def await_recorder(
@@ -30,3 +33,10 @@ def await_recorder(
         if time.monotonic() - started > _SILENCE_S:
             raise NodeFailed(f"still waiting for {waiting} after {_SILENCE_S:g} s; see the logs in the output folder")
     return True
+
+
+def hear_the_last(executor: Executor) -> None:
+    """Spin a while: what the nodes have sent may still be on its way to the recorder."""
+    quiet_until = time.monotonic() + _ON_THEIR_WAY_S
+    while time.monotonic() < quiet_until:
+        executor.spin_once(timeout_sec=0.05)
