@@ -37,13 +37,12 @@ def short(tmp_path, monkeypatch):
 def test_it_moves_feels_and_leaves_a_page_however_it_ends(short, tmp_path, capsys):
     assert cli.main(["run", "explore", *short]) == 1  # so short a way tells nobody where it is
     output = capsys.readouterr().out
-    assert "still" in output
-    assert "after 0.0" in output
     out = tmp_path / "out" / "explore"
     result = json.loads((out / "result.json").read_text())
     assert (result["ended"], result["right"], result["by_hand"]) == ("gave_up", False, False)
+    assert f"gave_up: {result['reason']}" in output
     assert (result["object"], result["answer"], result["object_probability"]) == ("eyebolt", "eyebolt", 1.0)
-    assert result["path_m"] > 0.01
+    assert result["path_m"] > 0
     assert result["lifts"] >= 1
     assert result["frames"] > 5
     for name in ("run.png", "final.png", "errors.png", "run.gif"):
