@@ -82,7 +82,7 @@ COMMANDS = {
     "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
     "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
     "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
-    "--policy suggested random",
+    "--policy suggested lifts random",
     "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
     "--policy suggested",
     "bench": "midastouch bench --paper-networks",
