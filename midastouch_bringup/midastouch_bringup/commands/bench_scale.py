@@ -27,20 +27,11 @@ def add_parser(subparsers) -> None:
         "those are set against time by `midastouch benchmark --variant front`.",
     )
     parser.add_argument("--object", default="handle_tool", help="bundled object (default handle_tool)")
-    parser.add_argument(
-        "--particles",
-        nargs="+",
-        type=arguments.positive_int,
-        metavar="N",
-        help="with 50,000 poses (default 100 to a million)",
-    )
-    parser.add_argument(
-        "--poses",
-        nargs="+",
-        type=arguments.positive_int,
-        metavar="N",
-        help="with 50,000 particles (default 1,000 to a million)",
-    )
+    for option, what in (
+        ("--particles", "with 50,000 poses (default 100 to a million)"),
+        ("--poses", "with 50,000 particles (default 1,000 to a million)"),
+    ):
+        parser.add_argument(option, nargs="+", type=arguments.positive_int, metavar="N", help=what)
     parser.add_argument("--frames", type=arguments.positive_int, default=60, help="of the slide (default 60)")
     arguments.add_network_options(parser)
     outcome.add_json_option(parser)
@@ -83,15 +74,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _slide(mesh: ObjectMesh, networks: Networks, frames: int) -> Slide:
     """The beginning of a slide over the object, as the networks feel it."""
-    from midastouch_filter.perceived import measurement_of
-
     from ..datasets import load_sequence
     from ..datasets.slide_simulation import cached_slide
-    from ..evaluation.setup import sequence_background
     from ..evaluation.speed.scaling import Slide
+    from ..evaluation.touches import Touches
 
     sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * frames))
-    background, pipeline = sequence_background(sequence)[0], networks.pipeline()
-    images = (sequence.image(i) for i in range(min(frames, sequence.n_frames)))
-    touches = [measurement_of(pipeline.process(image, background)) for image in images]
-    return Slide(touches, sequence.poses_measured[: len(touches)], sequence.poses_true[0])
+    felt = Touches.perceive(sequence, networks).felt[:frames]
+    return Slide(felt, sequence.poses_measured[: len(felt)], sequence.poses_true[0])
