@@ -108,9 +108,7 @@ class Hindsight(FineStage):
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their places, and rivals that have no particles some of their own."""
-        owners: list[int | None] = []
-        for k in self._modes_at(belief.modes, comparison.places):
-            owners.append(None if k in owners else k)
+        owners = list(self._modes_at(belief.modes, comparison.places))
         shares = np.array([place.probability for place in comparison.places])
         held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
         if np.abs(held - shares).max() < _NEGLIGIBLE:
@@ -136,12 +134,12 @@ class Hindsight(FineStage):
         return self._source.at(comparison.places[place], count)
 
     def _modes_at(self, modes: list[Mode], places: list[Place]) -> Iterator[int | None]:
-        """The narrow mode nearest to each place, None if it is another place."""
-        poses = np.stack([mode.pose for mode in modes])
-        for place in places:
-            distance = pose_distance(poses, place.pose)
-            k = int(np.argmin(distance))
-            yield k if distance[k] < self._config.mode_radius and is_narrow(modes[k], self._config) else None
+        """The narrow mode at each place, None if none has it: each is the other's nearest."""
+        at, held = (np.stack([each.pose for each in some]) for some in (places, modes))
+        distance = pose_distance(at[:, None], held)
+        for i, k in enumerate(distance.argmin(axis=1)):
+            is_at = distance[i, k] < self._config.mode_radius and distance[:, k].argmin() == i
+            yield int(k) if is_at and is_narrow(modes[k], self._config) else None
 
     @property
     def felt(self) -> np.ndarray:

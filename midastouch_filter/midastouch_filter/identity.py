@@ -28,7 +28,7 @@ from .joint_alignment import transform_covariance
 from .keyframes import Keyframe, KeyframeWindow
 from .motion_model import Odometry
 from .noise_model import NoiseModel
-from .places import Place, distinct
+from .places import APART, Place, distinct
 from .replay import Followed, Race, Replay
 from .rival_search import Pace, RivalSearch, Scored
 from .touch import Measurement, require_network
@@ -261,7 +261,7 @@ class Identification:
             followed = sorted(replay.followed, key=lambda one: -self._support(window, one))
             onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
-            for i in distinct(poses, range(len(poses))):
+            for i in distinct(poses, range(len(poses)), APART):
                 owner.append(k)
                 kept.append(followed[i])
                 places.append(Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), 0.0))

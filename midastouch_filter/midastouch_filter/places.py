@@ -12,8 +12,11 @@ from midastouch_perception.pose_metric import ROTATION_SCALE
 
 from .joint_alignment import transform_covariance
 
+ANOTHER = 0.01
+"""m: a place farther than this from the truth is a wrong answer, so it is another place; 1 rad counts as 10 mm."""
+
 APART = 0.015
-"""m: places nearer than this are the same one; 1 rad counts as 10 mm."""
+"""m: rivals nearer to each other than this are so alike that one is followed for all; never less than `ANOTHER`."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +56,16 @@ def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
 
 
-def distinct(poses: np.ndarray, order: Iterable[int], taken: Sequence[np.ndarray] = ()) -> list[int]:
-    """Those of `order`, among poses (N, 4, 4), that are other places than all `taken` and all chosen before them."""
-    apart, chosen = np.ones(len(poses), bool), []
-    for pose in taken:
-        apart &= pose_distance(pose, poses) > APART
+def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float) -> np.ndarray:
+    """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`."""
+    return np.all([pose_distance(pose, poses) > apart for pose in taken], axis=0) & np.ones(len(poses), bool)
+
+
+def distinct(poses: np.ndarray, order: Iterable[int], apart: float) -> list[int]:
+    """Those of `order`, among poses (N, 4, 4), that are farther than `apart` [m] from all that were chosen before."""
+    free, chosen = np.ones(len(poses), bool), []
     for i in order:
-        if apart[i]:
+        if free[i]:
             chosen.append(int(i))
-            apart &= pose_distance(poses[i], poses) > APART
+            free &= pose_distance(poses[i], poses) > apart
     return chosen

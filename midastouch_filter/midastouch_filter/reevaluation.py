@@ -26,7 +26,7 @@ from .joint_alignment import transform_covariance
 from .keyframes import KeyframeWindow
 from .lookup import PoseLookup
 from .noise_model import NoiseModel
-from .places import APART, Place, Prior, distinct, pose_distance
+from .places import ANOTHER, APART, Place, Prior, distinct, pose_distance
 from .replay import Race, Replay
 from .rival_search import Rivals, RivalSearch, Scored
 from .touch import Measurement
@@ -50,9 +50,10 @@ class Comparison:
         return self.exhaustive and self.places[0].probability > certain
 
     def probability_at(self, pose: np.ndarray) -> float:
-        """Of the place that a pose (4, 4) belongs to."""
-        near = pose_distance(pose, np.stack([place.pose for place in self.places])) <= APART
-        return self.places[int(near.argmax())].probability if near.any() else 0.0
+        """Of the place that a pose (4, 4) belongs to: the nearest one."""
+        distance = pose_distance(pose, np.stack([place.pose for place in self.places]))
+        nearest = int(distance.argmin())
+        return self.places[nearest].probability if distance[nearest] <= APART else 0.0
 
     def moved(self, transform: np.ndarray) -> Comparison:
         """After the gel moved by `transform` (4, 4)."""
@@ -183,7 +184,7 @@ class Reevaluation:
         now, followed, every = self._window.motion, replay.followed, replay.evidence(self._search.along)
         onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
         poses = np.stack([each.pose @ on for each, on in zip(followed, onward, strict=True)])
-        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"))
+        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), ANOTHER)
         log_prior = np.full(len(chosen), -np.log(self._count))
         if self._prior is not None:
             starts = poses[chosen] @ se3.inverse(now)

@@ -13,7 +13,7 @@ from .effort import Effort
 from .keyframes import Keyframe, independence
 from .lookup import NearestEntry, PoseLookup
 from .noise_model import NoiseModel
-from .places import distinct
+from .places import ANOTHER, APART, distinct, far_from
 from .touch import Measurement
 
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
@@ -200,7 +200,8 @@ class RivalSearch:
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Rivals:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        chosen = distinct(candidates, np.flatnonzero(lasting | recently), taken)
+        rivals = (lasting | recently) & far_from(taken, candidates, ANOTHER)
+        chosen = distinct(candidates, np.flatnonzero(rivals), APART)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
         return Rivals(list(candidates[chosen]), scores.tolist(), until, candidates, score)

@@ -14,6 +14,7 @@ from midastouch_filter.reevaluation import Reevaluation
 from midastouch_filter.touch import MAP_SCALE, Measurement
 from midastouch_filter.workers import Workers
 from midastouch_perception import se3
+from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
@@ -39,22 +40,21 @@ def keep(reevaluation, *fingers):
 
 
 class Slide:
-    """A slide over a bumpy object, with the codes' opinion that each of some places could be the right one.
+    """A slide over an object, with the codes' opinion that each of some places could be the right one.
 
-    Args: world, of `conftest.py`; twofold: give the object a second half like the first.
+    Args: world, of `conftest.py`; mesh; truth (K, 4, 4), poses of the touches.
     """
 
     others: tuple | list = ()  # what a second finger feels, touch by touch
     effort = Effort()
 
-    def __init__(self, world, twofold: bool, steps: int = 14):
-        mesh = world.bumpy_mesh(twofold)
+    def __init__(self, world, mesh, truth):
         coarse = SensorModel.load("digit_tacto").scaled(MAP_SCALE)
         self.book = world.random_poses(mesh, 8000, np.random.default_rng(0))
         self.lookup = PoseLookup(self.book, Workers(1))
         self.alignment = PenetrationAlignment(mesh, coarse, NOISE)
-        self.truth = world.make_slide(mesh, 6 * steps, np.random.default_rng(8))[::6]
-        self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(self.truth), 0)
+        self.truth = truth
+        self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(truth), 0)
 
     def scores(self, places: list[np.ndarray], k: int) -> np.ndarray:
         """What the code of touch k says of every codebook entry; places as of `run`."""
@@ -87,14 +87,32 @@ class Slide:
         return None
 
 
+def over_bumps(world, twofold: bool) -> Slide:
+    """A slide over a bumpy object; twofold: its second half is like the first."""
+    mesh = world.bumpy_mesh(twofold)
+    return Slide(world, mesh, world.make_slide(mesh, 84, np.random.default_rng(8))[::6])
+
+
+def grooved_tube(groove: float) -> ObjectMesh:
+    """A tube of 60 mm diameter and 120 mm length about z that feels the same after each `groove` [m] along z."""
+    around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 121)[:-1], np.linspace(-0.06, 0.06, 241))
+    radius = 0.03 + 0.0005 * np.cos(2 * np.pi * along / groove) + 0.001 * np.cos(3 * around)
+    vertices = np.stack([radius * np.cos(around), radius * np.sin(around), along], axis=-1).reshape(-1, 3)
+    corner = np.arange(240 * 120).reshape(240, 120)
+    nxt = np.roll(corner, -1, axis=1)
+    lower = np.stack([corner, nxt, corner + 120], axis=-1)
+    upper = np.stack([nxt, nxt + 120, corner + 120], axis=-1)
+    return ObjectMesh.from_arrays(vertices, np.concatenate([lower, upper]).reshape(-1, 3), "grooved")
+
+
 @pytest.fixture(scope="module")
 def symmetric(world):
-    return Slide(world, twofold=True)
+    return over_bumps(world, twofold=True)
 
 
 @pytest.fixture(scope="module")
 def uneven(world):
-    return Slide(world, twofold=False)
+    return over_bumps(world, twofold=False)
 
 
 PLACES = 1000
@@ -112,6 +130,19 @@ def test_a_wrong_mode_is_found_out(uneven):
     assert len(places) > 1
     distance = np.linalg.norm(places[0].pose[:3, 3] - truth[:3, 3])
     assert distance < 1.5e-3
+
+
+def test_a_place_closely_beside_a_mode_is_told_as_another(world):
+    mesh, angle = grooved_tube(groove=0.012), np.linspace(0, 4, 14)
+    around = 0.03 * np.stack([np.cos(angle), np.sin(angle), np.zeros(14)], axis=1)
+    grooved = Slide(world, mesh, world.poses_at(mesh, around, np.zeros(14), 1e-3))
+    truth = grooved.truth[-1]
+    beside = [se3.make(np.eye(3), [0, 0, z]) for z in (-0.012, 0.012)]
+    places = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
+    assert grooved.exhaustive
+    shares = [share_at(places, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
+    assert sum(shares) > 0.95
+    assert min(shares) > 0.1
 
 
 def test_twins_are_told_as_twins(symmetric):
