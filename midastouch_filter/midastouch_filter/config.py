@@ -121,7 +121,7 @@ class FilterConfig:
     converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
     converged_error: float = _number(
-        0.01, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and misfits widen it"
+        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and misfits widen it"
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 

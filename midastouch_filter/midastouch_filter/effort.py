@@ -30,10 +30,10 @@ class Effort:
     rarely: int = 12
     shortlist: int = 80
     sieve: int = 5
-    kept: int = 60
+    kept: int = 120
     turned: int = 50
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     lookups_per_step: int = 2500
-    alignments: int = 200
+    alignments: int = 500
     alignments_per_step: int = 12
     settled: int = 3

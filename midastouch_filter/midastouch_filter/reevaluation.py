@@ -189,7 +189,8 @@ class Reevaluation:
         if self._prior is not None:
             starts = poses[chosen] @ se3.inverse(now)
             log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
-            log_prior = np.minimum(log_prior, -np.log(2 * len(chosen)))
+            # a start may be narrower than the object's places are apart
+            log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
         share, elsewhere = place_posterior(every[chosen], log_prior, window.change, self._count)
         places = [
             Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))

@@ -54,11 +54,11 @@ def test_does_not_flicker_at_the_limit_of_convergence(machine):
 
 
 def test_a_wider_error_is_borne_once_converged(machine):
-    wide = narrow(error=0.012)
+    wide = narrow(error=0.006)
     assert machine.update(wide)[0] == state.AMBIGUOUS
-    assert machine.update(narrow(error=0.009))[0] == state.CONVERGED
+    assert machine.update(narrow(error=0.004))[0] == state.CONVERGED
     assert machine.update(wide)[0] == state.CONVERGED
-    assert machine.update(narrow(error=0.016))[0] == state.AMBIGUOUS
+    assert machine.update(narrow(error=0.008))[0] == state.AMBIGUOUS
 
 
 def test_is_found_again_only_well_below_the_limit_of_being_lost(machine):
