@@ -45,10 +45,10 @@ _LEAST_STEPS = 10  # with as many modes, for a figure
 class SpeedMeasurement:
     """Measures on one slide over one object; each method fills in the keys of the JSON it is named after."""
 
-    def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks, frames: int):
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks):
         self._mesh, self._codebook, self._networks = mesh, codebook, networks
         self._measured, self._truth = sequence.poses_measured, sequence.poses_true
-        self._images = [sequence.image(i) for i in range(min(frames, sequence.n_frames))]
+        self._images = [sequence.image(i) for i in range(sequence.n_frames)]
         self._background = sequence_background(sequence)[0]
 
     def networks(self) -> dict:
