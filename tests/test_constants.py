@@ -1,9 +1,9 @@
 """docs/constants.md against the code: nothing missing, nothing gone, no other value."""
 
 import re
-import sys
 from pathlib import Path
 
+import filter_constants
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -12,10 +12,6 @@ from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception.codebook_poses import YAWS
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-import filter_constants
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "constants.md"
 ORIGINS = {

@@ -2,16 +2,11 @@
 
 import ast
 import inspect
-import sys
 import textwrap
-from pathlib import Path
 
 import pytest
-from rclpy.node import Node
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from every_node import make_node
+from rclpy.node import Node
 
 from midastouch_bringup.ros.parameter_tables import TABLES
 

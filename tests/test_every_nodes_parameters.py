@@ -1,14 +1,8 @@
 """What users do wrong with parameters, for every parameter of every node (see docs/parameters.md)."""
 
-import sys
-from pathlib import Path
-
 import pytest
-from rclpy.parameter import Parameter
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from every_node import make_node
+from rclpy.parameter import Parameter
 
 from digit_driver.errors import InputError as DriverInputError
 from midastouch_bringup.ros.parameter_tables import TABLES

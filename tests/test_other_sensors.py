@@ -1,11 +1,11 @@
 """The page on other sensors, against the code: its examples are read, its commands exist."""
 
-import re
 import shlex
 from pathlib import Path
 
 import pytest
 import yaml
+from documents import DOCUMENTS, blocks, lines
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.nodes.parameters import PARAMETERS
@@ -13,16 +13,15 @@ from midastouch_bringup.cli import build_parser
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_perception.sensor_model import SensorModel
 
-PAGE = (Path(__file__).resolve().parent.parent / "docs" / "other_sensors.md").read_text()
-BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```$", PAGE, flags=re.M | re.S)
-LINES = [line for language, block in BLOCKS if not language for line in block.splitlines()]
+PAGE = DOCUMENTS["docs/other_sensors.md"]
+LINES = lines(PAGE)
 
 
 @pytest.fixture
 def examples(tmp_path) -> dict[str, Path]:
     """The YAML files of the page by the name in their first line."""
     found = {}
-    for block in (block for language, block in BLOCKS if language == "yaml"):
+    for block in blocks(PAGE, "yaml"):
         path = tmp_path / block.splitlines()[0].removeprefix("# ")
         path.write_text(block)
         found[path.name] = path

@@ -5,20 +5,16 @@ same, takes keys, and ends with a page.
 """
 
 from launch import LaunchDescription
-from launch.actions import SetEnvironmentVariable
-from launch.substitutions import EnvironmentVariable
 
 from midastouch_bringup.ros.launch_arguments import explored
-from midastouch_bringup.ros.launch_parts import check, declare, start_prepared
+from midastouch_bringup.ros.launch_parts import check, declare, on_this_machine, start_prepared
 
 
 def generate_launch_description() -> LaunchDescription:
     """Make what is missing, then `digit_sim`, the localisation and `explorer`."""
-    reach = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     return LaunchDescription(
         [
-            # Nobody else on the network sees the nodes, unless the user has said so.
-            SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST")),
+            on_this_machine(),
             *declare("explore"),
             check("explore"),
             start_prepared("explore", explored),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from . import arguments, outcome
+from .timed_slide import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -32,36 +33,19 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.errors import InputError
-
     from ..codebooks import cached_codebook, cached_codebook_path
-    from ..datasets import load_sequence
-    from ..datasets.slide_simulation import cached_slide
-    from ..evaluation.machine import machine_info
     from ..evaluation.result_file import to_json
-    from ..evaluation.setup import Networks
     from ..evaluation.speed.memory import peak_rss_mb
     from ..evaluation.speed.node_start import node_start
     from ..evaluation.speed.stages import SpeedMeasurement
     from ..progress import progress_bar
     from ..ros.pose_age import pose_age
 
-    if args.frames < 10:
-        raise InputError(f"--frames {args.frames}: too few to time; give at least 10")
-    networks = Networks.load(args.tdn, args.tcn, args.sensor)
-    mesh = arguments.load_mesh(args.object)
+    slide = TimedSlide.of(args)
+    mesh, networks = slide.mesh, slide.networks
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
-    sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * args.frames))
-    speed = SpeedMeasurement(mesh, codebook, sequence, networks, args.frames)
-    machine = machine_info()
-    result = {
-        "threads": machine["cores"],
-        "machine": machine,
-        "object": mesh.name,
-        "networks": networks.describe(),
-        "codebook_size": len(codebook.poses),
-        "frames": args.frames,
-    }
+    speed = SpeedMeasurement(mesh, codebook, slide.sequence, networks)
+    result = slide.result(codebook_size=len(codebook.poses), frames=args.frames)
     stages = (
         speed.networks,
         speed.filter,

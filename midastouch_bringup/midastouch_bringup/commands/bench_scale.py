@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from . import arguments, outcome
-
-if TYPE_CHECKING:
-    from midastouch_perception.mesh import ObjectMesh
-
-    from ..evaluation.setup import Networks
-    from ..evaluation.speed.scaling import Slide
+from .timed_slide import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -39,20 +33,16 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.errors import InputError
-
     from ..codebooks import cached_codebook, cached_codebook_path
-    from ..evaluation.machine import machine_info
-    from ..evaluation.setup import Networks
-    from ..evaluation.speed.scaling import PARTICLES, POSES, measure, scaling_table, sizes
+    from ..evaluation.speed.scaling import PARTICLES, POSES, Slide, measure, scaling_table, sizes
     from ..evaluation.table import text_table
+    from ..evaluation.touches import Touches
     from ..progress import progress_bar
 
-    if args.frames < 10:
-        raise InputError(f"--frames {args.frames}: too few to time; give at least 10")
-    networks = Networks.load(args.tdn, args.tcn, args.sensor)
-    mesh = arguments.load_mesh(args.object)
-    slide = _slide(mesh, networks, args.frames)
+    timed = TimedSlide.of(args)
+    mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
+    felt = Touches.perceive(sequence, networks).felt
+    slide = Slide(felt, sequence.poses_measured, sequence.poses_true[0])
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"
@@ -60,25 +50,5 @@ def run(args: argparse.Namespace) -> int:
         cached_codebook(mesh, networks.tcn, networks.sensor, poses)
         measured = measure(mesh.path, cached_codebook_path(mesh, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
-    machine = machine_info()
-    result = {
-        "threads": machine["cores"],
-        "machine": machine,
-        "object": mesh.name,
-        "networks": networks.describe(),
-        "frames": args.frames,
-        "scaling": points,
-    }
+    result = timed.result(frames=args.frames, scaling=points)
     return outcome.conclude(args, result, text_table(*scaling_table(points), left=0))
-
-
-def _slide(mesh: ObjectMesh, networks: Networks, frames: int) -> Slide:
-    """The beginning of a slide over the object, as the networks feel it."""
-    from ..datasets import load_sequence
-    from ..datasets.slide_simulation import cached_slide
-    from ..evaluation.speed.scaling import Slide
-    from ..evaluation.touches import Touches
-
-    sequence = load_sequence(cached_slide(mesh, networks.sensor, 1.5e-3 * frames))
-    felt = Touches.perceive(sequence, networks).felt[:frames]
-    return Slide(felt, sequence.poses_measured[: len(felt)], sequence.poses_true[0])

@@ -37,14 +37,13 @@ from ..explore.preparation import prepare
 from ..explore.result import Ended, ending, exploration_result, result_rows
 from ..nodes.recorder import TOPICS, Recorder
 from ..output_paths import quick_codebook
-from ..processes.local_domain import LogFolder, local_environment
 from ..processes.program import Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
 from .launch_arguments import explored, quick_codebooks
-from .local_context import local_context
 from .recording_ends import RESULTS, await_recorder, hear_the_last
+from .supervised_run import supervised_run
 
 KEYS_HELP = (
     "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
@@ -99,25 +98,16 @@ def _tell(result: dict, out: Path) -> None:
 
 def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> _Seat:
     """Returns who has seen how it ended."""
-    environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
-    nodes: list[Node] = []
-    with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
-        executor = SingleThreadedExecutor(context=context)
-        try:
-            nodes += [recorder := _recorder(bag, mesh, context), seat := _Seat(mesh, context)]
-            for node in nodes:
-                executor.add_node(node)
-            for program in programs:
-                supervisor.start(_held_back(program) if program.ends else program)
-            with Keyboard(seat.keys()) as keyboard:
-                if keyboard.active:
-                    print(KEYS_HELP, flush=True)
-                _follow(executor, supervisor, recorder, seat)
-            return seat
-        finally:
-            executor.shutdown()
-            for node in nodes:
-                node.destroy_node()
+    with supervised_run(domain, logs) as (supervisor, executor):
+        executor.add_node(recorder := _recorder(bag, mesh, executor.context))
+        executor.add_node(seat := _Seat(mesh, executor.context))
+        for program in programs:
+            supervisor.start(_held_back(program) if program.ends else program)
+        with Keyboard(seat.keys()) as keyboard:
+            if keyboard.active:
+                print(KEYS_HELP, flush=True)
+            _follow(executor, supervisor, recorder, seat)
+        return seat
 
 
 def _held_back(explorer: Program) -> Program:

@@ -13,11 +13,18 @@ from pathlib import Path
 import launch.logging
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchContext, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, LogInfo, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    LogInfo,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+)
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import Command, EqualsSubstitution, LaunchConfiguration
+from launch.substitutions import Command, EnvironmentVariable, EqualsSubstitution, LaunchConfiguration
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.substitutions import ExecutableInPackage
 
@@ -35,6 +42,12 @@ _OTHERS = {
     "mount": ("robot_state_publisher", "or publish TF of the mount yourself"),
     "rviz": ("rviz2", "or set use_rviz:=false"),
 }
+
+
+def on_this_machine() -> SetEnvironmentVariable:
+    """Nobody else on the network sees the nodes, unless the user has said so."""
+    reach = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    return SetEnvironmentVariable(reach, EnvironmentVariable(reach, default_value="LOCALHOST"))
 
 
 def declare(setup: str) -> list[DeclareLaunchArgument]:

@@ -20,12 +20,11 @@ from ..bags.run_record import PENETRATION
 from ..datasets import Sequence
 from ..demo import NODES
 from ..nodes.recorder import TOPICS, Recorder
-from ..processes.local_domain import LogFolder, local_environment
 from ..processes.program import node_program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
-from .local_context import local_context
 from .recording_ends import RESULTS, await_recorder, hear_the_last
+from .supervised_run import supervised_run
 
 _SILENCE_S = 120.0  # without a status while the replay goes on
 _LAST_STATUS_S = 5.0
@@ -37,30 +36,21 @@ def record_run(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
     domain: ROS_DOMAIN_ID, on this machine alone. Raises NodeFailed when a node dies or falls silent, InputError for one
     that is not installed.
     """
-    environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
-    nodes: list[Node] = []
-    with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
-        executor = SingleThreadedExecutor(context=context)
-        try:
-            for name in NODES:
-                supervisor.start(node_program(name, parameters))
-            nodes += [recorder := _recorder(bag, sequence, context), listener := _Listener(sequence, context)]
-            for node in nodes:
-                executor.add_node(node)
+    with supervised_run(domain, logs) as (supervisor, executor):
+        for name in NODES:
+            supervisor.start(node_program(name, parameters))
+        executor.add_node(recorder := _recorder(bag, sequence, executor.context))
+        executor.add_node(listener := _Listener(sequence, executor.context))
 
-            def turn() -> bool:
-                executor.spin_once(timeout_sec=0.1)
-                supervisor.look_after()
-                return True
+        def turn() -> bool:
+            executor.spin_once(timeout_sec=0.1)
+            supervisor.look_after()
+            return True
 
-            await_recorder(recorder, RESULTS, turn, lambda: listener.consumers.waiting_for)
-            supervisor.start(node_program("replay", parameters, ends=True))
-            _follow(executor, supervisor, listener)
-            return listener.seconds
-        finally:
-            executor.shutdown()
-            for node in nodes:
-                node.destroy_node()
+        await_recorder(recorder, RESULTS, turn, lambda: listener.consumers.waiting_for)
+        supervisor.start(node_program("replay", parameters, ends=True))
+        _follow(executor, supervisor, listener)
+        return listener.seconds
 
 
 def _recorder(bag: Path, sequence: Sequence, context: rclpy.Context) -> Recorder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ from midastouch_perception.tdn.fit_check import FitCheck
 from ...datasets import Sequence
 from ...datasets.slide_simulation import no_contact_image
 from ..setup import Networks, sequence_background
+from ..touches import Touches
 from .lookup import lookup_speed
 from .paper_networks import paper_network_times
 from .timing import Stopwatch, time_calls
@@ -45,10 +47,10 @@ _LEAST_STEPS = 10  # with as many modes, for a figure
 class SpeedMeasurement:
     """Measures on one slide over one object; each method fills in the keys of the JSON it is named after."""
 
-    def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks, frames: int):
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, sequence: Sequence, networks: Networks):
         self._mesh, self._codebook, self._networks = mesh, codebook, networks
         self._measured, self._truth = sequence.poses_measured, sequence.poses_true
-        self._images = [sequence.image(i) for i in range(min(frames, sequence.n_frames))]
+        self._images = [sequence.image(i) for i in range(sequence.n_frames)]
         self._background = sequence_background(sequence)[0]
 
     def networks(self) -> dict:
@@ -76,10 +78,9 @@ class SpeedMeasurement:
     def filter(self) -> dict:
         """filter_ms: one step with so many particles, kept at that number, along the slide, without the fine stage;
         fine_stage_ms: what alignment and hindsight add to a step, by the wall clock."""
-        touches = self._measurements(self._images)
         return {
-            "filter_ms": {str(count): self._steps(count, touches).summary() for count in COUNTS},
-            "fine_stage_ms": {str(count): self._fine_stage(count, touches) for count in COUNTS},
+            "filter_ms": {str(count): self._steps(count).summary() for count in COUNTS},
+            "fine_stage_ms": {str(count): self._fine_stage(count) for count in COUNTS},
         }
 
     def four_modes(self) -> dict:
@@ -90,36 +91,37 @@ class SpeedMeasurement:
         particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0, make_policies=twins.policies)
         particle_filter.initialise_gaussian(self._truth[0], *_GATHERED)
         stopwatch, narrow = Stopwatch(), []
-        for i, touch in enumerate(self._measurements(self._images)):
+        for i, touch in enumerate(self._felt):
             with stopwatch:
                 modes = particle_filter.step(self._odometry(i), touch).modes
             narrow.append(sum(is_narrow(mode, config) for mode in modes[:_MODES]))
         chosen = [i >= 2 and count == _MODES for i, count in enumerate(narrow)]
         return {"four_modes_ms": stopwatch.where(chosen).summary()} if sum(chosen) >= _LEAST_STEPS else {}
 
-    def _measurements(self, images: list[np.ndarray]) -> list[Measurement]:
-        pipeline = self._networks.pipeline()
-        return [measurement_of(pipeline.process(image, self._background)) for image in images]
+    @functools.cached_property
+    def _felt(self) -> list[Measurement]:
+        """What the filter is told of each frame, where the networks are not timed."""
+        return Touches.of_images(self._images, self._background, self._networks, {}).felt
 
-    def _steps(self, count: int, touches: list[Measurement]) -> Stopwatch:
+    def _steps(self, count: int) -> Stopwatch:
         particle_filter = self._filter(count, refinement=False)
         stopwatch = Stopwatch()
-        for i, touch in enumerate(touches):
+        for i, touch in enumerate(self._felt):
             with stopwatch:
                 particle_filter.step(self._odometry(i), touch)
         stopwatch.drop(2)
         return stopwatch
 
-    def _fine_stage(self, count: int, touches: list[Measurement]) -> dict[str, float]:
+    def _fine_stage(self, count: int) -> dict[str, float]:
         particle_filter = self._filter(count)
-        stages = [particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(touches)]
+        stages = [particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(self._felt)]
         wall = [sum(ms.get(name, 0.0) for name in _FINE_STAGES) for ms in stages[2:]]
         return {"p50": float(np.median(wall)), "p95": float(np.percentile(wall, 95))}
 
     def lookup(self) -> dict:
         """lookup_ms: nearest codebook entries of particles one frame after the last look-up, spread over the object;
         lookup_converged_ms: gathered around the true pose; lookup_exact_share: of particles given the nearest entry."""
-        touches = self._measurements(self._images[:_LOOKUP_FRAMES])
+        touches = self._felt[:_LOOKUP_FRAMES]
         gathered = self._filter(COUNTS[0])
         gathered.initialise_gaussian(self._truth[0], *_GATHERED)
         speeds = {}
@@ -174,7 +176,7 @@ class SpeedMeasurement:
 
     def stepper(self) -> Callable[[], None]:
         """A function that takes one step of the slide, over and over, with 50k particles."""
-        particle_filter, touches = self._filter(COUNTS[0]), self._measurements(self._images)
+        particle_filter, touches = self._filter(COUNTS[0]), self._felt
         frames = itertools.cycle(range(len(touches)))
 
         def step() -> None:
