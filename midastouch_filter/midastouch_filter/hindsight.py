@@ -20,7 +20,7 @@ from .mode_masses import impose_shares
 from .motion_model import Odometry
 from .noise_model import NoiseModel
 from .particles import Particles
-from .places import Place, Prior, pose_distance
+from .places import ANOTHER, Place, Prior, pose_distance
 from .reevaluation import Comparison, Reevaluation
 from .refinement import Refinement, is_narrow
 from .resampler import Resampler
@@ -123,9 +123,12 @@ class Hindsight(FineStage):
             exact=comparison.exhaustive,
         )
         self._gates.count("rivals", new)
+        before = belief.modes[0].pose
         belief.hold(particles)
         self._resample(belief, needed=True)
         belief.cluster()
+        if pose_distance(before, belief.modes[0].pose) > ANOTHER:
+            self.region.restart()  # what maps corrected there says nothing of how they will fit here
 
     def _born(self, comparison: Comparison, place: int | None, count: int) -> Particles:
         """Particles at one of the places, or (None) wherever codes put them."""
