@@ -47,6 +47,19 @@ def test_who_asks_for_a_narrower_covariance_than_is_published_gets_no_trusted_an
     assert any("published" in each.status.reason for each in estimates)
 
 
+def test_what_maps_corrected_at_a_wrong_place_is_not_held_against_the_right_one(mapped_slide):
+    running = mapped_slide.make_filter()
+    running.initialise_gaussian(mapped_slide.poses[40], 0.004, 0.1)  # the slide begins at the first one
+    right, states = [], []
+    for motion, touch, truth in zip(mapped_slide.odometry, mapped_slide.touches, mapped_slide.poses, strict=True):
+        estimate = running.step(motion, touch)
+        right.append(np.linalg.norm(estimate.pose[:3, 3] - truth[:3, 3]) < 1e-3)
+        states.append(estimate.status.state)
+    found = right.index(True)
+    assert 4 < found < 40
+    assert CONVERGED in states[found : found + 10]
+
+
 def test_places_are_compared_after_the_answer(slide):
     make_filter, odometry, touches = slide
     running = make_filter()
