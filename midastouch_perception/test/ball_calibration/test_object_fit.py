@@ -14,6 +14,12 @@ TOUCHES = 15
 
 
 @pytest.fixture(scope="module")
+def digit(another_digit):
+    """Of this module alone: its frames must not depend on what other tests have pressed."""
+    return another_digit(6)
+
+
+@pytest.fixture(scope="module")
 def slide(digit, real, tool):
     """True and measured poses of some touches on a slide over the tool, and their images."""
     rng = np.random.default_rng(0)
