@@ -16,7 +16,7 @@ from ..datasets.slide_simulation import no_contact_image
 from ..report.relief_rows import ReliefRow, felt_with
 
 _RADIUS = 3e-3  # m
-_SEED = 4  # of a sensor on which the network alone feels too deep
+_SEED = 6  # of a sensor on which the network alone feels too deep
 _PRESSES, _TOUCHES = 10, 6
 _FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_share=0.0)
 

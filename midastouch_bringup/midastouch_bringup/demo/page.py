@@ -36,7 +36,7 @@ def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
     calibration, rows = calibrated_touches(mesh)
     page.heading("A sensor that is calibrated")
     page.note(
-        "Every DIGIT shows a touch in other colours. A simulated one, whose colours the network does not know, feels "
+        "Every DIGIT shows a touch in other colours. A simulated one, on which the network alone feels too deep, feels "
         "the object before and after ten presses of a ball (midastouch calibrate)."
     )
     page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))

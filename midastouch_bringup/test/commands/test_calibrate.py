@@ -65,7 +65,7 @@ def test_presses_become_a_calibration_under_the_serial_number(folder, tmp_path, 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (["--ball-diameter", "0.0024"], "diameter"),
+        (["--ball-diameter", "0.002"], "diameter"),
         (["--ball-diameter", "0.02"], "diameter"),
         (["--sensor", "no_such"], "no_such"),
     ],

@@ -12,8 +12,8 @@ SETTINGS = {"sensor": "digit_real", "slides": SlideKind(0.03)}
 
 
 @pytest.fixture(scope="module")
-def ball():
-    return ObjectMesh.load(bundled_objects()["ball"])
+def tool():
+    return ObjectMesh.load(bundled_objects()["handle_tool"])
 
 
 @pytest.fixture(scope="module")
@@ -21,13 +21,13 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("stock")
 
 
-def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(ball, folder):
+def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(tool, folder):
     error = {}
     for calibrated in (False, True):
         stock = RealSensorStock(folder, **SETTINGS, calibrated=calibrated)
-        sequence, touches = stock.touches(ball, 0)
+        sequence, touches = stock.touches(tool, 0)
         assert touches.made_from["calibrated"] == str(calibrated)
-        maps = PenetrationRenderer(ball, stock.networks.sensor.for_maps).render(sequence.poses_true)
+        maps = PenetrationRenderer(tool, stock.networks.sensor.for_maps).render(sequence.poses_true)
         felt = [touch.penetration if touch.in_contact else np.zeros((80, 60), np.float32) for touch in touches.felt]
         off = np.stack(felt) - np.stack([reduced_penetration(each) for each in maps])
         error[calibrated] = float(np.sqrt(np.mean(off**2)))
@@ -35,8 +35,8 @@ def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(ball, folder):
     assert error[True] < 1e-4
 
 
-def test_the_path_is_the_plain_slides(ball, folder):
+def test_the_path_is_the_plain_slides(tool, folder):
     plain, real = Stock(folder, **SETTINGS), RealSensorStock(folder, **SETTINGS)
     assert plain.networks.tdn.network_id != real.networks.tdn.network_id
-    np.testing.assert_array_equal(plain.slide(ball, 0).poses_measured, real.slide(ball, 0).poses_measured)
+    np.testing.assert_array_equal(plain.slide(tool, 0).poses_measured, real.slide(tool, 0).poses_measured)
     assert plain.describe() != real.describe()

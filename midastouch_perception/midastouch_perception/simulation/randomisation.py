@@ -21,6 +21,8 @@ from .gel_light import GelLight
 from .gel_surface import sunk_in
 from .optics import Illumination, gel_normals, shade
 
+_GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
+
 
 @dataclasses.dataclass(frozen=True)
 class RandomisationRange:
@@ -77,6 +79,7 @@ class RandomSensor:
         self._gel = None
         if sensor.light == "relative":
             self._gel = GelLight(sensor, rng)
+            self._noise *= _GEL_NOISE
             self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
             self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size
 

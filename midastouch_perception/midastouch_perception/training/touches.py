@@ -15,6 +15,7 @@ from ..sensor_model import SensorModel
 from ..simulation.contact_poses import ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..simulation.renderer import PenetrationRenderer
+from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight
 
 _POSES_PER_OBJECT = 96
@@ -93,7 +94,7 @@ def calibrate(imaginary: RandomSensor, rng: np.random.Generator) -> ColourRespon
     images, reference = imaginary.images(contacts, np.zeros((*contacts.shape, 3), np.float32), rng)
     light, equations = ContactLight(reference, sensor.light), NormalEquations()
     for image, penetration in zip(images, presses, strict=True):
-        equations += press_equations(light.difference(image), penetration, sensor.pixel_size)
+        equations += press_equations(without_drift(light.difference(image)), penetration, sensor.pixel_size)
     return ColourResponse(equations.solve())
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from midastouch_perception.ball_calibration.diameter import diameter_doubt, felt_radius
@@ -20,10 +22,7 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
     """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: felt over true radius (median), standard
     deviation of its logarithm; by factor, shares of doubts (refusals among them) and of refusals."""
     ratios, outcomes = [], {factor: [] for factor in FACTORS}
-    for _ in range(n):
-        radius = rng.uniform(*RADII)
-        digit = PressedSensor(sensor, backgrounds, radius, rng)
-        felt = felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+    for radius, felt in felt_balls(sensor, backgrounds, n, rng):
         if felt is not None:
             ratios.append(felt / radius)
         for factor, seen in outcomes.items():
@@ -37,6 +36,16 @@ def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: n
             for factor, seen in outcomes.items()
         ],
     }
+
+
+def felt_balls(
+    sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator
+) -> Iterator[tuple[float, float | None]]:
+    """Radius [m] of the ball on each of `n` sensors as above, and the one felt, None if nothing is."""
+    for _ in range(n):
+        radius = rng.uniform(*RADII)
+        digit = PressedSensor(sensor, backgrounds, radius, rng)
+        yield radius, felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
 
 
 def _share(seen: list[int], least: int) -> float:
