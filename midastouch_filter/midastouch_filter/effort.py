@@ -35,5 +35,5 @@ class Effort:
     turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
     lookups_per_step: int = 2500
     alignments: int = 500
-    alignments_per_step: int = 12
+    alignments_per_step: int = 30
     settled: int = 3
