@@ -58,7 +58,7 @@ def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float) -> np.ndarray:
     """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`."""
-    return np.all([pose_distance(pose, poses) > apart for pose in taken], axis=0) & np.ones(len(poses), bool)
+    return (pose_distance(np.reshape(taken, (-1, 1, 4, 4)), poses) > apart).all(axis=0)
 
 
 def distinct(poses: np.ndarray, order: Iterable[int], apart: float) -> list[int]:
