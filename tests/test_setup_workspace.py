@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import venv
 
 import pytest
 
@@ -143,6 +144,23 @@ def test_missing_cmake_is_named(load_tool, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(tool.SetupError, match="apt install cmake"):
         tool.check_machine()
+
+
+def test_the_environment_s_own_python_hands_over_to_the_one_it_was_made_from(root, tmp_path):
+    venv.create(tmp_path / ".venv", symlinks=True)
+    script = tmp_path / "called.py"
+    script.write_text(f"""
+import pathlib, sys
+sys.path.insert(0, {str(root / "tools")!r})
+sys.dont_write_bytecode = True
+import setup_workspace as tool
+tool.VENV = pathlib.Path({str(tmp_path / ".venv")!r})
+tool.leave_environment()
+print(sys.prefix, *sys.argv[1:])
+""")
+    command = [tmp_path / ".venv" / "bin" / "python", script, "an argument"]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert said == f"{sys.base_prefix} an argument\n"
 
 
 def test_failing_command_shows_its_end_and_the_mend(workspace, tmp_path):

@@ -198,6 +198,15 @@ def discard_what_cannot_be_trusted():
         shutil.rmtree(VENV)
 
 
+def leave_environment():
+    """Where the environment's own Python was called (it is activated), go on in the one that it was made from.
+
+    The environment may have to be removed, and its Python with it.
+    """
+    if Path(sys.prefix).resolve() == VENV.resolve():
+        os.execv(sys._base_executable, [sys._base_executable, *sys.argv])
+
+
 def environment_key():
     return content_hash([], str(ROOT))
 
@@ -250,6 +259,7 @@ def is_done(name, key):
 
 
 def main():
+    leave_environment()
     use_supported_python()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with Path(__file__).open() as lock:
