@@ -94,13 +94,14 @@ class ParticleFilter:
         particles = self._do.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
         self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
-    def initialise_places(self, places: Sequence[Place], felt: KeyframeWindow) -> None:
+    def initialise_places(self, places: Sequence[Place], felt: KeyframeWindow | None = None) -> None:
         """Start half at these places, each by its probability, half over the whole surface; at least one of them.
 
-        felt: what the first finger has felt on the way to the present frame.
+        felt: what the first finger has felt on the way to the present frame, if anything.
         """
         self._start(self._do.source.places_and_uniform(places, self.config.max_particles), None)
-        self._do.refine.recall(felt, self._object.measurement.log_ratio_of)
+        if felt is not None:
+            self._do.refine.recall(felt, self._object.measurement.log_ratio_of)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None

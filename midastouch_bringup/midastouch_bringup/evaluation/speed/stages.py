@@ -12,6 +12,7 @@ import numpy as np
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
+from midastouch_filter.places import Place
 from midastouch_filter.refinement import is_narrow
 from midastouch_filter.touch import Measurement
 from midastouch_perception import se3
@@ -88,8 +89,11 @@ class SpeedMeasurement:
         included: on four copies of the object, started near the true pose on each. Nothing if they do not last."""
         twins = Twins(self._mesh, self._codebook, _MODES)
         config = FilterConfig()
-        particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0, make_policies=twins.policies)
-        particle_filter.initialise_gaussian(self._truth[0], *_GATHERED)
+        particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0)
+        spread = np.diag(np.repeat(np.square(_GATHERED), 3))
+        particle_filter.initialise_places(
+            [Place(pose, spread, 1 / _MODES) for pose in twins.on_every_copy(self._truth[0])]
+        )
         stopwatch, narrow = Stopwatch(), []
         for i, touch in enumerate(self._felt):
             with stopwatch:

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
-from midastouch_filter.initialisation import ParticleSource
-from midastouch_filter.particles import Particles
-from midastouch_filter.policies import Policies, default_policies
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 
@@ -34,22 +29,8 @@ class Twins:
         poses[:, :3, 3] += np.repeat(self._shifts, each, axis=0)
         self.codebook = Codebook(poses, np.tile(codebook.codes[:each], (count, 1)), codebook.meta)
 
-    def policies(self, *arguments: object) -> Policies:
-        """As `default_policies`, but a start around a prior is one at that place of every copy."""
-        policies = default_policies(*arguments)
-        return dataclasses.replace(policies, source=_OnEveryCopy(policies.source, self._shifts))
-
-
-class _OnEveryCopy:
-    def __init__(self, source: ParticleSource, shifts: np.ndarray):
-        self._source, self._shifts = source, shifts
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self._source, name)
-
-    def gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float, n: int) -> Particles:
-        priors = np.repeat(prior[None], len(self._shifts), axis=0)
-        priors[:, :3, 3] += self._shifts
-        joined = Particles.joined([self._source.gaussian(each, sigma_t, sigma_r, n // len(priors)) for each in priors])
-        joined.log_weights -= np.log(len(priors))
-        return joined
+    def on_every_copy(self, pose: np.ndarray) -> np.ndarray:
+        """(count, 4, 4), that on each copy which `pose` (4, 4) is on the first."""
+        poses = np.repeat(pose[None], len(self._shifts), axis=0)
+        poses[:, :3, 3] += self._shifts
+        return poses

@@ -3,8 +3,6 @@ import pytest
 import trimesh
 
 from midastouch_bringup.evaluation.speed.twins import Twins
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.filter import ParticleFilter
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
@@ -33,10 +31,6 @@ def test_copies_are_alike_and_apart(twins):
     np.testing.assert_array_equal(twins.codebook.codes[:200], twins.codebook.codes[-200:])
 
 
-def test_a_start_around_a_prior_is_one_on_every_copy(twins):
-    config = FilterConfig(max_particles=300, min_particles=300, refinement=False)
-    particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, make_policies=twins.policies)
-    particle_filter.initialise_gaussian(twins.codebook.poses[0], 1e-3, 0.05)
-    on = np.round((particle_filter.poses[:, 1, 3] - twins.codebook.poses[0, 1, 3]) / 0.05)
-    np.testing.assert_array_equal(np.bincount(on.astype(int)), [100] * COUNT)
-    assert particle_filter.weights.sum() == pytest.approx(1)
+def test_a_pose_has_its_twin_on_every_copy(twins):
+    poses = twins.on_every_copy(twins.codebook.poses[7])
+    np.testing.assert_allclose(poses, twins.codebook.poses[7::200], atol=1e-12)
