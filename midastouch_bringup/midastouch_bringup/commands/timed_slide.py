@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..evaluation.setup import Networks
 
 _FEWEST = 10  # frames, of which the first ones are dropped
-_STEP = 1.5e-3  # m a frame, as `simulate_slide`
 
 
 @dataclass(frozen=True)
@@ -31,6 +30,8 @@ class TimedSlide:
     @classmethod
     def of(cls, args: argparse.Namespace) -> TimedSlide:
         """By --object, --frames and the networks' options. InputError for too few frames, or for what is not there."""
+        from midastouch_perception.simulation.slide import STEP
+
         from ..datasets import load_sequence
         from ..datasets.slide_simulation import cached_slide
         from ..evaluation.setup import Networks
@@ -39,7 +40,7 @@ class TimedSlide:
             raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
         networks = Networks.load(args.tdn, args.tcn, args.sensor)
         mesh = arguments.load_mesh(args.object)
-        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, _STEP * args.frames)), networks)
+        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames)), networks)
 
     def result(self, **measured: object) -> dict:
         """What was measured on it, and on which machine, object and networks."""

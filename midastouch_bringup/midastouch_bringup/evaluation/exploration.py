@@ -25,7 +25,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pose_metric import pose_errors
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.renderer import PenetrationRenderer
-from midastouch_perception.simulation.slide import measure_poses
+from midastouch_perception.simulation.slide import STEP, measure_poses
 
 from ..datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
 from .open_trials import Workforce, make_books, run_open
@@ -39,8 +39,6 @@ POLICIES = {
     "lifts": "the same, lifts allowed",
     "random": "geodesics in random directions",
 }
-STEP = 1.5e-3
-"""m between two images, as of simulated slides."""
 _HELD = 0.015  # m, over which `converged` must last
 _RIVAL = 0.2  # probability of a place that competes
 

@@ -13,6 +13,8 @@ from ..sensor_model import SensorModel
 from .contact_poses import Reachability
 from .surface_walk import MIN_PROGRESS, Grip, place, random_tangent, somewhere, straight_on
 
+STEP = 1.5e-3
+"""m between two images of a simulated slide."""
 _PRESS = 0.5e-3, 1e-3  # m
 _MAX_TILT = np.radians(5.0)
 _TRIES = 64
@@ -43,7 +45,7 @@ def simulate_slide(
     sensor: SensorModel,
     length: float,
     rng: np.random.Generator,
-    step: float = 1.5e-3,
+    step: float = STEP,
     leap: Leap | None = None,
 ) -> np.ndarray:
     """Gel poses T_obj_gel (N, 4, 4) of one slide of `length` m in steps of `step` m.
