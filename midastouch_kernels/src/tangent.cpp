@@ -4,54 +4,45 @@
 #include "arrays.hpp"
 
 #include <algorithm>
+#include <array>
+#include <initializer_list>
 
 namespace {
 
-Out<double> exponentials(In<double, -1, 6> vectors) {
-    const std::size_t n = vectors.shape(0);
-    auto out = make_array<double>({n, 4, 4});
-    for (std::size_t i = 0; i < n; ++i) {
-        Vector6 xi;
-        std::copy_n(vectors.data() + 6 * i, 6, xi.begin());
-        const Transform t = exponential(xi);
-        std::copy_n(t.begin(), 16, out.data() + 16 * i);
+// The function's results, arrays, one after the other, for items (shape[0], size of an Item).
+template <class Item, class Function>
+Out<double> of_each(const double* items, std::initializer_list<std::size_t> shape, Function function) {
+    auto out = make_array<double>(shape);
+    double* to = out.data();
+    for (std::size_t i = 0; i < *shape.begin(); ++i) {
+        Item item;
+        std::copy_n(items + i * item.size(), item.size(), item.begin());
+        const auto result = function(item);
+        to = std::copy(result.begin(), result.end(), to);
     }
     return out;
+}
+
+Out<double> exponentials(In<double, -1, 6> vectors) {
+    return of_each<Vector6>(vectors.data(), {vectors.shape(0), 4, 4},
+                            [](const Vector6& xi) { return exponential(xi); });
 }
 
 Out<double> inverses(In<double, -1, 4, 4> transforms) {
-    const std::size_t n = transforms.shape(0);
-    auto out = make_array<double>({n, 4, 4});
-    for (std::size_t i = 0; i < n; ++i) {
-        Transform t;
-        std::copy_n(transforms.data() + 16 * i, 16, t.begin());
-        const Transform back = inverse(t);
-        std::copy_n(back.begin(), 16, out.data() + 16 * i);
-    }
-    return out;
+    return of_each<Transform>(transforms.data(), {transforms.shape(0), 4, 4},
+                              [](const Transform& t) { return inverse(t); });
 }
 
 Out<double> logarithms(In<double, -1, 4, 4> transforms) {
-    const std::size_t n = transforms.shape(0);
-    auto out = make_array<double>({n, 6});
-    for (std::size_t i = 0; i < n; ++i) {
-        Transform t;
-        std::copy_n(transforms.data() + 16 * i, 16, t.begin());
-        const Vector6 xi = logarithm(t);
-        std::copy_n(xi.begin(), 6, out.data() + 6 * i);
-    }
-    return out;
+    return of_each<Transform>(transforms.data(), {transforms.shape(0), 6},
+                              [](const Transform& t) { return logarithm(t); });
 }
 
 Out<double> quaternions(In<double, -1, 4, 4> transforms) {
-    const std::size_t n = transforms.shape(0);
-    auto out = make_array<double>({n, 4});
-    for (std::size_t i = 0; i < n; ++i) {
-        const Quaternion<double> q = from_matrix(transforms.data() + 16 * i, 4);
-        const double values[4] = {q.x, q.y, q.z, q.w};
-        std::copy_n(values, 4, out.data() + 4 * i);
-    }
-    return out;
+    return of_each<Transform>(transforms.data(), {transforms.shape(0), 4}, [](const Transform& t) {
+        const Quaternion<double> q = from_matrix(t.data(), 4);
+        return std::array{q.x, q.y, q.z, q.w};
+    });
 }
 
 }  // namespace
