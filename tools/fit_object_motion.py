@@ -17,7 +17,7 @@ import numpy as np
 
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_bringup.evaluation.setup import Networks
-from midastouch_filter import arm_errors
+from midastouch_filter import jump_hypotheses
 from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.noise_model import NoiseModel
@@ -85,7 +85,7 @@ def play(
     alignment: PenetrationAlignment, truth: np.ndarray, maps: np.ndarray, measured: np.ndarray, decisive: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of N frames: the largest log-odds of a jump (N,), and whether the object was said to move (N,)."""
-    config, arm_errors.DECISIVE = FilterConfig(), decisive
+    config, jump_hypotheses.DECISIVE = FilterConfig(), decisive
     correction = OdometryCorrection(alignment, config, NoiseModel.of(config), Stopwatch(lambda: 0.0))
     odds, told = np.full(len(truth), -np.inf), np.zeros(len(truth), bool)
     for i, (pose, felt) in enumerate(zip(truth, maps, strict=True)):
@@ -102,7 +102,7 @@ def main() -> None:
     parser.add_argument("--objects", type=int, default=40, metavar="N")
     parser.add_argument("--repeats", type=int, default=2, metavar="N", help="of each slide, with another noise")
     args = parser.parse_args()
-    networks, noise, decisive = Networks.load(), NoiseModel.of(FilterConfig()), arm_errors.DECISIVE
+    networks, noise, decisive = Networks.load(), NoiseModel.of(FilterConfig()), jump_hypotheses.DECISIVE
     at_rest, false, noticed = [], [], []
     for mesh, truth, maps in slides(networks, args.objects):
         alignment = PenetrationAlignment(mesh, networks.sensor.scaled(MAP_SCALE), noise)

@@ -6,9 +6,8 @@ nothing else does. A Kalman filter estimates them together with the error of the
 
     state [error of the pose, error of the mount, error of the clock], measured: the first, by one alignment
 
-When the object slips or is pushed, the error of the pose jumps. For every one of the last frames another filter is kept
-that supposes a jump just then (Bayesian change-point detection, Adams and MacKay 2007); the odds between it and the one
-without a jump are a Bayes factor.
+When the object slips or is pushed, the error of the pose jumps: `jump_hypotheses.py` supposes so at every one of the
+last frames.
 
 A frame is taken into account a few frames later, when the velocity at it is known from both sides: a velocity from the
 past alone lags behind, which would look like a clock.
@@ -24,18 +23,13 @@ import numpy as np
 from midastouch_perception import se3
 
 from .joint_alignment import adjoint, transform_covariance
+from .jump_hypotheses import POSE, JumpHypotheses
 
-_POSE, _MOUNT, _CLOCK = slice(0, 6), slice(6, 12), 12
+_MOUNT, _CLOCK = slice(6, 12), 12
 _AROUND = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
 _RECENT = 4  # frames that the present velocity is the mean of
-_DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
-_FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
-_WINDOW = 10  # frames within which a jump must become certain
 _SIGNIFICANT = 3.0  # standard deviations by which an error must differ from none to be taken out
 _KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
-
-DECISIVE = 9.0
-"""Log-odds [nats] from which a jump of the object is certain: `tools/fit_object_motion.py`."""
 
 
 @dataclass(frozen=True)
@@ -88,28 +82,6 @@ class _Frame:
     seen: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
 
-@dataclass
-class _Hypotheses:
-    """One row each, the first without a jump.
-
-    mean (K, 13) and covariance (K, 13, 13) of the errors; before (K, 13), the mean as the frames before the jump had
-    it; log_odds (K,) against the first; age (K,), frames since the jump.
-    """
-
-    mean: np.ndarray
-    before: np.ndarray
-    covariance: np.ndarray
-    log_odds: np.ndarray
-    age: np.ndarray
-
-    def __getitem__(self, rows: np.ndarray | list[int]) -> _Hypotheses:
-        return _Hypotheses(*(value[rows] for value in vars(self).values()))
-
-    def __add__(self, other: _Hypotheses) -> _Hypotheses:
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return _Hypotheses(*(np.concatenate(pair) for pair in pairs))
-
-
 class ArmErrors:
     """Estimates mount and clock, takes their errors out of the arm's motion, and notices when the object jumps.
 
@@ -126,7 +98,7 @@ class ArmErrors:
         covariance = np.zeros((13, 13))
         covariance[_MOUNT, _MOUNT], covariance[_CLOCK, _CLOCK] = mount, clock**2
         self._prior = np.sqrt(np.diag(covariance)[6:])
-        self._rows = _Hypotheses(np.zeros((1, 13)), np.zeros((1, 13)), covariance[None], np.zeros(1), np.zeros(1, int))
+        self._hypotheses = JumpHypotheses.only(covariance)
         # the hypotheses' errors are those of these, and of the pose
         self._mount, self._clock, self._touches = np.eye(4), 0.0, 0
         self.restart()
@@ -143,19 +115,19 @@ class ArmErrors:
             frame.seen = None
         self._pose: np.ndarray | None = None
         self.jump: ObjectJump | None = None
-        self._rows = self._rows[[0]]
-        self._rows.mean[:, _POSE] = 0.0
+        self._hypotheses = self._hypotheses[[0]]
+        self._hypotheses.mean[:, POSE] = 0.0
 
     @property
     def calibration(self) -> Calibration:
         """What is known at present."""
-        covariance = self._rows.covariance[0][6:, 6:].copy()
+        covariance = self._hypotheses.covariance[0][6:, 6:].copy()
         return Calibration(self._mount, self._clock, covariance, self._prior, self._touches)
 
     @property
     def suspicion(self) -> float:
         """Log-odds [nats] of the likeliest jump in the last frames against none."""
-        return float(self._rows.log_odds[1:].max(initial=-np.inf))
+        return float(self._hypotheses.log_odds[1:].max(initial=-np.inf))
 
     @property
     def applied(self) -> tuple[np.ndarray, float]:
@@ -202,16 +174,16 @@ class ArmErrors:
             self._anchor(frame.seen[0])
             return
         if self._jump is not None:
-            self._suppose_a_jump()
-        self._weigh(*frame.seen)
-        best = int(np.argmax(self._rows.log_odds))
-        if self._rows.log_odds[best] > DECISIVE:
-            since, covariance = self._since(), self._rows.covariance[best][_POSE, _POSE]
-            means = self._rows.before[best], self._rows.mean[best]
-            at_rest, moved = (self._pose @ se3.exp(mean[_POSE]) @ since for mean in means)
-            self.jump = ObjectJump(at_rest, moved, transform_covariance(covariance, since))
-            self._rows = self._rows[[best]]
-            self._rows.log_odds, self._rows.age = np.zeros(1), np.zeros(1, int)
+            self._hypotheses = self._hypotheses.with_one_now(self._jump)
+        pose, offset, information = frame.seen
+        self._hypotheses.weigh(se3.log(se3.inverse(self._pose) @ pose) + offset, information, self._jitter)
+        self._touches += 1
+        best = self._hypotheses.decided()
+        if best is not None:
+            since = self._since()
+            at_rest, moved = (self._pose @ se3.exp(mean[POSE]) @ since for mean in (best.before[0], best.mean[0]))
+            self.jump = ObjectJump(at_rest, moved, transform_covariance(best.covariance[0][POSE, POSE], since))
+            self._hypotheses = best
         self._settle()
 
     def _since(self) -> np.ndarray:
@@ -225,54 +197,24 @@ class ArmErrors:
         self._pose = self._pose @ motion
         carried, to_mount = adjoint(motion), adjoint(se3.inverse(self._mount))
         transition = np.eye(13)
-        transition[_POSE, _POSE] = carried
-        transition[_POSE, _MOUNT] = carried @ to_mount - to_mount
-        transition[_POSE, _CLOCK] = to_mount @ self._velocity - carried @ to_mount @ velocity_before
-        rows = self._rows
-        rows.mean, rows.before = rows.mean @ transition.T, rows.before @ transition.T
-        rows.covariance = transition @ rows.covariance @ transition.T
-        rows.covariance[:, np.arange(6), np.arange(6)] += _DRIFT
-        rows.age = rows.age + 1
-
-    def _suppose_a_jump(self) -> None:
-        rows = self._rows
-        new = rows[[0]]
-        new.before, new.age = new.mean, np.zeros(1, int)
-        new.covariance[:, _POSE, _POSE] += self._jump
-        self._rows = rows[(rows.age < _WINDOW) | (np.arange(len(rows.age)) == 0)] + new
-
-    def _weigh(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
-        """Kalman update of all hypotheses, by a t distribution (its weights are those of a robust estimator)."""
-        rows = self._rows
-        innovation = se3.log(se3.inverse(self._pose) @ pose) + offset - rows.mean[:, _POSE]
-        noise = rows.covariance[:, _POSE, _POSE] + self._jitter
-        # inv(inv(information) + noise), where the information may be singular
-        mixed = np.eye(6) + noise @ information
-        weight = information @ np.linalg.inv(mixed)
-        squared = np.einsum("ki,kij,kj->k", innovation, weight, innovation)
-        log_likelihood = -0.5 * (_FREEDOM + 6) * np.log1p(squared / _FREEDOM) - 0.5 * np.linalg.slogdet(mixed)[1]
-        rows.log_odds = rows.log_odds + log_likelihood - rows.log_odds[0] - log_likelihood[0]
-        trust = np.minimum((_FREEDOM + 6) / (_FREEDOM + squared), 1.0)
-        gain = trust[:, None, None] * rows.covariance[:, :, _POSE] @ weight
-        rows.mean = rows.mean + np.einsum("kij,kj->ki", gain, innovation)
-        covariance = rows.covariance - gain @ rows.covariance[:, _POSE, :]
-        rows.covariance = 0.5 * (covariance + covariance.swapaxes(1, 2))
-        self._touches += 1
+        transition[POSE, POSE] = carried
+        transition[POSE, _MOUNT] = carried @ to_mount - to_mount
+        transition[POSE, _CLOCK] = to_mount @ self._velocity - carried @ to_mount @ velocity_before
+        self._hypotheses.propagate(transition)
 
     def _settle(self) -> None:
         """Let the errors count from the first hypothesis' own pose, mount and clock."""
-        change = self._rows.mean[0].copy()
-        self._rows.mean, self._rows.before = self._rows.mean - change, self._rows.before - change
-        self._pose = self._pose @ se3.exp(change[_POSE])
+        change = self._hypotheses.settled()
+        self._pose = self._pose @ se3.exp(change[POSE])
         self._mount = self._mount @ se3.exp(change[_MOUNT])
         self._clock += float(change[_CLOCK])
 
     def _anchor(self, pose: np.ndarray) -> None:
         """A place is known again: only what was learnt of mount and clock holds there as well."""
         self._pose = pose
-        covariance = self._rows.covariance[0]
-        covariance[_POSE, :] = covariance[:, _POSE] = 0.0
-        covariance[_POSE, _POSE] = self._spread
+        covariance = self._hypotheses.covariance[0]
+        covariance[POSE, :] = covariance[:, POSE] = 0.0
+        covariance[POSE, POSE] = self._spread
 
 
 def _without(
