@@ -1,16 +1,17 @@
 """Fit what the filter assumes of touches on objects that are in a catalogue, and on those that are not.
 
-.venv/bin/python tools/fit_identity.py --meshes ../shared/meshes/ycb [--slides 2] [--every 2]
+.venv/bin/python tools/fit_identity.py --meshes ../shared/meshes/ycb [--slides 2] [--every 1]
 
-Training scans are shared out at random to catalogues. Each object is slid over, once with its catalogue, once with
-the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often as they
-claim, after every comparison on the way, is printed: constants of `midastouch_filter/noise_model.py`. The mathematics:
-docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
+Training scans are shared out at random to catalogues of each size. Each object is slid over, once with its catalogue,
+once with the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often
+as they claim, after every comparison on the way, is printed: constants of `midastouch_filter/noise_model.py`. The
+mathematics: docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import sys
 
 import numpy as np
@@ -27,7 +28,9 @@ from midastouch_perception.mesh import ObjectMesh
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
+FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
 HALF = 0.5  # of the slides are over an object that is not in the catalogue
+FITTED = ("between_objects", "foreign_misfit", "strain_cost")
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 
@@ -74,36 +77,36 @@ def slid(stock: Stock, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> S
 
 
 def assumed(parameters: np.ndarray) -> NoiseModel:
-    """The noise model of the logarithms of the four constants."""
-    values = dict(zip(("between_objects", "foreign_misfit", "strain_cost", "best_of_places"), np.exp(parameters),
-                      strict=True))  # fmt: skip
-    return dataclasses.replace(NOISE, **values)
+    """The noise model of the logarithms of what is fitted."""
+    return dataclasses.replace(NOISE, **dict(zip(FITTED, np.exp(parameters), strict=True)))
 
 
 def main() -> None:
-    parser = parser_of(__doc__, "out/fit_identity", every=2, poses=5_000)
-    parser.add_argument("--catalogue", type=int, default=10, help="objects")
+    parser = parser_of(__doc__, "out/fit_identity", every=1, poses=10_000)
+    parser.add_argument("--catalogues", type=int, nargs="+", default=[10, 58], help="objects in each")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     meshes, stock, slides = list(scans_of(args)), stock_of(args), []
+    numbers = range(FIRST, FIRST + args.slides)
     order = np.random.default_rng(args.seed).permutation(len(meshes))
-    for group in np.array_split(order, max(round(len(meshes) / args.catalogue), 1)):
-        whole = Catalogue.of([(meshes[i], stock.codebook(meshes[i]), None) for i in group], NOISE)
+    parts = [np.array_split(order, max(round(len(meshes) / size), 1)) for size in args.catalogues]
+    for group in itertools.chain(*parts):
+        # by their files, so that as many poses are compared as by the filter
+        books = [(meshes[i], stock.codebook(meshes[i]), stock.codebook_path(meshes[i])) for i in group]
+        whole = Catalogue.of(books, NOISE)
         for i in group:
             for catalogue in (whole, whole.without(meshes[i].name)):
-                slides += [slid(stock, catalogue, meshes[i], number) for number in range(args.slides)]
+                slides += [slid(stock, catalogue, meshes[i], number) for number in numbers]
         print(f"{len(slides)} slides", file=sys.stderr, flush=True)
     slides = [slide for slide in slides if slide.contests]
-    start = [getattr(NOISE, name) for name in ("between_objects", "foreign_misfit", "strain_cost", "best_of_places")]
+    start = [getattr(NOISE, name) for name in FITTED]
     found = minimize(
         lambda parameters: np.mean([slide.surprise(assumed(parameters)) for slide in slides]),
         np.log(start),
         method="Nelder-Mead",
         options={"maxiter": 150, "xatol": 0.02, "fatol": 1e-3},
     )
-    print(
-        *(f"{value:.3g}" for value in np.exp(found.x)), "between_objects, foreign_misfit, strain_cost, best_of_places"
-    )
+    print(*(f"{name} {value:.3g}" for name, value in zip(FITTED, np.exp(found.x), strict=True)), sep=", ")
     for what, some in (("in", [s for s in slides if s.truth is not None]),
                        ("left out of", [s for s in slides if s.truth is None])):  # fmt: skip
         right = np.mean([slide.is_right(assumed(found.x)) for slide in some])

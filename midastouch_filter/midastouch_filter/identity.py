@@ -42,6 +42,7 @@ _EFFORT = Effort(shortlist=800, kept=24, alignments=200)
 _TOUCHES = 32  # kept; more than for a place, as an object does not become another one while it is slid over
 _CARRIED = 6  # places that are asked for again; codes bring up the others
 _WORTH_NAMING = 0.01
+_ALIKE = 0.5  # probability that an object of no catalogue feels as others of this one do
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,27 @@ class Contest:
     change: np.ndarray
 
     def posterior(self, noise: NoiseModel, objects: int, unknown: float) -> tuple[np.ndarray, float]:
-        """Probabilities (P,) of the places, and that of none of the objects, which is `unknown` beforehand."""
-        log_prior = np.log((1 - unknown) / objects) - noise.best_of_places
+        """Probabilities (P,) of the places, and that of none of the objects, which is `unknown` beforehand.
+
+        An object is as probable as its best place makes it: how many were followed says nothing of it. An object of no
+        catalogue may feel like none in this one, or as the others do, those beside the most probable one.
+        """
+        followed = np.bincount(self.owner, minlength=objects)
+        prior = (1 - unknown) / objects
         evidence = self.weights * noise.object_evidence(self.misfit, self.strain)
-        return place_posterior(evidence, np.full(len(self.owner), log_prior), self.change, np.exp(-log_prior))
+        places = max(len(self.owner), 1) / (1 - unknown)
+        shares, none = place_posterior(evidence, np.log(prior / followed[self.owner]), self.change, places)
+        best = np.zeros(objects)
+        np.maximum.at(best, self.owner, shares)
+        mean = np.bincount(self.owner, shares, objects) / np.maximum(followed, 1)
+        shares *= (best / np.maximum(mean, np.finfo(float).tiny))[self.owner]
+        if objects > 1:
+            fits_none = none / (unknown + prior * (followed == 0).sum())  # an object without a place is there, too
+            fits = np.where(followed > 0, best * followed / prior, fits_none)
+            alike = (fits.sum() - fits.max()) / (objects - 1)
+            none += _ALIKE * unknown * (alike - fits_none)
+        total = shares.sum() + none
+        return shares / total, float(none / total)
 
 
 class Identification:

@@ -38,8 +38,8 @@ class NoiseModel:
     decisive: evidence by which one of two optima is the better one.
     Between objects: between_objects, share of the evidence of touches that holds between places on different objects,
     whose maps err together; foreign_misfit, that says neither that the object is in the catalogue nor that it is not;
-    strain_cost, by which each squared Mahalanobis distance that a place has to give way costs it; best_of_places, by
-    which the best place on an object that is not touched seems to explain touches; see `object_evidence`.
+    strain_cost, by which each squared Mahalanobis distance that a place has to give way costs it, see
+    `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -59,10 +59,9 @@ class NoiseModel:
     code_margin: float = 4.0
     elsewhere: float = 22.5
     decisive: float = 6.75
-    between_objects: float = 0.23
-    foreign_misfit: float = 0.73
-    strain_cost: float = 0.54
-    best_of_places: float = 2.6
+    between_objects: float = 0.26
+    foreign_misfit: float = 0.48
+    strain_cost: float = 0.71
 
     def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
         """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.

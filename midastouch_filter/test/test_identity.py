@@ -107,6 +107,36 @@ def test_maps_that_fit_one_after_the_other_speak_more_than_maps_that_pull_apart(
     assert one + other + unknown == pytest.approx(1.0)
 
 
+def contest(owner, misfit, touches):
+    place = Place(np.eye(4), np.eye(6), 0.0)
+    misfit = np.tile(np.array(misfit)[:, None], touches)
+    return Contest(np.array(owner), [place] * len(owner), misfit, 0 * misfit, np.ones(touches), np.full(touches, 1e-3))
+
+
+@pytest.mark.parametrize("owner", [[0], [0, 0, 0, 1]])
+def test_touches_that_say_nothing_leave_the_probabilities_of_before_however_many_places_were_followed(owner):
+    shares, unknown = contest(owner, [NOISE.foreign_misfit] * len(owner), 3).posterior(NOISE, 2, 0.4)
+    assert np.bincount(owner, shares)[0] == pytest.approx(0.3, abs=1e-3)
+    assert unknown == pytest.approx(1 - 0.3 * len(set(owner)), abs=1e-3)
+
+
+def test_an_object_is_as_probable_as_its_best_place_whatever_else_was_followed_on_it():
+    (one, _), alone = contest([0, 1], [0.1, 0.1], 4).posterior(NOISE, 2, 0.5)
+    shares, among_others = contest([0, 0, 0, 1], [0.1, 0.9, 0.1, 0.1], 4).posterior(NOISE, 2, 0.5)
+    assert np.bincount([0, 0, 0, 1], shares) == pytest.approx([one, one], rel=0.01)
+    assert among_others == pytest.approx(alone, rel=0.01)
+    assert shares[0] == pytest.approx(shares[2])
+    assert shares[1] < 0.05
+
+
+def test_what_many_objects_explain_an_unknown_one_explains_as_well():
+    one_alone, unknown = contest([0], [0.02], 6).posterior(NOISE, 10, 0.5)
+    assert one_alone[0] > 0.99 > 0.01 > unknown
+    five, unknown = contest([0, 1, 2, 3, 4], [0.02] * 5, 6).posterior(NOISE, 10, 0.5)
+    assert unknown > five.max()
+    assert five.sum() + unknown == pytest.approx(1.0)
+
+
 def test_what_competes_is_said(shelf):
     words = Identification(shelf.catalogue, CONFIG, NOISE).identity.in_words()
     assert words == "unknown 50%, bumpy_1 17%, bumpy_2 17%, bumpy_3 17%"
