@@ -24,6 +24,6 @@ def test_every_dependency_is_listed_with_its_licence():
 
 
 def test_python_versions_are_those_of_the_packages():
-    assert "Python 3.10 to 3.13" in DOCUMENTS["README.md"]
+    assert "Python 3.10 to 3.13" in " ".join(DOCUMENTS["README.md"].split())
     assert importlib.metadata.metadata("midastouch_bringup")["Requires-Python"] == ">=3.10"
     assert sys.version_info >= (3, 10)
