@@ -46,6 +46,7 @@ void set_thread_count(int count) {
 }
 
 NB_MODULE(MODULE_NAME, m) {
+    nb::set_leak_warnings(false);  // what a cache still holds when Python ends is no leak
     m.def("set_threads", &set_thread_count, nb::arg("count"),
           "Threads that kernels over batches start; 0: one per available core.");
     bind_alignment(m);
