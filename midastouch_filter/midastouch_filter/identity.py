@@ -114,11 +114,11 @@ class Contest:
         shares, none = place_posterior(evidence, np.log(prior / followed[self.owner]), self.change, places)
         best = np.zeros(objects)
         np.maximum.at(best, self.owner, shares)
-        mean = np.bincount(self.owner, shares, objects) / np.maximum(followed, 1)
-        shares *= (best / np.maximum(mean, np.finfo(float).tiny))[self.owner]
+        of_object, summed = best * followed, np.bincount(self.owner, shares, objects)
+        shares *= (of_object / np.maximum(summed, np.finfo(float).tiny))[self.owner]
         if objects > 1:
             fits_none = none / (unknown + prior * (followed == 0).sum())  # an object without a place is there, too
-            fits = np.where(followed > 0, best * followed / prior, fits_none)
+            fits = np.where(followed > 0, of_object / prior, fits_none)
             alike = (fits.sum() - fits.max()) / (objects - 1)
             none += _ALIKE * unknown * (alike - fits_none)
         total = shares.sum() + none
