@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import yaml
 
 from .errors import InputError
+from .user_paths import expanded
 
 _MATRICES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
 
@@ -60,7 +60,7 @@ def _read(url: str) -> Calibration:
     parsed = urlparse(url)
     if parsed.scheme not in ("", "file"):
         raise InputError(f"camera_info_url: {url}: only file:// URLs and plain paths can be read")
-    path = Path(unquote(parsed.path))
+    path = expanded(unquote(parsed.path), "camera_info_url")
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

@@ -14,6 +14,7 @@ import numpy as np
 import yaml
 
 from .errors import InputError
+from .user_paths import expanded
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 
 _FOLDER = Path(__file__).parent / "cameras"
@@ -77,7 +78,7 @@ class CameraModel:
         """
         path = _FOLDER / f"{name_or_path}.yaml"
         if not path.is_file():
-            path = Path(name_or_path).expanduser()
+            path = expanded(name_or_path, "camera_model")
             if path.suffix != ".yaml" or not path.is_file():
                 known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.yaml")))
                 raise InputError(f"camera_model: {name_or_path} is not known; use {known} or the path of a .yaml file")

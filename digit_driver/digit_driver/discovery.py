@@ -117,8 +117,13 @@ def _number(node: Path) -> int:
 
 
 def main() -> int:
-    """Prints one line per sensor of the model that the argument names (default digit); exit code 1 without any."""
-    model = CameraModel.load(sys.argv[1] if len(sys.argv) > 1 else "digit")
+    """Prints one line per sensor of the model that the argument names (default digit); exit code 1 without any, 2 for
+    an argument that names none."""
+    try:
+        model = CameraModel.load(sys.argv[1] if len(sys.argv) > 1 else "digit")
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
     cameras = find_cameras(model)
     for camera in cameras:
         print(f"{camera} (firmware {camera.firmware})")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from .errors import InputError
 from .frame_source import FrameSource
 from .image_folder import ImageFolder
+from .user_paths import expanded
 from .v4l2_device import V4l2Camera, V4l2Settings
 from .video_file import VideoFile
 
@@ -19,7 +18,7 @@ def make_source(device: V4l2Settings, replay_path: str = "", fps: float = 0.0, l
     """
     if not replay_path:
         return V4l2Camera(device)
-    path = Path(replay_path).expanduser()
+    path = expanded(replay_path, "replay_path")
     if path.is_dir():
         return ImageFolder(path, fps, loop)
     if path.is_file():

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -81,3 +83,12 @@ def test_a_camera_may_be_told_by_its_product_name(kernel, find) -> None:
     assert [camera.serial for camera in find(DIGIT)] == ["D20001"]
     with pytest.raises(DeviceError, match=r"no GelSight Mini X found on USB \(name 'GelSight Mini \.\.\.'\)"):
         select_camera(mini, find(mini), "X")
+
+
+def test_a_model_that_is_none_is_one_line_and_exit_code_2() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "digit_driver.discovery", "bogus"], capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "bogus is not known" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -47,6 +47,11 @@ class EqualsSubstitution(Stub):
         return str(perform(self.args[0], given) == perform(self.args[1], given)).lower()
 
 
+class PathJoinSubstitution(Stub):
+    def perform(self, given):
+        return str(Path(*(perform(part, given) for part in self.args[0])))
+
+
 class Command(Stub):
     """`ran` is what is called with the command line, and returns its output."""
 
@@ -62,7 +67,8 @@ class IfCondition(Stub):
         return {"true": True, "false": False}[perform(self.args[0], given)]
 
 
-_WITH_MEANING = {one.__name__: one for one in (LaunchConfiguration, EqualsSubstitution, Command, IfCondition)}
+_MEANT = LaunchConfiguration, EqualsSubstitution, PathJoinSubstitution, Command, IfCondition
+_WITH_MEANING = {one.__name__: one for one in _MEANT}
 
 
 def perform(value, given):

@@ -80,7 +80,7 @@ def test_commands_are_ours():
             given = {argument.partition(":=")[0] for argument in arguments[3:]}
             assert all(":=" in argument for argument in arguments[3:])
             assert launch_file.is_file()
-            assert {"object", "serial", "robot_ip"} <= given
+            assert {"object", "serial"} <= given
         programs += 1
     assert programs == 2
 

@@ -6,6 +6,7 @@ import pytest
 from fake_launch import (
     FILES,
     OURS,
+    Command,
     Launched,
     executables_of_setup_py,
 )
@@ -104,7 +105,7 @@ def test_namespace_and_prefixes_reach_every_node():
     assert values["/left/ur_tf"]["tf_prefix"] == "a_"
     mount = started["robot_state_publisher", "robot_state_publisher"]["parameters"][0]["robot_description"]
     command = mount.args[0].perform({"frames_file": "f", "tool_frame": "", "tf_prefix": "a_", "sensor_prefix": "b_"})
-    assert command.endswith(" frames_file:=f tool_frame:= tf_prefix:=a_ prefix:=b_")
+    assert command.endswith("/f tool_frame:= tf_prefix:=a_ prefix:=b_")
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -207,3 +208,35 @@ def test_lifecycle_nodes_are_launched_as_such():
     # a name given to that process would be the name of all its nodes
     launched.carry_out("localization", composed="true")
     assert launched.kinds["all_in_one"] == "Node"
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_live_sensor_is_a_real_one_unless_it_is_said_otherwise():
+    def sensors(name, **given):
+        found = parameters(carry_out(name, **given)["midastouch_filter", "particle_filter"])
+        return {found[f"/{node}"].get("sensor_model") for node in ("tdn", "tcn", "particle_filter")}
+
+    assert sensors("live_ur") == {"digit_real"}
+    assert sensors("live_ur", sensor_model="gelsight_mini") == {"gelsight_mini"}
+    assert sensors("replay", bag="x", sensor_model="digit_real") == {"digit_real"}
+    assert sensors("replay", bag="x") == {None}  # what is simulated: the nodes' default
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_an_overlay_lies_over_what_the_launch_file_changes(tmp_path):
+    overlay = tmp_path / "mine.yaml"
+    overlay.write_text("tdn: {ros__parameters: {queue_depth: 7}}")
+    given = parameters(carry_out("replay", bag="x", params_overlay=str(overlay))["midastouch_perception", "tdn"])
+    assert given["/tdn"]["queue_depth"] == 7
+    assert given["/tdn"]["reliable"] is True
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_frames_file_is_found_from_where_the_launch_is_started(tmp_path, monkeypatch):
+    lines = []
+    monkeypatch.setattr(Command, "ran", staticmethod(lambda line: lines.append(line) or "<robot/>"))
+    monkeypatch.chdir(tmp_path)
+    carry_out("live_ur", frames_file="mine.yaml")
+    assert f"frames_file:={tmp_path}/mine.yaml" in lines[0]
+    carry_out("live_ur", frames_file="/etc/frames.yaml")
+    assert "frames_file:=/etc/frames.yaml" in lines[-1]

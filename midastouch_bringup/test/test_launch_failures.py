@@ -167,3 +167,12 @@ def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
     on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
     said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
     assert said.kwargs["msg"] == "replay-4 has finished; Ctrl-C ends the others"
+
+
+@pytest.mark.usefixtures("stand_ins")
+def test_a_file_with_another_sensor_than_the_launch_is_refused(tmp_path):
+    (tmp_path / "mini.yaml").write_text("tdn: {ros__parameters: {sensor_model: gelsight_mini}}")
+    overlay = {"params_overlay": str(tmp_path / "mini.yaml")}
+    with pytest.raises(InputError, match=r"mini.yaml: tdn has the sensor_model gelsight_mini, .*digit_real"):
+        carry_out("live_ur", **overlay)
+    carry_out("live_ur", sensor_model="gelsight_mini", **overlay)

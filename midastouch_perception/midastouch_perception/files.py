@@ -28,7 +28,11 @@ def sha256(path: str | os.PathLike) -> str:
 def require_file(path: str | os.PathLike, what: str) -> Path:
     """`path` as a `Path` if it is a readable file; InputError naming `what` (such as "mesh") otherwise."""
     path = Path(path)
-    if not path.is_file():
+    try:
+        found = path.is_file()
+    except OSError as error:  # below a folder that may not be entered, a name too long
+        raise InputError(f"{path}: {error.strerror}; check the path of the {what} file") from error
+    if not found:
         raise InputError(f"{path}: no such {what} file; check the path")
     return path
 
@@ -42,6 +46,14 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
         raise InputError(f"{path}: {error.strerror}; check the {what} file") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not YAML: {' '.join(str(error).split())}; correct the {what} file") from error
+
+
+def require_new_folder(path: str | os.PathLike) -> Path:
+    """`path`, absolute, if a folder can be written there without anything being lost; InputError otherwise."""
+    path = Path(path).absolute()
+    if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
+        raise InputError(f"{path}: exists already; name another folder, or remove it")
+    return path
 
 
 @contextlib.contextmanager

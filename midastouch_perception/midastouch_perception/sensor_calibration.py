@@ -89,7 +89,8 @@ class SensorCalibration:
         if self.sensor != sensor.name or abs(self.pixel_size / sensor.pixel_size - 1) > _OTHER_SCALE:
             raise InputError(
                 f"calibration for the sensor model {self.sensor} with {1e-3 / self.pixel_size:.2f} px/mm, not for "
-                f"{sensor.name} with {1e-3 / sensor.pixel_size:.2f}; calibrate with the model in use"
+                f"{sensor.name} with {1e-3 / sensor.pixel_size:.2f}; start all nodes with sensor_model "
+                f"{self.sensor}, or calibrate with --sensor {sensor.name}"
             )
 
     def background_problem(self, background: np.ndarray) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 from functools import cached_property
 from pathlib import Path
 
@@ -62,12 +63,13 @@ class SensorModel:
                 dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
                 light=str(data.get("light", "relative")),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
-        if min(model.width, model.height, model.focal, model.gel_distance) <= 0:
-            raise InputError(f"{path}: width, height, focal and gel_distance must be positive")
         if set(dict(model.dome)) != {"radius_x", "radius_y", "semi_axis_z"}:
             raise InputError(f"{path}: dome needs radius_x, radius_y and semi_axis_z")
+        lengths = (model.width, model.height, model.focal, model.gel_distance, *dict(model.dome).values())
+        if not all(0 < length < math.inf for length in lengths):
+            raise InputError(f"{path}: width, height, focal, gel_distance and those of dome must be positive numbers")
         if model.light not in LIGHTS:
             raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
         return model

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, read_yaml, require_file, sha256
+from midastouch_perception.files import atomic_path, read_yaml, require_file, require_new_folder, sha256
 
 
 def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
@@ -65,3 +65,21 @@ def test_a_full_disk_names_the_file(tmp_path):
     with pytest.raises(OSError, match="other") as caught, atomic_path(tmp_path / "book.npz"):
         (tmp_path / "other" / "x").write_text("")
     assert caught.value.filename == str(tmp_path / "other" / "x")
+
+
+def test_a_path_that_cannot_be_looked_at_is_bad_input():
+    with pytest.raises(InputError, match="check the path of the mesh file"):
+        require_file("x" * 300 + ".ply", "mesh")
+
+
+def test_a_new_folder_takes_the_place_of_nothing(tmp_path, monkeypatch):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "thesis.txt").touch()
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "link").symlink_to("full")
+    assert require_new_folder(tmp_path / "none") == tmp_path / "none"
+    assert require_new_folder(tmp_path / "empty") == tmp_path / "empty"
+    monkeypatch.chdir(tmp_path)
+    for taken in ("full", "link", "full/thesis.txt", "."):
+        with pytest.raises(InputError, match="exists already; name another folder"):
+            require_new_folder(taken)

@@ -96,12 +96,19 @@ def test_own_model_by_path(tmp_path, sensor):
     assert model.content_id != sensor.content_id
 
 
+BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03, radius_y: 0.04, semi_axis_z: 0.03}\n"
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
         ("width: 240\n", "not a sensor model"),
         ("- a list\n", "not a sensor model"),
-        ("width: 0\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {}\n", "must be positive"),
+        (f"width: 0\n{BUT_WIDTH}", "must be positive"),
+        (f"width: .inf\n{BUT_WIDTH}", "not a sensor model"),
+        (f"width: 240\n{BUT_WIDTH.replace('0.022', '.inf')}", "must be positive"),
+        (f"width: 240\n{BUT_WIDTH.replace('300', '.nan')}", "must be positive"),
+        (f"width: 240\n{BUT_WIDTH.replace('0.04', '.nan')}", "must be positive"),
         ("width: 240\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {radius_x: 1}\n", "dome needs"),
     ],
 )

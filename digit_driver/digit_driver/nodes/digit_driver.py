@@ -73,8 +73,8 @@ class DigitDriver(RobustLifecycleNode):
         try:
             self._source = settings.source(values)
             self._calibration = load_calibration(values["camera_info_url"], settings.image_size(values))
-        except InputError as error:
-            return self.give_up(str(error))
+        except Exception as error:  # rclpy swallows what is raised, and its reason
+            return self.give_up(str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}")
         self._reader = FrameReader(self._source, self._wake.trigger, settings.timing(values))
         if self.get_namespace() == "/" and not values["replay_path"]:
             self.get_logger().warning("in the global namespace; better: --ros-args -r __ns:=/digit_left")

@@ -87,7 +87,10 @@ def read_run(path: str | Path) -> RunRecord:
         n_particles.append(int(status.n_particles))
         filter_ms.append(float(np.sum(status.stage_ms)))
     if not snapshots:
-        raise InputError(f"{path}: no frame with a status, modes and particles of the same stamp")
+        raise InputError(
+            f"{path}: no frame with a status, modes and particles of the same stamp: no results; replay it, and record "
+            "that with the node recorder"
+        )
     return RunRecord(snapshots, n_particles, filter_ms, _node_times(path) if DIAGNOSTICS in recorded else {})
 
 

@@ -28,16 +28,20 @@ class BagWriter:
     """Writes messages of any known type into a new bag: `with BagWriter(path) as bag: bag.write(message)`.
 
     The bag appears at `path`, replacing an older one, when the block ends well; if it fails nothing is left.
-    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if something that is no bag
-    is at `path`.
+    `metadata` are texts by name, kept in the bag's custom data. Raises InputError if something else than such a
+    bag is at `path`.
     """
 
     def __init__(self, path: str | Path, metadata: dict[str, str] | None = None) -> None:
-        self._path = Path(path)
+        self._path = Path(path).expanduser()
+        self._is_file = self._path.suffix == ".mcap"
         self._metadata = metadata or {}
         self._connections: dict[str, Connection] = {}
-        if self._path.exists() and not is_bag(self._path):
-            raise InputError(f"{self._path}: exists and is not a bag; choose another name")
+        if self._path.is_symlink():
+            raise InputError(f"{self._path}: is a link; name the bag itself, or choose another name")
+        if self._path.exists() and (not is_bag(self._path) or self._path.is_dir() == self._is_file):
+            kind = "bag file" if self._is_file else "bag folder"
+            raise InputError(f"{self._path}: exists and is no {kind}; choose another name")
 
     def __enter__(self) -> BagWriter:
         self._path.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +79,7 @@ class BagWriter:
             with naming(self._path):
                 self._writer.close()
             written = self._writer.path
-            if self._path.suffix == ".mcap":
+            if self._is_file:
                 (written / f"{written.name}.mcap").replace(self._path)
                 return
             if self._path.exists():

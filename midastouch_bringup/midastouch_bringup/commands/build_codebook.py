@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from pathlib import Path
 
+    from midastouch_perception.errors import InputError
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import load_tcn
 
@@ -45,7 +46,12 @@ def run(args: argparse.Namespace) -> int:
     meshes = [arguments.load_mesh(name) for name in args.mesh]
     sensor = SensorModel.load(args.sensor)
     tcn = load_tcn(args.tcn, sensor)
-    if len(meshes) > 1 or args.cluster:
+    if len(meshes) > 1 or args.cluster or (args.out and Path(args.out).is_dir()):
+        names = [mesh.name for mesh in meshes]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise InputError(
+                f"{', '.join(sorted(twice))}: several meshes of that name, whose codebooks would be one file"
+            )
         folder = (Path(args.out) if args.out else codebook_path("").parent).resolve()  # workers may run elsewhere
         paths = [mesh.path for mesh in meshes]
         with open_cluster(args.jobs, args.cluster) as cluster:

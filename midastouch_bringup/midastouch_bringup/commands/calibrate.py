@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
@@ -84,7 +85,9 @@ def run(args: argparse.Namespace) -> int:
 def _of_presses(args: argparse.Namespace, sensor):
     from midastouch_perception.ball_calibration.fit import calibrate
 
-    images, background = _read(Path(args.source))
+    from ..datasets.ball_presses import read_presses
+
+    images, background = read_presses(Path(args.source))
     return calibrate(images, background, args.ball_diameter, sensor, args.serial), images
 
 
@@ -132,6 +135,7 @@ def _live(args: argparse.Namespace, path: Path):
         return made
 
     spin.run(guide, ["calibrate", "--ros-args", *words])
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # after nodes it is ignored; there may be a page to come
     if not made or made[0].failure:
         return None, {}, 2
     if made[0].result is None:
@@ -161,17 +165,3 @@ def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
     optics = fit_optics(Path(args.optics).stem, args.command_line, images, result)
     optics.save(args.optics)
     print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")
-
-
-def _read(folder: Path):
-    """Images by file name and the no-contact image or None."""
-    from ..datasets.sequence import read_image
-
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name a folder of images of presses")
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
-    images = {path.name: read_image(path) for path in paths}
-    background = images.pop("background.png", None)
-    if not images:
-        raise InputError(f"{folder}: no images (PNG or JPEG) of presses in it")
-    return images, background

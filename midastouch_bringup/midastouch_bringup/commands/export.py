@@ -22,23 +22,23 @@ def add_parser(subparsers) -> None:
         "write recordings as a LeRobot dataset or as HDF5",
         "midastouch export out/demo/run.mcap --format lerobot --out out/dataset",
         "One episode for each bag: images, poses, and what the bag has of penetration maps, estimates, states and\n"
-        "truth. What is in the files: docs/exports.md. Needs: pip install 'midastouch_bringup[export]'.",
+        "truth. What is in the files: docs/exports.md. Needs: .venv/bin/pip install -r tools/requirements/export.txt.",
     )
     parser.add_argument("bags", nargs="+", metavar="RUN_OR_BAG", help="bag of a run or of a sensor: .mcap, or folder")
     parser.add_argument("--format", required=True, choices=("lerobot", "hdf5"), help="what to write")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder to write; an existing one is replaced")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder to write")
     arguments.add_bag_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.files import atomic_path
+    from midastouch_perception.files import atomic_path, require_new_folder
 
     from ..export.recording import Recording
 
-    write = _writer(args.format)  # before a long bag is read
+    write, out = _writer(args.format), require_new_folder(args.out)  # before a long bag is read
     recordings = [Recording(path, arguments.gel_stream(args)) for path in args.bags]
-    with atomic_path(args.out) as folder:
+    with atomic_path(out) as folder:
         folder.mkdir()
         frames = write(recordings, folder)
     names = ", ".join(column.name for column in recordings[0].columns)
@@ -56,5 +56,6 @@ def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
         else:
             from ..export.hdf5 import write_hdf5 as write
     except ModuleNotFoundError as error:
-        raise InputError(f"--format {name} needs {error.name}: pip install 'midastouch_bringup[export]'") from error
+        install = ".venv/bin/pip install -r tools/requirements/export.txt"
+        raise InputError(f"--format {name} needs {error.name}: {install}") from error
     return write

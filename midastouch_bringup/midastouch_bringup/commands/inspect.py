@@ -19,7 +19,7 @@ def add_parser(subparsers) -> None:
         "  midastouch inspect out/drill.json --export out/drill",
         "Takes a bag with results, of the demo or the recorder, or a result of `midastouch evaluate`, which has\n"
         "the published poses alone. Without --save and --export it opens a window. --save needs no display.\n"
-        "Needs Open3D: pip install 'midastouch_bringup[open3d]'.",
+        "Needs Open3D: .venv/bin/pip install -r tools/requirements/open3d.txt.",
     )
     parser.add_argument("run_or_bag", metavar="RUN_OR_BAG", help="bag, or JSON file of midastouch evaluate")
     parser.add_argument("--mesh", help="file or bundled object (default: what the run says)")
@@ -36,12 +36,14 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from midastouch_perception.errors import InputError
-    from midastouch_perception.files import atomic_path
+    from midastouch_perception.files import atomic_path, require_new_folder
 
     from ..inspection import geometry, pictures, require_open3d, window
     from ..inspection.run import load
 
     require_open3d()  # before a long bag is read
+    pictures_to = require_new_folder(args.save) if args.save and not Path(args.save).suffix else None
+    shapes_to = require_new_folder(args.export) if args.export else None
     inspected = load(args.run_or_bag, args.sequence, args.sensor)
     if not (args.mesh or inspected.mesh):
         raise InputError(f"{args.run_or_bag}: does not say which object it is; give its --mesh")
@@ -52,13 +54,13 @@ def run(args: argparse.Namespace) -> int:
     if args.save and Path(args.save).suffix:
         pictures.save(inspected, mesh, {chosen[-1]: Path(args.save)})
         print(args.save)
-    elif args.save:
-        with atomic_path(args.save) as folder:
+    elif pictures_to:
+        with atomic_path(pictures_to) as folder:
             folder.mkdir()
             pictures.save(inspected, mesh, {i: folder / f"{i:04d}.png" for i in chosen})
         print(args.save)
-    if args.export:
-        with atomic_path(args.export) as folder:
+    if shapes_to:
+        with atomic_path(shapes_to) as folder:
             folder.mkdir()
             files = geometry.export(inspected, mesh, chosen, folder, args.clouds)
         print(f"{args.export}: {files} files")

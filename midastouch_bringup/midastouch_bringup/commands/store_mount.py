@@ -20,12 +20,18 @@ def add_parser(subparsers) -> None:
         "sensor. What no touch has told yet is named, and stays nearly as it was.",
     )
     parser.add_argument("--out", metavar="FILE", required=True, help="the corrected frames file (YAML)")
-    parser.add_argument("--frames", metavar="FILE", help="the frames file in use (default: config/frames.yaml)")
+    parser.add_argument(
+        "--frames",
+        metavar="FILE",
+        help="the frames file in use (default: that of --out, if it is there, else config/frames.yaml)",
+    )
     parser.add_argument("--namespace", default="", metavar="NAME", help="of the filter (default: none)")
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from pathlib import Path
+
     import numpy as np
 
     from midastouch_perception import se3
@@ -40,7 +46,8 @@ def run(args: argparse.Namespace) -> int:
     known = list(told.known)
     if not any(known):
         raise InputError("calibration: nothing is known yet; slide over edges, and turn the sensor while it touches")
-    frames = args.frames or SHARE / "config" / "frames.yaml"
+    # stored before, it is what the filter was started with
+    frames = args.frames or (args.out if Path(args.out).is_file() else SHARE / "config" / "frames.yaml")
     if any(known[:6]):
         change = correct_mount(frames, args.out, pose_from_msg(told.mount.pose))
         distance, angle = 1e3 * np.linalg.norm(change[:3, 3]), np.degrees(se3.rotation_angle(change[:3, :3]))

@@ -17,7 +17,8 @@ def add_parser(subparsers) -> None:
         "midastouch view --namespace left --save out/left.rrd",
         "Listens to the nodes over DDS (same ROS_DOMAIN_ID) and serves a page to this machine only, unless\n"
         "--host says otherwise. On another computer: ssh -L 9090:127.0.0.1:9090 -L 9876:127.0.0.1:9876 ROBOT.\n"
-        "Needs Rerun: pip install 'midastouch_bringup[view]'. Its page reports usage (no data) to its maker.",
+        "Needs Rerun: .venv/bin/pip install -r tools/requirements/view.txt.\n"
+        "Its page reports usage (no data) to its maker.",
     )
     parser.add_argument("--namespace", default="", help="of the nodes (default: none)")
     parser.add_argument("--rate", type=arguments.positive, default=5.0, help="drawings per second (default 5)")

@@ -48,22 +48,32 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
     folder without presses, unreadable images, and labels that do not fit the images.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; name a folder of presses of a ball")
-    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg") and p.name != BACKGROUND)
+    every, background = read_presses(folder)
     images, seen = {}, set()
-    for path in paths:
-        image = read_image(path)
+    for name, image in every.items():
         if image.tobytes() not in seen:
             seen.add(image.tobytes())
-            images[path.name] = image
-    if not images:
-        raise InputError(f"{folder}: no presses (PNG or JPEG) in it; name a folder of presses of a ball")
-    circles = _read_circles(folder / CIRCLES, images, {path.name for path in paths})
-    if (folder / BACKGROUND).is_file():
-        return BallPresses(images, read_image(folder / BACKGROUND), circles)
+            images[name] = image
+    circles = _read_circles(folder / CIRCLES, images, set(every))
+    if background is not None:
+        return BallPresses(images, background, circles)
     contacts = _labelled(images, circles) if circles else _visible(images)
     return BallPresses(images, _masked_median(folder, images, contacts), circles)
+
+
+def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
+    """Images by file name, and the no-contact image or None.
+
+    Raises InputError: no folder, no images (PNG or JPEG) but `background.png`, or one that cannot be read.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; name a folder of images of presses")
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    images = {path.name: read_image(path) for path in paths}
+    background = images.pop(BACKGROUND, None)
+    if not images:
+        raise InputError(f"{folder}: no images (PNG or JPEG) of presses in it")
+    return images, background
 
 
 def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) -> dict[str, Circle] | None:

@@ -140,8 +140,11 @@ def load_real(path: Path) -> Sequence:
     if len(objects) != 1:
         raise InputError(f"{file}: poses of {objects or 'no object'} beside DIGIT, expected exactly one object")
     world_digit, world_object = (_rows(tracked[key], file) for key in ("DIGIT", objects[0]))
-    times = np.asarray(data["timestamps"], float)
-    names = [Path(str(name)).name for name in data["digit_frames"]]
+    try:
+        times = np.asarray(data["timestamps"], float).reshape(-1)
+        names = [Path(str(name)).name for name in data["digit_frames"]]
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{file}: timestamps or digit_frames are no lists ({error}); get the file again") from error
     counts = {"poses": len(world_digit), "object poses": len(world_object), "images": len(names)}
     if set(counts.values()) != {len(times)}:
         raise InputError(f"{file}: {len(times)} timestamps but {counts}; get the file again")

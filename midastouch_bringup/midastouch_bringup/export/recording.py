@@ -113,8 +113,9 @@ class Recording:
         yield Column("stamp_ns", "int64", (1,), "time of the image [ns]", lambda f: np.array([f.posed.stamp_ns]))
         yield Column("image", "uint8", first.posed.image.shape, "tactile image, RGB", lambda f: f.posed.image)
         yield _pose("base_from_gel", "gel frame in the base of the arm", lambda f: f.posed.base_from_gel)
-        if PENETRATION in self._topics:
-            nothing = np.zeros_like(image_from_msg(next(by_stamp(self.path, PENETRATION))[1]), np.float32)
+        # a bag may name a topic on which nothing ever came
+        if PENETRATION in self._topics and (felt := next(by_stamp(self.path, PENETRATION), None)):
+            nothing = np.zeros_like(image_from_msg(felt[1]), np.float32)
             what = "how far the object is in the gel, as the depth network feels it [m]"
             whole = Column("penetration", "float32", nothing.shape, what, lambda f: f.penetration)
             yield from _where_known(whole, nothing)

@@ -7,7 +7,7 @@ from types import ModuleType
 
 from midastouch_perception.errors import InputError
 
-INSTALL = "pip install open3d-cpu libusb-package"
+INSTALL = ".venv/bin/pip install -r tools/requirements/open3d.txt"
 SYSTEM = "libgl1, libegl1, libx11-6 and libusb-1.0-0 (the last also from PyPI: libusb-package)"
 
 

@@ -58,7 +58,10 @@ def load(path: str | Path, sequence: str | None = None, sensor: str = "digit_tac
         for snapshot in read_run(path).snapshots:
             if snapshot.penetration is not None and len(snapshot.penetration) != model.height:
                 model = model.scaled(len(snapshot.penetration) / model.height)
-            moments.append(_of_snapshot(snapshot, model))
+            try:
+                moments.append(_of_snapshot(snapshot, model))
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from error
         return Run(path.name, bag_metadata(path).get("object", ""), moments)
     if path.suffix != ".json":
         raise InputError(f"{path}: neither a bag (.mcap file or folder) nor a result of midastouch evaluate (.json)")

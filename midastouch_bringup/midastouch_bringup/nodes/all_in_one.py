@@ -7,7 +7,8 @@ over directly, which saves a cloud and a code their way through DDS.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
 
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
@@ -36,13 +37,18 @@ def make_nodes(
     depth, tcn, load: as in the nodes' constructors. options: further arguments of rclpy's node by node name.
     """
     options = options or {}
-    running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
+    with contextlib.ExitStack() as made:  # where one cannot be made, none of the others stays behind
+        running = ParticleFilterNode(load=load, subscribe=False, **options.get("particle_filter", {}))
+        made.callback(running.destroy_node)
 
-    def on_touch(header: Header, touch: Touch) -> None:
-        running.on_code(stamp_ns(header.stamp), measurement_of(touch))
+        def on_touch(header: Header, touch: Touch) -> None:
+            running.on_code(stamp_ns(header.stamp), measurement_of(touch))
 
-    encoder = TcnNode(tcn=tcn, sink=on_touch, subscribe=False, **options.get("tcn", {}))
-    return [TdnNode(depth=depth, sink=encoder.on_contact, **options.get("tdn", {})), encoder, running]
+        encoder = TcnNode(tcn=tcn, sink=on_touch, subscribe=False, **options.get("tcn", {}))
+        made.callback(encoder.destroy_node)
+        depth_node = TdnNode(depth=depth, sink=encoder.on_contact, **options.get("tdn", {}))
+        made.pop_all()
+    return [depth_node, encoder, running]
 
 
 def make_driver() -> Node:
@@ -65,7 +71,13 @@ def main(args: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--driver", action="store_true", help="run digit_driver in this process, too")
     chosen = parser.parse_args(remove_ros_args(args)[1:])
-    return spin.run(lambda: [*([make_driver()] if chosen.driver else []), *make_nodes()], args)
+
+    def nodes() -> Iterator[Node]:
+        if chosen.driver:
+            yield make_driver()
+        yield from make_nodes()
+
+    return spin.run(nodes, args)
 
 
 if __name__ == "__main__":

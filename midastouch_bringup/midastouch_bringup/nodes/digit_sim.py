@@ -80,13 +80,14 @@ class DigitSim(ManagedNode):
             self._background = read_background(resolve(given, "background"), sensor.height, sensor.width)
         else:
             self._background = no_contact_image(sensor, np.random.default_rng(self.parameters["seed"]))
+        self.say(f"loading the mesh {self.parameters['mesh']}")
         self._digit = self._looking_at(self.parameters["mesh"])
         self._calibration = _calibration(sensor)
 
     def _looking_at(self, mesh: str) -> SimulatedDigit:
-        path = resolve(mesh, "mesh")
-        self.say(f"loading the mesh {path}")
-        return SimulatedDigit(ObjectMesh.load(path), self._sensor, self._background, self.parameters["seed"])
+        return SimulatedDigit(
+            ObjectMesh.load(resolve(mesh, "mesh")), self._sensor, self._background, self.parameters["seed"]
+        )
 
     def unload(self) -> None:
         """Forget both."""
@@ -130,7 +131,8 @@ class DigitSim(ManagedNode):
             response.message = "the node is not active; activate it (ros2 lifecycle set)"
             return response
         try:
-            self._digit = self._looking_at(request.mesh_path)
+            with self.busy(f"loading the mesh {request.mesh_path}"):
+                self._digit = self._looking_at(request.mesh_path)
         except InputError as error:
             response.message = str(error)
             return response

@@ -98,7 +98,7 @@ class Recorder(PipelineNode):
         return self.create_subscription(kind, topic.name, lambda data: self._on_message(topic, data), profile, raw=True)
 
     def _watch_disk(self) -> None:
-        folder = Path(self._path).resolve().parent
+        folder = Path(self._path).expanduser().resolve().parent
         free = shutil.disk_usage(folder).free
         if not self.failure and free < self._min_free:
             self._complete()
@@ -110,7 +110,7 @@ class Recorder(PipelineNode):
             with self._open:
                 self._write_early(0)
         except OSError as error:
-            self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
+            self._give_up(f"{error.filename or self._path}: {error.strerror or error}; the recording is lost")
 
     def _give_up(self, reason: str) -> None:
         self.failure = self.failure or reason
@@ -154,7 +154,7 @@ class Recorder(PipelineNode):
             self._bag.write(Message(topic.name, topic.type_name, now, data, topic.latched))
         except OSError as error:
             self._open.__exit__(type(error), error, error.__traceback__)
-            self._give_up(f"{error.filename}: {error.strerror}; the recording is lost")
+            self._give_up(f"{error.filename or self._path}: {error.strerror or error}; the recording is lost")
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -86,20 +86,27 @@ class UrTf(PipelineNode):
         while not self._stop.is_set():
             try:
                 arm = self._connect(self._settings["robot_ip"], self._settings["rate"])
-            except ConnectionError as error:
+            except Exception as error:  # mostly ConnectionError; whatever else, the next attempt may do
                 self._report(str(error))
             else:
                 self._connections += 1
                 self.get_logger().info(f"connected to {self._settings['robot_ip']}")
+                # ur-rtde raises what it likes, rclpy when its context was shut down in mid-call: this thread goes on
                 try:
                     self._follow(arm)
-                except RuntimeError as error:  # of ur-rtde; or of rclpy, whose context was shut down in mid-call
+                except Exception as error:
                     if not self.context.ok():
                         return
                     self._report(f"connection lost: {error}")
                 finally:
-                    arm.close()
+                    self._close(arm)
             self._stop.wait(self._settings["reconnect_period"])
+
+    def _close(self, arm: RtdeReceiver) -> None:
+        try:
+            arm.close()
+        except Exception as error:
+            self.get_logger().warning(f"the lost connection does not close: {error}")
 
     def _follow(self, arm: RtdeReceiver) -> None:
         """Publish every new state until the connection ends or the node is stopped."""

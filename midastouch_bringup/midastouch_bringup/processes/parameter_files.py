@@ -40,7 +40,23 @@ def merged(layers: Sequence[Mapping[str, Mapping]]) -> dict[str, dict]:
 def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
     """The parameter file of nodes in `namespace`: keys are full names, as rclpy wants them there."""
     prefix = f"/{namespace.strip('/')}/" if namespace.strip("/") else "/"
-    return yaml.safe_dump({prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()})
+    content = {prefix + node: {"ros__parameters": dict(values)} for node, values in nodes.items()}
+    return yaml.dump(content, Dumper=_Dumper)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes text that rcl, unlike YAML 1.1, takes for a number: a serial number such as 20123E45."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    try:
+        float(text)
+    except ValueError:
+        return dumper.represent_str(text)
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'")
+
+
+_Dumper.add_representer(str, _text)
 
 
 def _flat(values: Mapping, prefix: str = "") -> dict:

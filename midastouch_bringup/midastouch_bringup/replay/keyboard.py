@@ -16,6 +16,14 @@ _POLL_S = 0.1
 _NAMES = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left"}
 
 
+def _standard_input() -> int | None:
+    """None where it was closed."""
+    try:
+        return sys.stdin and sys.stdin.fileno()
+    except ValueError:
+        return None
+
+
 class Keyboard:
     """Calls `keys[name]()` for each press of a key: a character, or `up`, `down`, `left`, `right`.
 
@@ -24,14 +32,14 @@ class Keyboard:
     """
 
     def __init__(self, keys: Mapping[str, Callable[[], None]], file: int | None = None):
-        self._keys, self._file = keys, sys.stdin.fileno() if file is None else file
+        self._keys, self._file = keys, _standard_input() if file is None else file
         self._before = None
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._read, name="keyboard", daemon=True)
 
     def __enter__(self) -> Keyboard:
         # A process in the background is stopped by the system when it changes its terminal.
-        if os.isatty(self._file) and os.tcgetpgrp(self._file) == os.getpgrp():
+        if self._file is not None and os.isatty(self._file) and os.tcgetpgrp(self._file) == os.getpgrp():
             self._before = termios.tcgetattr(self._file)
             tty.setcbreak(self._file)
             self._thread.start()

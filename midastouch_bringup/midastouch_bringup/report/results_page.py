@@ -68,10 +68,9 @@ def _section(name: str, content: dict) -> Callable:
     for key, section in (
         ("comparison", accuracy_section),
         ("identification", identification_section),
-        ("trials", _evaluate),
         ("tdn_ms", _speed),
         ("scaling", scaling_section),
-        ("sequences", _depth),
+        ("sequences", _evaluate if "trials" in content else _depth),
         ("presses", press_section),
         ("fit_check", check_section),
         ("queries", single_touch_section),
@@ -80,7 +79,7 @@ def _section(name: str, content: dict) -> Callable:
             return section
     raise InputError(
         f"{name}: not a result of evaluate, benchmark, identify, evaluate-tdn, evaluate-presses, evaluate-checks, "
-        "single-touch, bench or bench-scale"
+        "single-touch, bench or bench-scale: of the other commands there is no page"
     )
 
 

@@ -54,7 +54,8 @@ ARGUMENTS = {
     # of every launch file
     "namespace": Argument("Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": Argument("Parameters of all nodes", str(SHARE / "config" / "midastouch.yaml")),
-    "params_overlay": Argument("Parameter file laid over params_file; may hold only what differs"),
+    "setup_file": Argument("What this launch file itself changes in params_file"),
+    "params_overlay": Argument("Parameter file of yours laid over both; may hold only what differs"),
     "use_sim_time": Argument("Take the time from /clock", "false", _YES_NO),
     "use_respawn": Argument("Start a node again after it died", "false", _YES_NO),
     "log_level": Argument("What the nodes log", "info", ("debug", "info", "warn", "error", "fatal")),
@@ -68,6 +69,11 @@ ARGUMENTS = {
     "serial": Argument(
         "Serial number of the DIGIT; empty: the only one, whose captured background is not kept",
         sets=(("digit_driver", "serial"), ("tdn", "serial")),
+    ),
+    "sensor_model": Argument(
+        "Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; empty: as in the "
+        "parameter files",
+        sets=tuple((node, "sensor_model") for node in (*_STREAM_NODES, "explorer")),
     ),
     # perception and filter
     "background": Argument(
@@ -160,12 +166,15 @@ ARGUMENTS = {
 
 
 def parameters(given: Mapping[str, str]) -> dict[str, dict]:
-    """Parameters by node: params_file, params_overlay over it, and the arguments over both.
+    """Parameters by node: params_file, setup_file over it, then params_overlay, and the arguments over all.
 
     given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing,
-    and for an arm without its address.
+    for a file whose sensor is another than the argument's, and for an arm without its address.
     """
-    files = [_read(given[name]) for name in ("params_file", "params_overlay") if given.get(name)]
+    paths = [given[name] for name in ("params_file", "setup_file", "params_overlay") if given.get(name)]
+    files = [_read(path) for path in paths]
+    for path, nodes in zip(paths, files, strict=True):
+        _require_same_sensor(path, nodes, given.get("sensor_model"))
     overrides: dict[str, dict] = {}
     for name, argument in ARGUMENTS.items():
         if given.get(name):
@@ -257,6 +266,17 @@ def _read(path: str) -> dict[str, dict]:
         if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
             raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
     return nodes
+
+
+def _require_same_sensor(path: str, nodes: Mapping[str, dict], sensor: str | None) -> None:
+    """InputError if a parameter file has another sensor than the argument, whose default some set-ups have."""
+    for node, own in nodes.items():
+        theirs = own.get("sensor_model", sensor)
+        if sensor and theirs != sensor:
+            raise InputError(
+                f"{path}: {node} has the sensor_model {theirs}, but the argument says {sensor}; "
+                f"take it out of the file, or give sensor_model:={theirs}"
+            )
 
 
 def _converted(name: str, text: str) -> object:

@@ -24,7 +24,13 @@ from launch.actions import (
 from launch.conditions import IfCondition
 from launch.events.process import ProcessExited
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import Command, EnvironmentVariable, EqualsSubstitution, LaunchConfiguration
+from launch.substitutions import (
+    Command,
+    EnvironmentVariable,
+    EqualsSubstitution,
+    LaunchConfiguration,
+    PathJoinSubstitution,
+)
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.substitutions import ExecutableInPackage
 
@@ -128,13 +134,15 @@ def when(condition: tuple[str, str] | None) -> IfCondition | None:
 def mount_description() -> Command:
     """The URDF of the mount: what xacro makes of it with the arguments of the set-up."""
     xacro = ["xacro ", str(SHARE / "urdf" / "digit_mount.urdf.xacro")]
-    for argument, configuration in (
-        ("frames_file", "frames_file"),
-        ("tool_frame", "tool_frame"),
-        ("tf_prefix", "tf_prefix"),
-        ("prefix", "sensor_prefix"),
+    # to xacro a relative file is one beside its own
+    frames_file = PathJoinSubstitution([str(Path.cwd()), LaunchConfiguration("frames_file")])
+    for argument, value in (
+        ("frames_file", frames_file),
+        ("tool_frame", LaunchConfiguration("tool_frame")),
+        ("tf_prefix", LaunchConfiguration("tf_prefix")),
+        ("prefix", LaunchConfiguration("sensor_prefix")),
     ):
-        xacro += [f" {argument}:=", LaunchConfiguration(configuration)]
+        xacro += [f" {argument}:=", value]
     return Command(xacro)
 
 

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from midastouch_perception.errors import InputError
 
 from ..processes.local_domain import local_environment
+
+_SLICE_S = 0.1  # Python hears a signal in between only
 
 
 def started_context(domain: int | None = None) -> rclpy.Context:
@@ -24,6 +29,16 @@ def started_context(domain: int | None = None) -> rclpy.Context:
             f"ROS does not start: {error}; can logs be written to $ROS_LOG_DIR, or without it to ~/.ros/log?"
         ) from error
     return context
+
+
+def spin_until(node: Node, done: Callable[[], object], patience: float) -> bool:
+    """Whether `done` holds within `patience` seconds in which the node works; Ctrl-C ends it at once."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    end = time.monotonic() + patience
+    while not done() and (left := end - time.monotonic()) > 0:
+        executor.spin_once(timeout_sec=min(left, _SLICE_S))
+    return bool(done())
 
 
 @contextlib.contextmanager

@@ -51,11 +51,14 @@ class Setup:
 
 _COMMON = ("namespace", "params_file", "params_overlay", "use_sim_time", "use_respawn", "log_level", "autostart")
 _FILTER = ("object", "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed")
-_PERCEPTION = ("serial", "background")
+_PERCEPTION = ("serial", "background", "sensor_model")
 _RVIZ = ("use_rviz", "rviz_config")
-_RECORDING = ("bag", "rate", "loop", *_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix", *_RVIZ)
+_RECORDING = (
+    *("bag", "rate", "loop", *_COMMON, "setup_file", "composed", *_PERCEPTION, *_FILTER),
+    *("tf_prefix", "sensor_prefix", *_RVIZ),
+)
 # a recording has its own time, and no frame of it may be lost
-_OF_RECORDINGS = {"use_sim_time": "true", "params_overlay": str(SHARE / "config" / "replay.yaml")}
+_OF_RECORDINGS = {"use_sim_time": "true", "setup_file": str(SHARE / "config" / "replay.yaml")}
 
 SETUPS = {
     "driver": Setup(
@@ -65,7 +68,7 @@ SETUPS = {
     ),
     "digit_sim": Setup(
         "a simulated DIGIT, moved by TF, in place of the driver",
-        (*_COMMON, "object", "mesh", "sensor_prefix"),
+        (*_COMMON, "object", "mesh", "sensor_model", "sensor_prefix"),
         (Executable("midastouch_bringup", "digit_sim"),),
     ),
     "perception": Setup(
@@ -75,7 +78,7 @@ SETUPS = {
     ),
     "filter": Setup(
         "from codes and transforms to the pose of the sensor on the object",
-        (*_COMMON, *_FILTER, "tf_prefix", "sensor_prefix"),
+        (*_COMMON, *_FILTER, "sensor_model", "tf_prefix", "sensor_prefix"),
         (Executable("midastouch_filter", "particle_filter"),),
     ),
     "localization": Setup(
@@ -108,6 +111,7 @@ SETUPS = {
             Include("localization"),
             Include("rviz", when=("use_rviz", "true")),
         ),
+        {"sensor_model": "digit_real"},
     ),
     "replay": Setup(
         "a recording through perception and filter, in its own time, without losing a frame",
@@ -121,7 +125,7 @@ SETUPS = {
     ),
     "explore": Setup(
         "a simulated finger that explores an object by itself until the filter knows where it is",
-        tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop")),
+        tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop", "sensor_model")),
         (
             Include("digit_sim"),
             Include("localization"),
@@ -133,13 +137,13 @@ SETUPS = {
             "object": "handle_tool",
             "objects": ",".join(bundled_objects()),
             "seed": "2",
-            "params_overlay": str(SHARE / "config" / "explore.yaml"),
+            "setup_file": str(SHARE / "config" / "explore.yaml"),
             "rviz_config": str(SHARE / "rviz" / "explore.rviz"),
         },
     ),
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",
-        tuple(name for name in _RECORDING if name != "bag"),
+        tuple(name for name in _RECORDING if name not in ("bag", "sensor_model")),
         (Include("replay"),),
         {**_OF_RECORDINGS, "object": "handle_tool", "loop": "true"},
     ),

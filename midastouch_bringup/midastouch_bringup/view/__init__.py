@@ -6,7 +6,7 @@ from types import ModuleType
 
 from midastouch_perception.errors import InputError
 
-INSTALL = "pip install 'rerun-sdk>=0.39,<0.42'"
+INSTALL = ".venv/bin/pip install -r tools/requirements/view.txt"
 
 
 def require_rerun() -> ModuleType:

@@ -67,6 +67,16 @@ def test_a_bag_replaces_a_bag_but_nothing_else(tmp_path):
     shutil.rmtree(folder)
     folder.mkdir()
     (folder / "thesis.txt").write_text("precious")
-    with pytest.raises(InputError, match="not a bag; choose another name"):
+    with pytest.raises(InputError, match="no bag folder; choose another name"):
         write(folder, tf(SECOND, STILL))
     assert (folder / "thesis.txt").read_text() == "precious"
+
+
+def test_what_could_not_be_replaced_at_the_end_is_refused_at_the_beginning(tmp_path):
+    (tmp_path / "made").mkdir()
+    write(tmp_path / "made" / "run", tf(SECOND, STILL))
+    (tmp_path / "made" / "run").rename(tmp_path / "run.mcap")  # as `ros2 bag record -o run.mcap` makes it
+    (tmp_path / "latest").symlink_to("run.mcap")
+    for name, why in (("run.mcap", "no bag file"), ("latest", "is a link")):
+        with pytest.raises(InputError, match=why):
+            write(tmp_path / name, tf(SECOND, STILL))

@@ -86,7 +86,10 @@ def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
     ("command", "reader"),
     [
         (["time-offset", "a.mcap"], "midastouch_bringup.bags.frames.read_bag"),
-        (["export", "a.mcap", "--format", "hdf5", "--out", "out"], "midastouch_bringup.export.recording.Recording"),
+        (
+            ["export", "a.mcap", "--format", "hdf5", "--out", "o"],
+            "midastouch_bringup.export.recording.Recording",
+        ),
         (
             ["calibrate", "a.mcap", "--object", "handle_tool", "--out", "c.npz"],
             "midastouch_bringup.bags.posed_slide.PosedSlide",

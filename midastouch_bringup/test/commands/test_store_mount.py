@@ -66,3 +66,12 @@ def test_where_ros_does_not_start_that_is_said(tmp_path):
     assert done.returncode == 2, done.stderr
     assert done.stderr.splitlines()[-1].startswith("midastouch: error: ROS does not start: ")
     assert "Traceback" not in done.stderr
+
+
+def test_what_was_stored_is_what_is_corrected_the_next_time(graph, tmp_path):
+    stored, x = tmp_path / "frames.yaml", []
+    for _ in range(2):
+        publish(graph, [True] * 7)
+        assert cli.main(["store-mount", "--out", str(stored)]) == 0
+        x.append(read_mount(stored)[0][2][0, 3])
+    assert x[1] - x[0] == pytest.approx(0.002, abs=1e-6)

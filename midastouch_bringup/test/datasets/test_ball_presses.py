@@ -61,7 +61,7 @@ def test_folders_without_presses(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         load_ball_presses(tmp_path / "none")
     cv2.imwrite(str(tmp_path / "background.png"), free_image())
-    with pytest.raises(InputError, match="no presses"):
+    with pytest.raises(InputError, match="of presses in it"):
         load_ball_presses(tmp_path)
 
 
@@ -83,3 +83,9 @@ def test_labels_that_do_not_fit(folder, content, problem):
     (folder / "circles.csv").write_text(content)
     with pytest.raises(InputError, match=problem):
         load_ball_presses(folder)
+
+
+def test_jpeg_by_any_name(folder):
+    image = next(path for path in folder.iterdir() if path.name != "background.png" and path.suffix == ".png")
+    cv2.imwrite(str(folder / "another.jpeg"), 255 - cv2.imread(str(image)))
+    assert "another.jpeg" in load_ball_presses(folder).images

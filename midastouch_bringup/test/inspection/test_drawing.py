@@ -22,7 +22,7 @@ def test_without_open3d_it_names_the_command_that_installs_it(monkeypatch, capsy
     monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
     monkeypatch.setitem(sys.modules, "open3d", None)
     assert cli.main(["inspect", "run.mcap"]) == 2
-    assert "pip install open3d-cpu" in capsys.readouterr().err
+    assert "pip install -r tools/requirements/open3d.txt" in capsys.readouterr().err
 
 
 def test_a_missing_system_library_is_named(monkeypatch, tmp_path):

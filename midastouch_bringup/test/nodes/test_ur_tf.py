@@ -26,18 +26,19 @@ POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])
 
 
 class FakeArm:
-    """Counts up its clock at each read, or shows a fault: is silent, has lost the connection, fails, hangs."""
+    """Counts up its clock at each read, or shows a fault: is silent, has lost the connection (and does not close, where
+    it is stuck), fails, hangs."""
 
     def __init__(self):
         self.now, self.silent, self.lost, self.closed, self.pose = 10.0, False, False, False, POSE
-        self.failing, self.free = False, threading.Event()
+        self.failing, self.stuck, self.free = False, False, threading.Event()
         self.free.set()
 
     def read(self):
         self.free.wait()
         if self.failing:
             raise RuntimeError("unable to get state data for specified key: timestamp")
-        if self.lost:
+        if self.lost or self.stuck:
             return None
         if not self.silent:
             self.now += 0.008
@@ -45,6 +46,8 @@ class FakeArm:
 
     def close(self):
         self.closed = True
+        if self.stuck:
+            raise OSError("bad file descriptor")
 
 
 class Arms:
@@ -182,7 +185,7 @@ def test_a_call_that_hangs_is_told(bench):
     b.until(lambda: b.tf)
 
 
-@pytest.mark.parametrize("fault", ["silent", "lost", "failing"])
+@pytest.mark.parametrize("fault", ["silent", "lost", "failing", "stuck"])
 def test_connects_again_after(bench, fault):
     b = bench()
     b.until(lambda: b.tf)

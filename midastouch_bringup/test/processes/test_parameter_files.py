@@ -56,3 +56,9 @@ def test_bad_files_are_named_with_what_is_wrong(file, text, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.yaml: no such parameter file"):
         read_parameters(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize("serial", ["20123E45", "1e5", "20025", "nan", "1_000"])
+def test_text_that_looks_like_a_number_stays_text(serial):
+    line = next(line for line in written({"tdn": {"serial": serial}}, "").splitlines() if "serial" in line)
+    assert line.strip() == f"serial: '{serial}'"

@@ -90,3 +90,7 @@ def test_without_a_terminal_nothing_happens():
         assert not keyboard.active
     os.close(read)
     os.close(write)
+    closed = subprocess.run(
+        f"{sys.executable} -c '{PROGRAM}' <&-", shell=True, capture_output=True, text=True, timeout=60
+    )
+    assert closed.stdout.split() == ["idle", "end"]

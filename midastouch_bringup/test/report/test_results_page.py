@@ -94,7 +94,7 @@ def test_the_other_kinds_of_result(tmp_path):
         assert text in content
 
 
-@pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}])
+@pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}])
 def test_foreign_and_incomplete_files_are_refused_by_name(content, tmp_path):
     with pytest.raises(InputError, match=r"x\.json"):
         write_results_page([("x.json", content)], tmp_path)

@@ -44,7 +44,7 @@ _NODE = (
         maximum=0.999,
     ),
     Parameter("tcn", "fast", "Code network of a codebook that is built here: as that of the node tcn"),
-    Parameter("sensor_model", "digit_tacto", "Sensor of a codebook that is built here: as that of the node tdn"),
+    Parameter("sensor_model", "digit_tacto", "Geometry of the sensor, as of the node tdn: codebooks must be of it"),
     Parameter(
         "object_folders",
         "",

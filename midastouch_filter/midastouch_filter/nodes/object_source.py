@@ -10,6 +10,7 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.ros.parameters import Parameters
+from midastouch_perception.sensor_model import SensorModel
 
 from ..catalogue import Catalogue, read_catalogue
 from ..config import FilterConfig
@@ -57,9 +58,11 @@ class ObjectSource:
 
         sources = [resolve(address.strip(), "objects") for address in given.split(",")]
         try:
-            return read_catalogue(sources, build, NoiseModel.of(self._config))
+            catalogue = read_catalogue(sources, build, NoiseModel.of(self._config))
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"objects: cannot read {given}: {error}") from error
+        self._require_our_sensor(catalogue.sensor, "objects")
+        return catalogue
 
     def _require_no_object_named(self) -> None:
         if self._parameters["mesh"] or self._parameters["codebook"]:
@@ -92,9 +95,19 @@ class ObjectSource:
         try:
             if codebook:
                 loaded = self._load(path, resolve(codebook, "codebook"), self._config, seed)
+                self._require_our_sensor(loaded.sensor, codebook)
             else:
                 network, sensor = self._parameters["tcn"], self._parameters["sensor_model"]
                 loaded = self._build(path, network, sensor, self._config, seed)
         except OSError as error:  # a folder that may not be entered, a name too long
             raise InputError(f"cannot read {mesh} with {codebook or 'no codebook'}: {error}") from error
         return NewObject(loaded, mesh if "://" in mesh else path)
+
+    def _require_our_sensor(self, theirs: SensorModel | None, source: str) -> None:
+        """InputError for codebooks of another kind of sensor: every contact would be of another size."""
+        wanted = self._parameters["sensor_model"]
+        if theirs is not None and theirs.content_id != SensorModel.load(wanted).for_maps.content_id:
+            raise InputError(
+                f"{source}: codebook of the sensor model {theirs.name}, but sensor_model is {wanted}; build it with "
+                f"midastouch build-codebook MESH --sensor {wanted}, or start all nodes with sensor_model {theirs.name}"
+            )

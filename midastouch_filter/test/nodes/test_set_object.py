@@ -18,6 +18,7 @@ from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds
 
@@ -27,10 +28,10 @@ def request(name: str, folder: str = "/data") -> SetObject.Request:
 
 
 class ObjectBench(Bench):
-    """A node whose `load` hands out a fake filter per object; `networks` are those of their codebooks."""
+    """A node whose `load` hands out a fake filter per object; `networks` and `sensors` are those of their codebooks."""
 
-    def __init__(self, graph, networks=None, **parameters):
-        self.of, self.networks = {}, networks or {}
+    def __init__(self, graph, networks=None, sensors=None, **parameters):
+        self.of, self.networks, self.sensors = {}, networks or {}, sensors or {}
         self.while_loading = lambda: None
         super().__init__(graph, self._load, **{**OBJECT, "transform_timeout": 600.0, **parameters})
 
@@ -42,7 +43,7 @@ class ObjectBench(Bench):
         self.while_loading()
         self.of[mesh_path.stem] = FakeFilter()
         network = self.networks.get(mesh_path.stem, "")
-        return LoadedObject(self.of[mesh_path.stem], 0.1, mesh_path.stem, None, network)
+        return LoadedObject(self.of[mesh_path.stem], 0.1, mesh_path.stem, self.sensors.get(mesh_path.stem), network)
 
     def set_object(self, *names) -> SetObject.Response:
         return self.graph.call(SetObject, "set_object", request(*names))
@@ -102,6 +103,16 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
     np.testing.assert_allclose(bench.of["mug"].odometry[1], translation(0.01), atol=1e-9)
     graph.spin_until(lambda: meshes)
     assert len(meshes) == 1
+
+
+def test_a_codebook_of_another_kind_of_sensor_is_refused_with_the_mend(graph):
+    sensors = {name: SensorModel.load(f"digit_{name}").for_maps for name in ("real", "tacto")}
+    bench = ObjectBench(graph, sensors=sensors, sensor_model="digit_real")
+    answer = bench.set_object("tacto")
+    assert not answer.success
+    for part in ("/data/tacto.npz: codebook of the sensor model digit_tacto", "--sensor digit_real"):
+        assert part in answer.message
+    assert bench.set_object("real").success
 
 
 @pytest.mark.usefixtures("brisk_health")

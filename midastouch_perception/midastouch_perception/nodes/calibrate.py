@@ -55,7 +55,7 @@ class CalibrateNode(PipelineNode):
             self._sensor = self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
         self._background, self._path = self._required()
         folder = self._settings["presses_folder"]
-        self._presses = Path(folder) if folder else None
+        self._presses = Path(folder).expanduser() if folder else None
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._begin()
@@ -80,16 +80,19 @@ class CalibrateNode(PipelineNode):
                 f"{store.path}: no no-contact image of this sensor; start tdn with serial:={self._serial}, lift the "
                 "finger and call capture_background"
             )
-        return background, Path(self._settings["out"] or store.calibration_path)
+        return background, Path(self._settings["out"] or store.calibration_path).expanduser()
 
     def _begin(self) -> None:
         self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
         self.result: Result | None = None
         self.failure = self._last = ""
         if self._presses is not None:
-            for old in self._presses.glob("press_*.png"):
-                old.unlink()
-            self._keep_image("background.png", self._background)
+            try:
+                for old in self._presses.glob("press_*.png"):
+                    old.unlink()
+                self._keep_image("background.png", self._background)
+            except OSError as error:
+                raise InputError(f"presses_folder: {self._presses}: {error.strerror}; name another folder") from error
         self._tell(self._collector.next_step)
 
     def _on_image(self, msg: Image) -> None:
@@ -103,26 +106,29 @@ class CalibrateNode(PipelineNode):
             return
         self._last = said or self._last
         if len(self.images) > taken:
-            self._keep_image(*list(self.images.items())[-1])
+            try:
+                self._keep_image(*list(self.images.items())[-1])
+            except OSError as error:  # the press counts all the same
+                self._diagnostics.problem("images_not_kept", f"presses_folder: {self._presses}: {error.strerror}")
         if self._collector.done:
             self._tell(said)
-            self._calibrate()
+            self.failure = self._calibrate()
             self.gave_up = self._once
         elif (then := self._collector.next_step) != step:
             self._tell(*filter(None, [said, then]))
 
-    def _calibrate(self) -> None:
-        """Fit the presses taken so far and keep the result, or nothing."""
+    def _calibrate(self) -> str:
+        """Fit the presses taken so far and keep the result, or nothing; returns why there is none, in words."""
         try:
             with self._diagnostics.kept_up():
                 result = calibrate(self.images, self._background, self._diameter, self._sensor, self._serial)
             result.calibration.save(self._path)
         except InputError as error:
-            self.failure = str(error)
             self._tell(f"no calibration: {error}")
-            return
-        self.result, self.failure = result, ""
+            return str(error)
+        self.result = result
         self._tell(*result.warnings, self._outcome())
+        return ""
 
     def _keep_image(self, name: str, image: np.ndarray) -> None:
         if self._presses is None:
@@ -135,12 +141,18 @@ class CalibrateNode(PipelineNode):
         return f"{self._path}: calibration from {made.presses} presses; tdn uses it at its next start"
 
     def _on_calibrate(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._calibrate()
-        response.success, response.message = not self.failure, self.failure or self._outcome()
+        failure = self._calibrate()
+        if self._collector.done:  # else there are more presses to come
+            self.failure = failure
+        response.success, response.message = not failure, failure or self._outcome()
         return response
 
     def _on_restart(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._begin()
+        try:
+            self._begin()
+        except InputError as error:
+            response.message = str(error)
+            return response
         response.success, response.message = True, self._collector.next_step
         return response
 

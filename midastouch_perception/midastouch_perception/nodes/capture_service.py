@@ -61,7 +61,10 @@ class CaptureService:
         timeout = parameters["capture_timeout"]
         timer = self._node.create_timer(
             timeout,
-            lambda: self.refuse(f"fewer images than asked for came within {timeout:g} s"),
+            lambda: self.refuse(
+                f"image_raw: fewer images than asked for came within {timeout:g} s; does the sensor run? If slowly, "
+                "raise capture_timeout"
+            ),
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
         response.success, response.message = await self._answer

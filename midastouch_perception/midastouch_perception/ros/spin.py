@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from rclpy.node import Node
 
@@ -15,8 +15,11 @@ from .managed_node import ManagedNode
 from .node import refuse_unused_overrides
 
 
-def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
-    """As the driver's `spin.run`; InputError while the nodes are made ends the process with one line and code 2."""
+def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = None) -> int:
+    """As the driver's `spin.run`; InputError while the nodes are made ends the process with one line and code 2.
+
+    Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made.
+    """
     try:
         return spin.run(lambda: _complete(make_nodes()), args)
     except InputError as error:
@@ -24,17 +27,19 @@ def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = N
         return 2
 
 
-def _complete(nodes: Sequence[Node]) -> Sequence[Node]:
+def _complete(nodes: Iterable[Node]) -> Sequence[Node]:
     """The nodes, unless one is told of parameters that it does not have."""
+    made: list[Node] = []
     try:
-        for node in nodes:
+        made.extend(nodes)
+        for node in made:
             if not isinstance(node, ManagedNode):  # which are complete once active, and look themselves
                 refuse_unused_overrides(node)
-    except InputError:
-        for node in nodes:
+    except BaseException:
+        for node in made:
             node.destroy_node()
         raise
-    return nodes
+    return made
 
 
 def stop() -> None:

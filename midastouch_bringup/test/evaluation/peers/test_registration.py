@@ -44,5 +44,5 @@ def test_a_slide_over_a_tool_is_laid_onto_it():
 def test_where_open3d_is_missing_it_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
-    assert "pip install open3d-cpu" in VARIANTS["registration"].missing
+    assert "pip install -r tools/requirements/open3d.txt" in VARIANTS["registration"].missing
     assert VARIANTS["odometry"].missing == ""
