@@ -75,7 +75,7 @@ class ObjectJump:
 
 @dataclass
 class _Frame:
-    """motion (4, 4) into it, which took `elapsed` [s]; seen: as `observe` is told."""
+    """motion (4, 4) into it, which took `elapsed` [s], 0 if that is unknown; seen: as `observe` is told."""
 
     motion: np.ndarray
     elapsed: float
@@ -230,5 +230,7 @@ def _without(
 
 def _mean_velocity(frames: list[_Frame]) -> np.ndarray:
     """Mean velocity (6,) over some frames, m/s and rad/s; zero where no time is told."""
-    seconds = sum(frame.elapsed for frame in frames)
-    return sum(se3.log(frame.motion) for frame in frames) / seconds if seconds else np.zeros(6)
+    timed = [frame for frame in frames if frame.elapsed]
+    if not timed:
+        return np.zeros(6)
+    return sum(se3.log(frame.motion) for frame in timed) / sum(frame.elapsed for frame in timed)

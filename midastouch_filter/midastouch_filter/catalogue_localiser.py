@@ -89,6 +89,7 @@ class CatalogueLocaliser(Localiser):
     def set_object(self, loaded: LoadedObject) -> None:
         """Localise on this object, whatever the catalogue says."""
         self._identification = None
+        self._loaded, self._models = {}, {}
         super().set_object(loaded)
 
     def restart(self) -> None:
@@ -157,6 +158,7 @@ class CatalogueLocaliser(Localiser):
             [(each.name, place) for each in self.identity.hypotheses for place in each.places] if self.identity else []
         )
         worth = [each for each in found if each[1].probability >= _WORTH_A_MODEL]
+        self._models = {name: self._models[name] for name in self._models.keys() & {name for name, _ in worth}}
         return [
             PossiblePlace(self._model(name), name, place.pose, place.probability)
             for name, place in sorted(worth, key=lambda each: -each[1].probability)
@@ -169,7 +171,8 @@ class CatalogueLocaliser(Localiser):
             return super().advise(wanted)
         total = sum(place.probability for place in places)
         hypotheses = [Hypothesis(each.model, each.pose, each.probability / total, True, each.name) for each in places]
-        return advise(hypotheses, self.felt, wanted, self._noise)
+        on = self._object.name if self._object else ""
+        return advise(hypotheses, self.felt, wanted, self._noise, on)
 
     @property
     def felt(self) -> np.ndarray:

@@ -29,7 +29,7 @@ class FilterConfig:
 
     # --- number of particles (paper appendix C; KLD sampling, Fox 2001)
     min_particles: int = _number(500, 1, 1_000_000, "", "fewest particles")
-    max_particles: int = _number(50_000, 1, 5_000_000, "", "most particles; also the number at the start")
+    max_particles: int = _number(5_000, 1, 5_000_000, "", "most particles; also the number at the start")
     pf_err: float = _number(0.02, 1e-3, 0.5, "", "KLD sampling: allowed divergence from the true distribution")
     pf_z: float = _number(
         3.0, 0.0, 6.0, "", "KLD sampling: quantile of the standard normal, not a probability (3 means 99.87 %)"

@@ -26,7 +26,7 @@ from .particles import Particles
 from .places import Place, Prior
 from .policies import Policies, default_policies
 from .reporting import Reporter
-from .state import CONVERGED, Status
+from .state import CONVERGED
 from .step import Step
 from .stopwatch import Stopwatch
 from .touch import Measurement
@@ -161,10 +161,6 @@ class ParticleFilter:
         self._do.correct.observe(self._belief, last.touch, last.trusted)
 
     # ------------------------------------------------------------------ answers
-
-    def mark_stale(self, reason: str) -> Status:
-        """Say from outside that input has stopped, for the reason given; returns the status to publish."""
-        return self._reporter.stale(reason, self._belief)
 
     @property
     def poses(self) -> np.ndarray:

@@ -110,14 +110,15 @@ class Contest:
         followed = np.bincount(self.owner, minlength=objects)
         prior = (1 - unknown) / objects
         evidence = self.weights * noise.object_evidence(self.misfit, self.strain)
-        places = max(len(self.owner), 1) / (1 - unknown)
-        shares, none = place_posterior(evidence, np.log(prior / followed[self.owner]), self.change, places)
+        nowhere = unknown + prior * (followed == 0).sum()  # an object without a place is there, too
+        beforehand = np.log(np.append(prior / followed[self.owner], nowhere))
+        shares, none = place_posterior(evidence, beforehand, beforehand, self.change)
         best = np.zeros(objects)
         np.maximum.at(best, self.owner, shares)
         of_object, summed = best * followed, np.bincount(self.owner, shares, objects)
         shares *= (of_object / np.maximum(summed, np.finfo(float).tiny))[self.owner]
         if objects > 1:
-            fits_none = none / (unknown + prior * (followed == 0).sum())  # an object without a place is there, too
+            fits_none = none / nowhere
             fits = np.where(followed > 0, of_object / prior, fits_none)
             alike = (fits.sum() - fits.max()) / (objects - 1)
             none += _ALIKE * unknown * (alike - fits_none)
@@ -158,7 +159,7 @@ class Identification:
     def felt(self) -> np.ndarray:
         """(F, 4, 4) of the gels of the kept touches since the last lift, in the frame of the present one."""
         keyframes = self.window.keyframes
-        since = [each.motion for each in keyframes if each.stretch == keyframes[-1].stretch]
+        since = [each.motion for each in keyframes if each.stretch == self.window.stretch]
         return se3.inverse(self.window.motion) @ np.array(since).reshape(-1, 4, 4)
 
     def step(self, odometry: np.ndarray | None, touch: Measurement) -> bool:

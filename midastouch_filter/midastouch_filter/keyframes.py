@@ -46,7 +46,8 @@ class KeyframeWindow:
     Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
     none before the first lift, the oldest of all: what was felt before says little once the object may have been moved.
-    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present.
+    Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present; lifted,
+    whether the sensor was lifted between the last two touches that were kept.
     """
 
     def __init__(self, length: int, spacing: float, correlation: float, shortlist: int):
@@ -59,14 +60,10 @@ class KeyframeWindow:
         self.motion = np.eye(4)
         self.keyframes: list[Keyframe] = []
         self._path, self._in_the_air, self.stretch = np.inf, 0.0, 0
+        self.lifted = False
 
     def __len__(self) -> int:
         return len(self.keyframes)
-
-    @property
-    def lifted(self) -> bool:
-        """Whether the sensor was lifted between the last two keyframes."""
-        return len(self) > 1 and self.keyframes[-1].stretch > self.keyframes[-2].stretch
 
     def moved(self, transform: np.ndarray, path: float, in_contact: bool) -> bool:
         """The first gel moved by `transform` (4, 4), which counts as `path` [m]; whether that was a lift."""
@@ -86,6 +83,7 @@ class KeyframeWindow:
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
         """Keep what fingers feel at present, the first one first."""
         newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self.stretch)
+        self.lifted = len(self) > 0 and newest.stretch > self.keyframes[-1].stretch
         away = _distances([newest], [*self.keyframes, newest])[0, :-1]
         apart = [self.keyframes[k] for k in np.flatnonzero(away >= 0.5 * self._spacing)]
         self.keyframes = self._thinned([*apart, newest])
@@ -112,7 +110,8 @@ class KeyframeWindow:
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
         """The codebook has other entries: `log_ratio_of` a touch, (M,), is that of each of these."""
         for k, keyframe in enumerate(self.keyframes):
-            self.keyframes[k] = self.scored(keyframe, [log_ratio_of(touch) for touch in keyframe.touches])
+            # each is valid until the next touch is scored
+            self.keyframes[k] = self.scored(keyframe, [log_ratio_of(touch).copy() for touch in keyframe.touches])
 
     def scored(self, keyframe: Keyframe, log_ratios: Sequence[np.ndarray]) -> Keyframe:
         """A keyframe with other entries' log-ratios (M,), for each of its touches."""

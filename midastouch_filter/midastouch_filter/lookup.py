@@ -26,7 +26,7 @@ from .workers import Workers
 _NEIGHBOURS = 24
 _LINKS = 48
 _CANDIDATES = 64  # nearest entries that links are chosen from
-_HOPS = 8  # that a walk takes at most
+_HOPS = 8  # of a walk, which may take twice as many
 
 
 class NearestEntry:
@@ -78,7 +78,7 @@ class PoseLookup(NearestEntry):
 
     @property
     def reach(self) -> float:
-        """Pose distance [m] that `follow` can bridge; half of what its hops would cover in a straight line."""
+        """Pose distance [m] that `follow` surely bridges: a quarter of what its hops could cover in a straight line."""
         return 0.5 * _HOPS * self.stride
 
     def nearest(self, poses: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:

@@ -128,7 +128,7 @@ class MeasurementModel(CodeScores):
 
     def similarity(self, cosines: np.ndarray) -> np.ndarray:
         """Likelihood (...) up to a factor, of cosines (...) between codes."""
-        return np.exp(cosines / np.float32(self._temperature))
+        return np.exp((cosines - 1) / np.float32(self._temperature))
 
     def log_ratio_between(self, codes: np.ndarray, similarity: np.ndarray) -> np.ndarray:
         """l (n, m) of codes (n, D) at m places, which they have a similarity (n, m) with."""

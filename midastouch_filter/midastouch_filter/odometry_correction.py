@@ -7,6 +7,7 @@ the arm only guides: so the track follows the object when that moves, and differ
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -98,7 +99,7 @@ class OdometryCorrection(AsMeasured):
             return self._better(motion, touch, elapsed)
 
     def _better(self, motion: Odometry, touch: Measurement, elapsed: float | None) -> np.ndarray:
-        self._seconds += elapsed or 0.0
+        self._seconds += math.nan if elapsed is None else elapsed
         better = self._errors.corrected(motion.transform, elapsed, self._felt_velocity(touch))
         self._arm = self._arm @ better
         jump = self._errors.jump
@@ -119,7 +120,7 @@ class OdometryCorrection(AsMeasured):
 
     def _felt_velocity(self, touch: Measurement) -> np.ndarray | None:
         """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""
-        if not (self._seconds and self._errors.applied[1] and self._usable(touch)):
+        if not (self._seconds > 0 and self._errors.applied[1] and self._usable(touch)):
             return None
         if self._contact.is_last(touch.penetration):
             return None
@@ -128,7 +129,9 @@ class OdometryCorrection(AsMeasured):
 
     def _usable(self, touch: Measurement) -> bool:
         penetration = touch.penetration
-        return touch.in_contact and penetration is not None and penetration.shape == self._alignment.map_shape
+        if not touch.in_contact or penetration is None or penetration.shape != self._alignment.map_shape:
+            return False
+        return bool(np.isfinite(penetration).all())
 
     def _evidence(self, pose: np.ndarray) -> float:
         """How well the last maps fit the neighbourhood of a pose (4, 4) and of those before it along the track."""

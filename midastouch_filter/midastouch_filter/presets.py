@@ -9,7 +9,7 @@ from midastouch_perception.errors import InputError
 
 BALANCED = "balanced"
 PRESETS: dict[str, dict[str, int]] = {
-    "fast": {"max_particles": 5_000, "refined_modes": 2},
+    "fast": {"max_particles": 1_000, "refined_modes": 1},
     BALANCED: {},
     "accurate": {"max_particles": 200_000, "refined_modes": 8},
 }

@@ -12,7 +12,7 @@ That takes dozens of alignments, so it is done in slices, a few in every step of
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,11 +54,6 @@ class Comparison:
         distance = pose_distance(pose, np.stack([place.pose for place in self.places]))
         nearest = int(distance.argmin())
         return self.places[nearest].probability if distance[nearest] <= APART else 0.0
-
-    def moved(self, transform: np.ndarray) -> Comparison:
-        """After the gel moved by `transform` (4, 4)."""
-        places = [place.moved(transform) for place in self.places]
-        return replace(self, places=places, cloud=self.cloud @ transform)
 
 
 class Reevaluation:
@@ -191,7 +186,10 @@ class Reevaluation:
             log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
             # a start may be narrower than the object's places are apart
             log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
-        share, elsewhere = place_posterior(every[chosen], log_prior, window.change, self._count)
+        # of an object with so many places only some are named; a broken motion may lead to any of them
+        elsewhere = np.log(max(1.0 - np.exp(log_prior).sum(), 1.0 / self._count))
+        log_arrival = np.append(np.full(len(chosen), -np.log(self._count)), 0.0)
+        share, elsewhere = place_posterior(every[chosen], np.append(log_prior, elsewhere), log_arrival, window.change)
         places = [
             Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
             for i, p in zip(chosen, share, strict=True)

@@ -84,7 +84,7 @@ class Replay:
         few = max(newest - self._effort.settled, 0)
         found = yield from self._back_to(few, start)
         others = np.array([each.poses[few] for each in self.followed if each.at <= few]).reshape(-1, 4, 4)
-        if (pose_distance(others, found.poses[few]) < _SAME).any():
+        if found.at <= few and (pose_distance(others, found.poses[few]) < _SAME).any():
             return
         if few and found.at == few:
             onward = se3.inverse(self._window.keyframes[few].motion) @ self._window.keyframes[newest].motion

@@ -42,12 +42,6 @@ class Reporter:
         )
         return Estimate(belief.answers, self._status(belief), belief.covariance, self._do.correct.calibration)
 
-    def stale(self, reason: str, belief: Belief | None) -> Status:
-        """Status when input has stopped."""
-        self._state.mark_stale(reason)
-        self._gates.note = ""
-        return self._status(belief)
-
     def _status(self, belief: Belief | None) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
         reason = f"{self._state.reason} ({note})" if note else self._state.reason

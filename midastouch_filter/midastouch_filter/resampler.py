@@ -38,6 +38,6 @@ class Resampler:
     def _wanted(self, entries: np.ndarray) -> int:
         """Number of particles that a distribution over the codebook like `entries` (n,) needs."""
         if not self._config.kld_sampling:
-            return len(entries)
+            return self._config.max_particles
         occupied = kernels.occupied_regions(self._regions.of_entry, entries, len(self._regions))
         return kld.adapted_count(occupied, self._config)

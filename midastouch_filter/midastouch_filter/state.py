@@ -71,10 +71,6 @@ class StateMachine:
         self._lost = self._converged = False
         self.state, self.reason = UNINITIALISED, "no start given yet"
 
-    def mark_stale(self, reason: str) -> None:
-        """Say from outside that input has stopped; holds until the next `update`."""
-        self.state, self.reason = STALE, reason
-
     def update(self, evidence: Evidence) -> tuple[str, str]:
         """Next state and its reason."""
         self.state, self.reason = self._next(evidence)

@@ -45,8 +45,8 @@ class Wanted:
 @dataclass(frozen=True)
 class Suggestion:
     """heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift: not felt on the
-    way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on the object of the
-    most probable hypothesis, the first where it is now."""
+    way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on the object, by the
+    most probable hypothesis that can go this way, the first where it is now; n = 0 where none on that object can."""
 
     heading: float
     length: float
@@ -66,12 +66,15 @@ class Advice:
     message: str
 
 
-def advise(hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel) -> Advice:
+def advise(
+    hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str = ""
+) -> Advice:
     """What to do next, given what is possible: hypotheses, most probable first, probabilities of sum 1.
 
-    felt (F, 4, 4): gels that have touched since the last lift, in the frame of the present one.
+    felt (F, 4, 4): gels that have touched since the last lift, in the frame of the present one. on: name of the object
+    in whose frame paths are wanted.
     """
-    outlook = _Outlook(hypotheses, felt, wanted, noise)
+    outlook = _Outlook(hypotheses, felt, wanted, noise, on)
     suggestions = sorted(outlook.slides() + outlook.lifts(), key=lambda each: -each.information / each.cost)
     chosen = [each for each in suggestions if each.information > 0][: wanted.count]
     alike = outlook.alike()
@@ -81,11 +84,13 @@ def advise(hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, n
 class _Outlook:
     """What every heading leads to, for H hypotheses, K headings and T touches on the way."""
 
-    def __init__(self, hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel):
+    def __init__(self, hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str):
         self._hypotheses, self._wanted, self._noise = hypotheses, wanted, noise
+        self._drawn = np.array([each.name == on for each in hypotheses])
         self._probability = np.array([each.probability for each in hypotheses])
         config = hypotheses[0].model.config
-        self._certain = math.log(config.converged_probability / (1.0 - config.converged_probability))
+        doubt = 1.0 - config.converged_probability
+        self._certain = math.log(config.converged_probability / doubt) if doubt else math.inf
         self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
         length, shortest = wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
         self._distances = touches_on_the_way(length, shortest / _PER_MOTION)
@@ -147,7 +152,8 @@ class _Outlook:
         out = []
         for k, t in enumerate(np.argmax(information / cost, axis=1)):
             if likely[k, t]:
-                first = int(np.argmax(possible[:, k, t]))
+                able = np.flatnonzero(possible[:, k, t] & self._drawn)[:1]  # of these the most probable
+                stops = [0, t + 1] if lift else range(t + 2)
                 out.append(
                     Suggestion(
                         heading=math.remainder(self._headings[k], 2 * math.pi),
@@ -156,7 +162,7 @@ class _Outlook:
                         information=max(float(information[k, t]), 0.0),
                         cost=float(cost[t]),
                         reason=self._reason(evidence[:, k, t], self._distances[t], lift),
-                        path=self._tracks[first, k, [0, t + 1] if lift else slice(t + 2)],
+                        path=self._tracks[able, k][:, stops].reshape(-1, 4, 4),
                     )
                 )
         return out

@@ -18,11 +18,11 @@ MAP_SCALE = 0.25
 class Measurement:
     """One touch, or its absence.
 
-    in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60) m,
-    the felt map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that felt it in the gel frame
-    of the first finger, whose pose the filter estimates: None for that one itself. If the two images were taken at
-    different times, the transform is from the one gel then to the other gel then, through the frame that the object
-    rests in.
+    in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60)
+    float32 m, the felt map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that felt it in the
+    gel frame of the first finger, whose pose the filter estimates: None for that one itself. If the two images were
+    taken at different times, the transform is from the one gel then to the other gel then, through the frame that the
+    object rests in.
     """
 
     in_contact: bool

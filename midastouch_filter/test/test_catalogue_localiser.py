@@ -113,6 +113,7 @@ def test_an_object_that_somebody_names_is_not_doubted(shelf):
     run.localiser.set_object(shelf.catalogue.entries[0].load(CONFIG, 0))
     assert run.localiser.identity is None
     assert run.localiser.possible_places() == []
+    assert run.localiser.advise(Wanted(0.05, False, 3)) is None
     run.slide(*shelf.touches(1, steps=30))
     assert run.localiser.object.name == "bumpy_1"
     assert not run.told

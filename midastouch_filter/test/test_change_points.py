@@ -4,12 +4,17 @@ import pytest
 from midastouch_filter.change_points import place_posterior
 
 PLACES = 1000.0
-UNKNOWN = np.full(2, -np.log(PLACES))
 
 
-def posterior(evidence, change=1e-3, log_prior=UNKNOWN):
-    evidence = np.array(evidence, float)
-    return place_posterior(evidence, log_prior, np.full(evidence.shape[1], change), PLACES)
+def at(evidence, change):
+    """Posterior of places as likely as any of `PLACES`, beforehand and after a broken motion."""
+    prior = np.full(len(evidence), 1 / PLACES)
+    likely = np.log(np.append(prior, 1 - prior.sum()))
+    return place_posterior(np.array(evidence, float), likely, likely, change)
+
+
+def posterior(evidence, change=1e-3):
+    return at(evidence, np.full(len(evidence[0]), change))
 
 
 def test_without_evidence_it_is_elsewhere():
@@ -39,8 +44,8 @@ def test_after_a_lift_fewer_touches_are_enough():
     evidence = np.array([[4.0, 4, 4, -1.5, -1.5], [-4, -4, -4, 3, 3]])
     slid = np.full(5, 1e-3)
     lifted = np.where(np.arange(5) == 3, 0.2, slid)
-    of_slid, _ = place_posterior(evidence, UNKNOWN, slid, PLACES)
-    of_lifted, _ = place_posterior(evidence, UNKNOWN, lifted, PLACES)
+    of_slid, _ = at(evidence, slid)
+    of_lifted, _ = at(evidence, lifted)
     assert of_slid.argmax() == 0
     assert of_lifted.argmax() == 1
     assert of_lifted.sum() < 1
@@ -49,5 +54,11 @@ def test_after_a_lift_fewer_touches_are_enough():
 def test_many_places_and_loud_touches_stay_finite():
     rng = np.random.default_rng(0)
     evidence = 1e4 * rng.standard_normal((300, 20))
-    share, elsewhere = place_posterior(evidence, np.full(300, -np.log(600)), np.full(20, 1e-3), PLACES)
+    share, elsewhere = posterior(evidence)
     assert share.sum() + elsewhere == pytest.approx(1)
+
+
+def test_touches_that_say_nothing_leave_what_was_believed_however_often_it_is_lifted():
+    likely = np.log([0.1, 0.2, 0.05, 0.65])
+    share, elsewhere = place_posterior(np.zeros((3, 20)), likely, likely, np.full(20, 0.2))
+    assert [*share, elsewhere] == pytest.approx(np.exp(likely))

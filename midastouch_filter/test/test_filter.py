@@ -122,16 +122,6 @@ def test_any_number_of_particles(coded_slide, n):
     assert_defined(filter_, estimate)
 
 
-def test_stale_is_said_until_the_next_step(coded_slide):
-    filter_ = coded_slide.make_filter()
-    assert filter_.mark_stale("no transform for 2 s").state == state.STALE
-    filter_.initialise_uniform()
-    filter_.step(None, coded_slide.touches[0])
-    status = filter_.mark_stale("no code for 3 s")
-    assert (status.state, status.reason) == (state.STALE, "no code for 3 s")
-    assert filter_.step(coded_slide.odometry[1], coded_slide.touches[1]).status.state != state.STALE
-
-
 # --------------------------------------------------------------------------- recovery
 
 

@@ -39,6 +39,27 @@ def test_who_does_not_ask_for_reflection_gets_the_same_answers(slide):
     assert CONVERGED in states  # which it is not before places were compared
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_map_that_is_not_finite_is_refused_once_and_forgotten(slide, value):
+    make_filter, odometry, touches = slide
+    running = make_filter()
+    broken = touches[30].penetration.copy()
+    broken[40, 30] = value
+    for k, (motion, touch) in enumerate(zip(odometry, touches, strict=True)):
+        estimate = running.step(motion, replace(touch, penetration=broken) if k == 30 else touch, elapsed=0.05)
+        running.reflect()
+        assert np.isfinite(estimate.pose).all()
+    assert estimate.status.skipped["bad_relief"] == 1
+
+
+def test_the_number_of_particles_is_kept_where_nothing_adapts_it(slide):
+    make_filter, odometry, touches = slide
+    running = make_filter(kld_sampling=False, max_particles=3000)
+    counts = [running.step(motion, touch).status.n_particles for motion, touch in zip(odometry, touches, strict=True)]
+    assert max(counts) < 2 * 3000
+    assert counts[-1] >= 3000
+
+
 def test_who_asks_for_a_narrower_covariance_than_is_published_gets_no_trusted_answer(slide):
     make_filter, odometry, touches = slide
     running = make_filter(converged_error=1e-4)

@@ -68,7 +68,7 @@ def test_places_move_with_the_gel(shelf):
     for moved, touch in frames:
         identification.step(moved, touch)
     before = identification.identity.leading.places[0].pose
-    step = se3.exp([0.02, 0.0, 0.005, 0.0, 0.1, 0.0])
+    step = se3.exp([0.005, 0.0, 0.002, 0.0, 0.1, 0.0])  # a gap, no lift yet
     felt = identification.felt
     assert len(felt) > 5
     identification.step(step, Measurement(False))
@@ -118,6 +118,14 @@ def test_touches_that_say_nothing_leave_the_probabilities_of_before_however_many
     shares, unknown = contest(owner, [NOISE.foreign_misfit] * len(owner), 3).posterior(NOISE, 2, 0.4)
     assert np.bincount(owner, shares)[0] == pytest.approx(0.3, abs=1e-3)
     assert unknown == pytest.approx(1 - 0.3 * len(set(owner)), abs=1e-3)
+
+
+@pytest.mark.parametrize("unknown", [0.001, 0.01, 0.5, 0.999])
+def test_the_prior_of_an_unknown_object_is_honoured_however_small(unknown):
+    lifted = replace(contest([0, 0, 0, 1], [NOISE.foreign_misfit] * 4, 32), change=np.full(32, 0.2))
+    shares, none = lifted.posterior(NOISE, 2, unknown)
+    assert none == pytest.approx(unknown, abs=1e-3)
+    assert np.bincount([0, 0, 0, 1], shares) == pytest.approx([(1 - unknown) / 2] * 2, abs=1e-3)
 
 
 def test_an_object_is_as_probable_as_its_best_place_whatever_else_was_followed_on_it():

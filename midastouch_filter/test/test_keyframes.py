@@ -72,6 +72,9 @@ def test_after_a_lift_nothing_is_nearby():
     window.keep([Measurement(True)], SILENT)
     assert len(window) == 4
     assert window.lifted
+    window.keep([Measurement(True)], SILENT)  # rubs the spot
+    assert len(window) == 4
+    assert not window.lifted
     assert independence(window.keyframes, 0.5)[-1] == 1
 
 
@@ -115,7 +118,13 @@ def test_kept_touches_are_scored_anew_for_other_entries():
         window.moved(STEP, 0.02, in_contact=True)
         window.keep([Measurement(True, np.array([code])), Measurement(True, np.array([-code]))], [np.zeros(5)] * 2)
     motion = window.motion
-    window.score_anew(lambda touch: touch.code[0] * np.arange(7.0))
+    scores = np.empty(7)
+
+    def log_ratio_of(touch):
+        scores[:] = touch.code[0] * np.arange(7.0)
+        return scores  # the same for every touch, as it is valid until the next one
+
+    window.score_anew(log_ratio_of)
     newest = window.keyframes[-1]
     np.testing.assert_array_equal(newest.log_ratios, [2 * np.arange(7), -2 * np.arange(7)])
     assert [set(best) for best in newest.shortlists] == [{5, 6}, {0, 1}]

@@ -72,10 +72,3 @@ def test_remembers_being_lost_through_the_air(machine):
     machine.update(narrow(support=0.7))
     machine.update(narrow(support=0.45, in_contact=False))
     assert machine.update(narrow(support=0.45))[0] == state.LOST
-
-
-def test_stale_is_set_from_outside_and_ends_with_the_next_step(machine):
-    machine.update(narrow())
-    machine.mark_stale("no transform for 2 s")
-    assert (machine.state, machine.reason) == (state.STALE, "no transform for 2 s")
-    assert machine.update(narrow())[0] == state.CONVERGED

@@ -1,5 +1,6 @@
 """Where to touch next: on an object whose two halves are alike, or differ in one place only."""
 
+import copy
 import math
 from dataclasses import replace
 
@@ -85,10 +86,14 @@ def test_of_two_objects_the_difference_counts(world, alike, handed):
     hypotheses = [
         Hypothesis(model, pose, 0.5, True, name, 0.05) for model, name in ((alike, "twofold"), (handed, "handed"))
     ]
-    advice = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE)
+    advice = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE, on="handed")
     assert "twofold at" in advice.message
     assert "handed at" in advice.message
     assert advice.suggestions[0].information > 0.3
+    way = advice.suggestions[0].path[:, :3, 3]
+    assert np.abs(handed.mesh.closest_points(way)[1]).max() < 2e-3
+    nowhere = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE, on="mug")
+    assert [each.path.shape for each in nowhere.suggestions] == [(0, 4, 4)] * len(nowhere.suggestions)
 
 
 def test_the_arm_carries_every_place_along(alike):
@@ -122,6 +127,13 @@ def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
     for share, hopeless in (0.5, True), (0.9, False):
         belief = [replace(here, probability=share), replace(there, probability=1 - share)]
         assert advise(belief, NOTHING_FELT, Wanted(max_length=0.03), NOISE).indistinguishable == hopeless
+
+
+def test_who_wants_certainty_gets_advice_too(world, handed):
+    certain = copy.copy(handed)
+    certain.config = replace(CONFIG, converged_probability=1.0)
+    advice = advise(twins(world, certain), NOTHING_FELT, Wanted(), NOISE)
+    assert all(np.isfinite(each.information) for each in advice.suggestions)
 
 
 def test_best_first_and_no_more_than_wanted(world, handed):

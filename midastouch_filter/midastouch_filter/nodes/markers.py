@@ -104,6 +104,8 @@ def suggested(suggestions: Sequence, header: Header) -> MarkerArray:
     """
     markers = [Marker(ns=name, action=Marker.DELETEALL) for name in ("suggestions", "suggestion_reasons")]
     for i, each in enumerate(suggestions):
+        if len(each.path) == 0:
+            continue
         way = each.path[:, :3, 3]
         if each.lift:
             way = np.insert(way, 1, way.mean(axis=0) + _AXIS_LENGTH * each.path[:, :3, 2].mean(axis=0), axis=0)
