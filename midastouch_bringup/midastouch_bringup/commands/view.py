@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from . import arguments
 
@@ -41,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
     from ..view.server import ViewServer
 
     rerun = require_rerun()
+    if args.save and Path(args.save).is_dir():
+        raise InputError(f"--save {args.save}: is a folder; name a file, such as {Path(args.save) / 'run.rrd'}")
     try:
         from midastouch_perception.ros import spin
 

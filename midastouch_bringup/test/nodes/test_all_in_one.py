@@ -31,6 +31,7 @@ from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
@@ -196,6 +197,28 @@ def test_a_driver_that_gives_up_ends_the_process(monkeypatch):
     settings = {"serial": "no-such-serial", "wait_for_device_timeout": "0.1", "reconnect_timeout": "0.1"}
     words = [word for name, value in settings.items() for word in ("-p", f"digit_driver:{name}:={value}")]
     assert main(["all_in_one", "--driver", "--ros-args", *words]) == 1
+
+
+def test_where_one_node_cannot_be_made_none_stays_behind(monkeypatch):
+    """A thread of theirs would keep the process from ending."""
+    destroyed = []
+
+    class Made:
+        def __init__(self, **_):
+            pass
+
+        def destroy_node(self):
+            destroyed.append(type(self).__name__)
+
+    def refuse(**_):
+        raise InputError("tdn: background: no such file")
+
+    for name in ("ParticleFilterNode", "TcnNode"):
+        monkeypatch.setattr(all_in_one, name, type(name, (Made,), {"on_contact": None}))
+    monkeypatch.setattr(all_in_one, "make_driver", type("Driver", (Made,), {}))
+    monkeypatch.setattr(all_in_one, "TdnNode", refuse)
+    assert main(["all_in_one", "--driver"]) == 2
+    assert sorted(destroyed) == ["Driver", "ParticleFilterNode", "TcnNode"]
 
 
 def test_bad_parameter_is_one_line_and_exit_code_2():
