@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import rclpy
+from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -29,6 +30,20 @@ def started_context(domain: int | None = None) -> rclpy.Context:
             f"ROS does not start: {error}; can logs be written to $ROS_LOG_DIR, or without it to ~/.ros/log?"
         ) from error
     return context
+
+
+@contextlib.contextmanager
+def node_for_once(name: str, namespace: str) -> Iterator[Node]:
+    """A node in a context of its own, for one question; InputError for a namespace that is none."""
+    context = started_context()
+    try:
+        try:
+            node = rclpy.create_node(name, context=context, namespace=namespace)
+        except InvalidNamespaceException as error:
+            raise InputError(f"--namespace {namespace}: {error}") from error
+        yield node
+    finally:
+        rclpy.try_shutdown(context=context)
 
 
 def spin_until(node: Node, done: Callable[[], object], patience: float) -> bool:

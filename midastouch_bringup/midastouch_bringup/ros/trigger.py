@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import rclpy
-from rclpy.exceptions import InvalidNamespaceException
 from std_srvs.srv import Trigger
 
 from midastouch_perception.errors import InputError
 
-from .local_context import spin_until, started_context
+from .local_context import node_for_once, spin_until
 
 
 def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Response:
     """What the service `service` in the namespace answers; InputError if nobody does within `patience` seconds."""
-    context = started_context()
-    try:
-        try:
-            node = rclpy.create_node(f"call_{service}", context=context, namespace=namespace)
-        except InvalidNamespaceException as error:
-            raise InputError(f"--namespace {namespace}: {error}") from error
+    with node_for_once(f"call_{service}", namespace) as node:
         client = node.create_client(Trigger, service)
         if not spin_until(node, client.service_is_ready, patience):
             raise InputError(
@@ -29,5 +22,3 @@ def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Res
         if not spin_until(node, answer.done, patience):
             raise InputError(f"{client.service_name}: no answer within {patience:g} s; see the log of its node")
         return answer.result()
-    finally:
-        rclpy.try_shutdown(context=context)
