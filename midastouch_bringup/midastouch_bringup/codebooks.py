@@ -18,6 +18,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
 from .cluster import Cluster
+from .output_paths import codebook_path
 from .progress import progress_bar
 
 _CACHE = Path("out/cache/codebooks")
@@ -94,17 +95,19 @@ def ensure_codebook(
     size: int,
     jobs: int | None = None,
 ) -> Codebook:
-    """The codebook at `path`; one of `size` poses is built there if there is none of this mesh and network."""
-    try:
-        return Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
-    except InputError:  # none yet, or of an older mesh or network
-        return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
+    """The codebook at `path`; one of `size` poses is built there if there is none of this mesh, network and sensor."""
+    with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
+        book = Codebook.load(path, mesh=mesh, tcn=tcn.network_id)
+        if book.meta["sensor_id"] == sensor.content_id:
+            return book
+    return build_and_save(mesh, tcn, sensor, size, 0, path, jobs)[0]
 
 
 def build_catalogue(
     meshes: list[Path], tcn: str, sensor: str, size: int, seed: int, folder: Path, cluster: Cluster
 ) -> Iterator[str]:
-    """Build `<mesh name>.npz` of each mesh file in a folder that every worker sees; yields a line about each.
+    """Build the codebook of each mesh file, named as `codebook_path` does, in a folder that every worker sees; yields a
+    line about each.
 
     Those that are there are kept. `tcn`, `sensor`: by name or file, as workers find them.
     """
@@ -113,7 +116,7 @@ def build_catalogue(
 
 def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path) -> str:
     mesh, model = ObjectMesh.load(path), SensorModel.load(sensor)
-    network, out = load_tcn(tcn, model), folder / f"{mesh.name}.npz"
+    network, out = load_tcn(tcn, model), folder / codebook_path(mesh.name, sensor).name
     with contextlib.suppress(InputError):  # none yet, or of an older mesh or network
         meta = Codebook.load(out, mesh=mesh, tcn=network.network_id).meta
         if (meta["sensor_id"], meta["size"], meta["seed"]) == (model.content_id, size, seed):

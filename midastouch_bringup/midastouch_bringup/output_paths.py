@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+SIMULATED = "digit_tacto"
+"""Sensor model of codebooks for which none is named."""
 QUICK_POSES = 10_000
 """Of a codebook: built within half a minute on two cores."""
 
 
-def codebook_path(object_name: str) -> Path:
-    """The codebook of an object, of `midastouch build-codebook`."""
-    return Path("out/codebooks") / f"{object_name}.npz"
+def codebook_path(object_name: str, sensor: str = "") -> Path:
+    """The codebook of an object, of `midastouch build-codebook`; sensor: model by name or file, "" the default one."""
+    kind = Path(sensor).stem
+    return Path("out/codebooks") / f"{object_name}{f'_{kind}' if kind not in ('', SIMULATED) else ''}.npz"
 
 
 def demo_slide(object_name: str) -> Path:

@@ -119,3 +119,10 @@ def test_a_book_of_no_pose_is_refused(tmp_path, capsys):
     assert stopped.value.code == 2
     assert "--size: '0' is not a whole number of at least 1" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_codebook_of_another_sensor_is_not_taken_for_it(tmp_path):
+    mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
+    sensors = [SensorModel.load(name) for name in ("digit_real", "digit_tacto", "digit_tacto")]
+    books = [codebooks.ensure_codebook(tmp_path / "book.npz", mesh, FlatTcn(), sensor, CHUNK) for sensor in sensors]
+    assert [book.meta["sensor"] for book in books] == ["digit_real", "digit_tacto", "digit_tacto"]

@@ -74,6 +74,8 @@ def test_an_object_by_name_gives_mesh_and_codebook():
     values = parameters(started["midastouch_filter", "particle_filter"])["/particle_filter"]
     assert values["mesh"] == str(bundled_objects()["handle_tool"])
     assert values["codebook"].endswith("out/codebooks/handle_tool.npz")
+    values = parameters(carry_out("live_ur", object="handle_tool")["midastouch_filter", "particle_filter"])
+    assert values["/particle_filter"]["codebook"].endswith("out/codebooks/handle_tool_digit_real.npz")
 
 
 @pytest.mark.usefixtures("stand_ins")

@@ -77,7 +77,7 @@ class Entry:
 
     @cached_property
     def alignment(self) -> PenetrationAlignment:
-        sensor = SensorModel.load(self.meta["sensor"]).scaled(MAP_SCALE)
+        sensor = SensorModel.of_codebook(self.meta).scaled(MAP_SCALE)
         return PenetrationAlignment(self.mesh, sensor, self._noise)
 
     @cached_property
@@ -137,7 +137,7 @@ class Catalogue:
         ends = np.cumsum([0, *(entry.size for entry in self.entries)])
         self.rows = [slice(low, high) for low, high in pairwise(ends)]
         self.calibration, self.network_id = first, str(first["tcn"])
-        self.sensor = SensorModel.load(first["sensor"]).for_maps
+        self.sensor = SensorModel.of_codebook(first).for_maps
 
     @classmethod
     def of(

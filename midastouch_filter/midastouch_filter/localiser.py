@@ -103,7 +103,7 @@ def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: 
     """The filter on a mesh and its codebook; InputError on a codebook that cannot be used."""
     running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
     memory.trim()
-    sensor = SensorModel.load(codebook.meta["sensor"]).for_maps
+    sensor = SensorModel.of_codebook(codebook.meta).for_maps
     network_id = str(codebook.meta["tcn"])
     return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, Advisor(running))
 

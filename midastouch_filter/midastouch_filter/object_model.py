@@ -51,9 +51,9 @@ class ObjectModel:
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._make_entries(codebook, ObjectIndex(mesh, codebook, config, workers))
         self.alignment: PenetrationAlignment | None = None
-        sensor = codebook.meta.get("sensor") if config.refinement else None
-        if sensor:
-            self.alignment = PenetrationAlignment(mesh, SensorModel.load(sensor).scaled(MAP_SCALE), noise)
+        if config.refinement and codebook.meta.get("sensor"):
+            sensor = SensorModel.of_codebook(codebook.meta).scaled(MAP_SCALE)
+            self.alignment = PenetrationAlignment(mesh, sensor, noise)
 
     def _make_entries(self, codebook: Codebook, index: ObjectIndex) -> None:
         config, workers = self.config, self.workers

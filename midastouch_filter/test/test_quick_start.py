@@ -5,8 +5,10 @@ import trimesh
 
 from midastouch_filter import growth, quick_start
 from midastouch_filter.config import FilterConfig
+from midastouch_filter.localiser import load_object
 from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
 
 EYEBOLT = bundled_objects()["eyebolt"]
 
@@ -24,6 +26,24 @@ def test_a_mesh_alone_is_enough_for_a_filter(monkeypatch):
     assert 1e-3 < spacing < 20e-3
     loaded.filter.initialise_uniform()
     assert len(loaded.filter.poses) == 200
+
+
+def test_a_sensor_of_ones_own_is_one_of_the_codebook_too(monkeypatch, tmp_path):
+    """It is known by its file alone; a codebook outlives that."""
+    monkeypatch.setattr(quick_start, "SIZE", 300)
+    own = tmp_path / "my_touch.yaml"
+    own.write_text(
+        "width: 240\nheight: 320\nfocal: 300\ngel_distance: 0.022\n"
+        "dome: {radius_x: 0.03, radius_y: 0.04, semi_axis_z: 0.03}\n"
+    )
+    config = FilterConfig(min_particles=100, max_particles=200)
+    expected = SensorModel.load(own).for_maps.content_id
+    _, codebook = quick_start.coarse_codebook(EYEBOLT, "fast", str(own), config)
+    codebook.save(tmp_path / "eyebolt.npz")
+    own.unlink()
+    loaded = load_object(EYEBOLT, tmp_path / "eyebolt.npz", config, seed=0)
+    assert loaded.sensor.content_id == expected
+    assert loaded.filter.object.alignment is not None
 
 
 def test_it_grows_once_it_is_localised_on(monkeypatch):

@@ -133,6 +133,7 @@ def test_who_wants_certainty_gets_advice_too(world, handed):
     certain = copy.copy(handed)
     certain.config = replace(CONFIG, converged_probability=1.0)
     advice = advise(twins(world, certain), NOTHING_FELT, Wanted(), NOISE)
+    assert advice.suggestions
     assert all(np.isfinite(each.information) for each in advice.suggestions)
 
 

@@ -24,9 +24,9 @@ class Codebook:
     """Poses with their codes.
 
     Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
-    mesh_sha256, mesh_path, sensor, sensor_id, tcn (network id), temperature, outlier (calibration of the score), size,
-    seed; derived: arrays by name that whoever uses the codebook has made of poses and mesh, kept to save the time;
-    source: its file, for messages.
+    mesh_sha256, mesh_path, sensor, sensor_id, sensor_model (its geometry), tcn (network id), temperature, outlier
+    (calibration of the score), size, seed; derived: arrays by name that whoever uses the codebook has made of poses and
+    mesh, kept to save the time; source: its file, for messages.
     """
 
     def __init__(

@@ -44,6 +44,7 @@ class CodebookBuild:
             "mesh_path": str(mesh.path) if mesh.path else "",
             "sensor": sensor.name,
             "sensor_id": sensor.content_id,
+            "sensor_model": sensor.as_json(),
             "tcn": tcn.network_id,
             **tcn.calibration,
             "size": size,

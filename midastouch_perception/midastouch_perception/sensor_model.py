@@ -10,6 +10,7 @@ import dataclasses
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -73,6 +74,21 @@ class SensorModel:
         if model.light not in LIGHTS:
             raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
         return model
+
+    def as_json(self) -> dict:
+        """All of it, for a codebook's description."""
+        return dataclasses.asdict(self) | {"dome": [list(pair) for pair in self.dome]}
+
+    @classmethod
+    def of_codebook(cls, meta: Mapping) -> SensorModel:
+        """The model that a codebook's description holds, or, of one that only names it, the shipped one."""
+        stored = meta.get("sensor_model")
+        if stored is None:
+            return cls.load(meta["sensor"])
+        try:
+            return cls(**{**stored, "dome": tuple((str(k), float(v)) for k, v in stored["dome"])})
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"codebook: not a sensor model in it ({error!r}); build it again") from error
 
     @cached_property
     def content_id(self) -> str:

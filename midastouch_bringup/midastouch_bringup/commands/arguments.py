@@ -134,7 +134,7 @@ def load_object(
     """
     from midastouch_perception.codebook import Codebook
 
-    path = Path(codebook) if codebook else codebook_path(object_name)
+    path = Path(codebook) if codebook else codebook_path(object_name, networks.sensor.name)
     if not path.is_file():
         if codebook:
             raise InputError(f"{path}: no such codebook file; build it: midastouch build-codebook MESH --out {path}")

@@ -58,6 +58,6 @@ def run(args: argparse.Namespace) -> int:
             for line in build_catalogue(paths, args.tcn, args.sensor, args.size, args.seed, folder, cluster):
                 print(line)
         return 0
-    out = Path(args.out) if args.out else codebook_path(meshes[0].name)
+    out = Path(args.out) if args.out else codebook_path(meshes[0].name, args.sensor)
     print(described(out, *build_and_save(meshes[0], tcn, sensor, args.size, args.seed, out, args.jobs)))
     return 0

@@ -120,5 +120,5 @@ def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
 
 
 def _load(mesh: str | None, codebook: Path | None, networks: Networks) -> tuple[ObjectMesh, Codebook, Path]:
-    path = codebook or codebook_path(Path(mesh).stem)
+    path = codebook or codebook_path(Path(mesh).stem, networks.sensor.name)
     return *arguments.load_object(Path(mesh or path).stem, mesh, codebook and str(codebook), networks), path

@@ -23,7 +23,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--frames",
         metavar="FILE",
-        help="the frames file in use (default: that of --out, if it is there, else config/frames.yaml)",
+        help="the frames file that the filter was started with (default: config/frames.yaml, if --out is new)",
     )
     parser.add_argument("--namespace", default="", metavar="NAME", help="of the filter (default: none)")
 
@@ -42,12 +42,16 @@ def run(args: argparse.Namespace) -> int:
     from ..ros.launch_arguments import SHARE
     from ..ros.learnt_calibration import learnt_calibration
 
+    if not args.frames and Path(args.out).exists():  # what is learnt is relative to the file of the last launch
+        raise InputError(
+            f"{args.out}: exists; say which file the filter was started with: --frames {args.out}, or --frames "
+            f"{SHARE / 'config' / 'frames.yaml'}"
+        )
     told = learnt_calibration(args.namespace)
     known = list(told.known)
     if not any(known):
         raise InputError("calibration: nothing is known yet; slide over edges, and turn the sensor while it touches")
-    # stored before, it is what the filter was started with
-    frames = args.frames or (args.out if Path(args.out).is_file() else SHARE / "config" / "frames.yaml")
+    frames = args.frames or SHARE / "config" / "frames.yaml"
     if any(known[:6]):
         change = correct_mount(frames, args.out, pose_from_msg(told.mount.pose))
         distance, angle = 1e3 * np.linalg.norm(change[:3, 3]), np.degrees(se3.rotation_angle(change[:3, :3]))

@@ -45,18 +45,10 @@ def written(nodes: Mapping[str, Mapping], namespace: str) -> str:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Quotes text that rcl, unlike YAML 1.1, takes for a number: a serial number such as 20123E45."""
+    """Quotes all text: of what PyYAML leaves plain, rcl takes some for a number (20123E45) or a boolean (y)."""
 
 
-def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    try:
-        float(text)
-    except ValueError:
-        return dumper.represent_str(text)
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'")
-
-
-_Dumper.add_representer(str, _text)
+_Dumper.add_representer(str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style="'"))
 
 
 def _flat(values: Mapping, prefix: str = "") -> dict:

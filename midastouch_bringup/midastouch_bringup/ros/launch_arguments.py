@@ -186,11 +186,11 @@ def parameters(given: Mapping[str, str]) -> dict[str, dict]:
     if given.get("object"):
         found = overrides["particle_filter"]
         found.setdefault("mesh", bundled_mesh(given["object"]))
-        found.setdefault("codebook", str(codebook_path(given["object"]).resolve()))
+        found.setdefault("codebook", str(codebook_path(given["object"], given.get("sensor_model", "")).resolve()))
         for node in ("digit_sim", "explorer"):
             overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
     if given.get("objects"):
-        objects = ",".join(map(_named, given["objects"].split(",")))
+        objects = ",".join(_named(name, given.get("sensor_model", "")) for name in given["objects"].split(","))
         # what else names an object then is the one that digit_sim simulates
         overrides["particle_filter"] |= {"objects": objects, "mesh": "", "codebook": ""}
     if given.get("bag") and not given.get("background"):
@@ -218,12 +218,12 @@ def bundled_mesh(name: str) -> str:
     return str(objects[name])
 
 
-def _named(one: str) -> str:
-    """One of `objects`: of a bundled object the codebook, as long as there is none its mesh."""
+def _named(one: str, sensor: str) -> str:
+    """One of `objects`: of a bundled object the codebook for that sensor, as long as there is none its mesh."""
     name = one.strip()
     if name not in bundled_objects():
         return name
-    codebook = codebook_path(name).resolve()
+    codebook = codebook_path(name, sensor).resolve()
     return str(codebook) if codebook.is_file() else bundled_mesh(name)
 
 
@@ -270,8 +270,8 @@ def _read(path: str) -> dict[str, dict]:
 
 def _require_same_sensor(path: str, nodes: Mapping[str, dict], sensor: str | None) -> None:
     """InputError if a parameter file has another sensor than the argument, whose default some set-ups have."""
-    for node, own in nodes.items():
-        theirs = own.get("sensor_model", sensor)
+    for node in ("tdn", "tcn", "particle_filter"):
+        theirs = nodes.get(node, {}).get("sensor_model", sensor)
         if sensor and theirs != sensor:
             raise InputError(
                 f"{path}: {node} has the sensor_model {theirs}, but the argument says {sensor}; "

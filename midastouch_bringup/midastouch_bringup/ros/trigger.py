@@ -8,9 +8,11 @@ from midastouch_perception.errors import InputError
 
 from .local_context import node_for_once, spin_until
 
+_LONGEST = 660.0  # s that a node may take for its answer: `capture_timeout` is at most 600
+
 
 def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Response:
-    """What the service `service` in the namespace answers; InputError if nobody does within `patience` seconds."""
+    """What the service `service` in the namespace answers; InputError if nobody offers it within `patience` seconds."""
     with node_for_once(f"call_{service}", namespace) as node:
         client = node.create_client(Trigger, service)
         if not spin_until(node, client.service_is_ready, patience):
@@ -19,6 +21,6 @@ def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Res
                 "Another namespace: --namespace"
             )
         answer = client.call_async(Trigger.Request())
-        if not spin_until(node, answer.done, patience):
-            raise InputError(f"{client.service_name}: no answer within {patience:g} s; see the log of its node")
+        if not spin_until(node, answer.done, _LONGEST):
+            raise InputError(f"{client.service_name}: no answer within {_LONGEST:g} s; see the log of its node")
         return answer.result()

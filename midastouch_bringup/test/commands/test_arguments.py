@@ -14,7 +14,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 
 NETWORKS = SimpleNamespace(
-    tcn=SimpleNamespace(network_id="net-1"), sensor=SimpleNamespace(content_id="id-1", name="digit")
+    tcn=SimpleNamespace(network_id="net-1"), sensor=SimpleNamespace(content_id="id-1", name="digit_tacto")
 )
 
 
@@ -34,7 +34,7 @@ def save_book(mesh: ObjectMesh, **changes) -> None:
         "mesh_name": "box",
         "mesh_sha256": mesh.sha256,
         "mesh_path": str(mesh.path),
-        "sensor": "digit",
+        "sensor": "digit_tacto",
         "sensor_id": "id-1",
         "tcn": "net-1",
     }

@@ -68,10 +68,12 @@ def test_where_ros_does_not_start_that_is_said(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_what_was_stored_is_what_is_corrected_the_next_time(graph, tmp_path):
-    stored, x = tmp_path / "frames.yaml", []
-    for _ in range(2):
-        publish(graph, [True] * 7)
-        assert cli.main(["store-mount", "--out", str(stored)]) == 0
+def test_once_stored_it_has_to_be_said_what_the_filter_was_started_with(graph, tmp_path, capsys):
+    publish(graph, [True] * 7)
+    stored, x = str(tmp_path / "frames.yaml"), []
+    for frames in ([], ["--frames", str(SHIPPED)], ["--frames", stored]):
+        assert cli.main(["store-mount", "--out", stored, *frames]) == 0
         x.append(read_mount(stored)[0][2][0, 3])
-    assert x[1] - x[0] == pytest.approx(0.002, abs=1e-6)
+    assert np.diff(x) == pytest.approx([0, 0.002], abs=1e-6)
+    assert cli.main(["store-mount", "--out", stored]) == 2
+    assert f"--frames {stored}, or --frames " in capsys.readouterr().err

@@ -43,4 +43,4 @@ def test_without_the_extra_the_mend_is_said(runs, tmp_path, monkeypatch, capsys,
     monkeypatch.delitem(sys.modules, f"midastouch_bringup.export.{kind}", raising=False)
     monkeypatch.setitem(sys.modules, module, None)
     assert main(["export", str(runs[0]), "--format", kind, "--out", str(tmp_path / "exported")]) == 2
-    assert "midastouch_bringup[export]" in capsys.readouterr().err
+    assert "tools/requirements/export.txt" in capsys.readouterr().err

@@ -58,7 +58,7 @@ def test_a_missing_file_is_named(tmp_path):
         read_parameters(tmp_path / "none.yaml")
 
 
-@pytest.mark.parametrize("serial", ["20123E45", "1e5", "20025", "nan", "1_000"])
-def test_text_that_looks_like_a_number_stays_text(serial):
+@pytest.mark.parametrize("serial", ["20123E45", "1e5", "20025", "nan", "1_000", "y", "0x1p3"])
+def test_text_that_looks_like_something_else_stays_text(serial):
     line = next(line for line in written({"tdn": {"serial": serial}}, "").splitlines() if "serial" in line)
-    assert line.strip() == f"serial: '{serial}'"
+    assert line.strip() == f"'serial': '{serial}'"

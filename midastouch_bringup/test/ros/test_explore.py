@@ -15,7 +15,6 @@ from PIL import Image
 
 from midastouch_bringup import cli
 from midastouch_bringup.report import run_pictures
-from midastouch_bringup.ros.launch_arguments import SHARE
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MAX_PATH, MAX_MOTION = 0.01, 0.02  # m
@@ -29,8 +28,7 @@ def short(tmp_path, monkeypatch):
     monkeypatch.setattr("sys.stdin", (tmp_path / "keys").open())  # no terminal; that of the tests is not to be read
     monkeypatch.setattr(run_pictures, "GIF_FRAMES", 3)
     assert cli.main(["build-codebook", "eyebolt", "--size", "400"]) == 0
-    overlay = yaml.safe_load((SHARE / "config" / "explore.yaml").read_text())
-    overlay["explorer"] = {"ros__parameters": {"max_path": MAX_PATH, "max_motion": MAX_MOTION}}
+    overlay = {"explorer": {"ros__parameters": {"max_path": MAX_PATH, "max_motion": MAX_MOTION}}}
     (tmp_path / "short.yaml").write_text(yaml.safe_dump(overlay))
     return ["object:=eyebolt", "codebook:=out/codebooks/eyebolt.npz", "objects:=", "params_overlay:=short.yaml"]
 

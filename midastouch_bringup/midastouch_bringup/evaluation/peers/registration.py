@@ -54,7 +54,7 @@ class Registration(DeadReckoning):
     ):
         self._config = config or RegistrationConfig()
         self._open3d = require_open3d()
-        self._sensor = SensorModel.load(codebook.meta["sensor"]).scaled(MAP_SCALE)
+        self._sensor = SensorModel.of_codebook(codebook.meta).scaled(MAP_SCALE)
         points, normals, _ = mesh.sample_surface(
             max(int(4 * mesh.area / self._config.voxel**2), 1000), np.random.default_rng(0)
         )

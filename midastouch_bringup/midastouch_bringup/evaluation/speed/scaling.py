@@ -24,7 +24,7 @@ from .memory import peak_rss_mb
 from .timing import Stopwatch
 
 USUAL = 50_000
-"""Particles and poses of the filter as shipped: the one that is not varied."""
+"""Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""
 PARTICLES = (100, 1_000, 10_000, USUAL, 100_000, 1_000_000)
 POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
 
