@@ -38,7 +38,7 @@ def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_tr
         one = {"variant": variant, "trials": 100, "cpu_ms_filter": cpu, "e_trans_mm": error, "verdict": "-"}
         return one | same | {"difference_mm_interval": None, "right": 0.9}
 
-    rows = [compared("default", 6, 2), compared("fast", 3, 4), compared("5k", 4, 5)]
+    rows = [compared("default", 6, 2), compared("fast", 3, 4), compared("20k", 4, 5)]
     about = {one["variant"]: VARIANTS[one["variant"]].describe() for one in rows}
     monkeypatch.setattr(tool, "reported", lambda: ["front"])
     monkeypatch.setattr(tool, "report", lambda name: {"comparison": rows, "variants": about})
