@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from midastouch_filter.presets import PRESETS_IN_WORDS
 from midastouch_perception.errors import InputError
 
-from ..output_paths import codebook_path
+from ..output_paths import SIMULATED, codebook_path
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
@@ -139,7 +139,10 @@ def load_object(
         if codebook:
             raise InputError(f"{path}: no such codebook file; build it: midastouch build-codebook MESH --out {path}")
         built_from = mesh or f"{object_name}.ply"
-        raise InputError(f"{path}: no codebook of {object_name}; build it: midastouch build-codebook {built_from}")
+        sensor = "" if networks.sensor.name == SIMULATED else f" --sensor {networks.sensor.name}"
+        raise InputError(
+            f"{path}: no codebook of {object_name}; build it: midastouch build-codebook {built_from}{sensor}"
+        )
     if mesh is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():

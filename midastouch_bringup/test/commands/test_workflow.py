@@ -205,7 +205,7 @@ def test_to_bag_writes_what_replay_can_play(run, workspace):
     ("arguments", "message"),
     [
         (["evaluate", "eyebolt/00", "--mesh", "ball"], "built for the mesh 'eyebolt', not for this 'ball'"),
-        (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "sensor"),
+        (["evaluate", "eyebolt/00", "--sensor", "digit_real"], "build-codebook eyebolt.ply --sensor digit_real"),
         (["evaluate", "eyebolt/00", "--real"], "eyebolt/00: not a real slide of YCB-Slide"),
         (["download", "ycb-mesh"], "name what to download"),
         (["evaluate", "eyebolt/00", "--tdn", "slow"], "tdn network 'slow' is not known"),
