@@ -63,7 +63,10 @@ class Codebook:
         are spread over the object as evenly as all.
         Raises InputError: no such file, not a codebook, other format version, non-finite content, mismatch.
         """
-        path = require_file(path, "codebook")
+        try:
+            path = require_file(path, "codebook")
+        except InputError as error:
+            raise InputError(f"{error}, or build it: midastouch build-codebook MESH --sensor MODEL") from error
         try:
             data = _read(path) if first is None else mapped_npz(path)
             poses, codes = (data[name][:first].astype(np.float32) for name in ("poses", "codes"))
