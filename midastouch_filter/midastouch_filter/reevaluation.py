@@ -187,9 +187,9 @@ class Reevaluation:
             # a start may be narrower than the object's places are apart
             log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
         # of an object with so many places only some are named; a broken motion may lead to any of them
-        elsewhere = np.log(max(1.0 - np.exp(log_prior).sum(), 1.0 / self._count))
+        log_prior = np.append(log_prior, np.log(max(1.0 - np.exp(log_prior).sum(), 1.0 / self._count)))
         log_arrival = np.append(np.full(len(chosen), -np.log(self._count)), 0.0)
-        share, elsewhere = place_posterior(every[chosen], np.append(log_prior, elsewhere), log_arrival, window.change)
+        share, elsewhere = place_posterior(every[chosen], log_prior, log_arrival, window.change)
         places = [
             Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), float(p))
             for i, p in zip(chosen, share, strict=True)
