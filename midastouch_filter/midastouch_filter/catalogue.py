@@ -246,3 +246,8 @@ def _require_alike(first: Entry, other: Entry) -> None:
                 f"{other.path or other.name}: codebook of the {what} {two}, that of {first.name} is of {one}; "
                 "build one of them again"
             )
+    if SensorModel.of_codebook(first.meta).content_id != SensorModel.of_codebook(other.meta).content_id:
+        raise InputError(
+            f"{other.path or other.name}: codebook of a sensor {other.meta['sensor']} with another geometry than "
+            f"that of {first.name}; build one of them again"
+        )

@@ -10,8 +10,10 @@ from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
 
 NOISE = NoiseModel.of(FilterConfig(threads=1))
+OTHER_GEL = SensorModel.load("digit_tacto").at_scale(15e3).as_json()
 
 
 def described(mesh, poses, codes, derived=None, **other):
@@ -142,6 +144,10 @@ def test_an_object_can_be_left_out(shelf):
         (lambda shelf: shelf.folder / "missing.npz", "missing.npz: no such codebook file"),
         (lambda shelf: shelf.add("other_network", 0.7, tcn="another"), "other_network.npz.*network another"),
         (lambda shelf: shelf.add("other_sensor", 0.7, sensor="digit_real"), "other_sensor.npz.*sensor digit_real"),
+        (
+            lambda shelf: shelf.add("other_gel", 0.7, sensor_model=OTHER_GEL),
+            "other_gel.npz.*sensor digit_tacto with another",
+        ),
         (lambda shelf: shelf.add("moved", 0.7, mesh_path="/nowhere/moved.ply"), "moved.npz: its mesh '/nowhere"),
         (lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"), "changed.npz: its mesh .* has changed"),
     ],

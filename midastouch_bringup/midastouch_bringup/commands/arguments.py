@@ -136,10 +136,12 @@ def load_object(
 
     path = Path(codebook) if codebook else codebook_path(object_name, networks.sensor.name)
     if not path.is_file():
-        if codebook:
-            raise InputError(f"{path}: no such codebook file; build it: midastouch build-codebook MESH --out {path}")
-        built_from = mesh or f"{object_name}.ply"
         sensor = "" if networks.sensor.name == SIMULATED else f" --sensor {networks.sensor.name}"
+        if codebook:
+            raise InputError(
+                f"{path}: no such codebook file; build it: midastouch build-codebook MESH{sensor} --out {path}"
+            )
+        built_from = mesh or f"{object_name}.ply"
         raise InputError(
             f"{path}: no codebook of {object_name}; build it: midastouch build-codebook {built_from}{sensor}"
         )
