@@ -89,11 +89,12 @@ def presses() -> Table:
                 f"{one['depth_correlation']:.2f}",
                 f"{one['felt_radius_mm']:.1f} mm",
                 f"{one['iou']:.2f}",
+                f"{one['brightness_mm']:.3f} mm",
                 f"[{name}]",
             ]
         )
     header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both"]
-    return [*header, "radius felt", "IoU", "report"], rows
+    return [*header, "radius felt", "IoU", "by 10 % of light", "report"], rows
 
 
 def checks() -> Table:

@@ -56,6 +56,7 @@ def run(args: argparse.Namespace) -> int:
 
     from ..datasets.ball_presses import load_ball_presses
     from ..evaluation.machine import machine_info
+    from ..evaluation.perception.brightness import brightness_effect
     from ..evaluation.perception.held_out_calibrations import calibrations_of
     from ..evaluation.perception.press_quality import measure_presses
     from ..evaluation.result_file import to_json
@@ -75,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     calibrations = calibrations_of(settings, presses, sensor)
     with progress_bar(total=len(presses.images), unit="press") as bar:
         rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
+    summary["brightness_mm"] = 1e3 * brightness_effect(tdn, presses, calibrations)
     checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
     result = to_json(
         {
@@ -109,7 +111,7 @@ def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) 
 
 
 def _table(result: dict) -> str:
-    from ..evaluation.table import text_table
+    from ..evaluation.table import number, text_table
 
     columns = {
         "felt": result["summary"],
@@ -117,10 +119,10 @@ def _table(result: dict) -> str:
         "that ball, by the labels": result.get("labels"),
     }
     columns = {title: _figures(summary, result["ball_diameter"]) for title, summary in columns.items() if summary}
-    rows = zip(*columns.values(), strict=True)
-    return text_table(
-        ["median over presses", *columns], [[cells[0][0], *(value for _, value in cells)] for cells in rows]
-    )
+    rows = [[cells[0][0], *(value for _, value in cells)] for cells in zip(*columns.values(), strict=True)]
+    unsteady = f"{number(result['summary']['brightness_mm'], 3)} mm"
+    rows.append(["depth changed by 10 % more or less light", unsteady, *[""] * (len(columns) - 1)])
+    return text_table(["median over presses", *columns], rows)
 
 
 def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
