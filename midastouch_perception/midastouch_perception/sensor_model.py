@@ -23,6 +23,10 @@ MAP_SCALE = 0.5
 """Resolution of penetration maps as a share of the image's: that of the depth network."""
 
 LIGHTS = ("relative", "additive")
+DIGIT_LAMPS = "digit"
+_KEYS = "width", "height", "focal", "gel_distance", "dome", "light", "lamps"
+_DOME = {"radius_x", "radius_y", "semi_axis_z"}
+_PIXEL = 0.005e-3, 0.5e-3  # m: from a microscope's to a finger's
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -33,7 +37,8 @@ class SensorModel:
     Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
     gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
     share of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
-    no-contact image (a simulator that adds rendered differences to a photograph).
+    no-contact image (a simulator that adds rendered differences to a photograph); lamps: `digit` for a sensor whose
+    colours come from where a DIGIT's do, so that an image tells whether it is turned, else empty.
     """
 
     name: str
@@ -43,6 +48,7 @@ class SensorModel:
     gel_distance: float
     dome: tuple[tuple[str, float], ...]
     light: str = "relative"
+    lamps: str = ""
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> SensorModel:
@@ -55,24 +61,34 @@ class SensorModel:
                 raise InputError(f"sensor model '{name_or_path}' is not known; use {known} or a .yaml file")
         data = read_yaml(path, "sensor model")
         try:
+            if unknown := sorted(set(data) - set(_KEYS)):
+                raise ValueError(f"unknown: {', '.join(map(str, unknown))}; there are {', '.join(_KEYS)}")
             model = cls(
                 name=path.stem,
-                width=int(data["width"]),
-                height=int(data["height"]),
+                width=_whole(data["width"]),
+                height=_whole(data["height"]),
                 focal=float(data["focal"]),
                 gel_distance=float(data["gel_distance"]),
                 dome=tuple(sorted((str(k), float(v)) for k, v in data["dome"].items())),
                 light=str(data.get("light", "relative")),
+                lamps=str(data.get("lamps", "")),
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(f"{path}: not a sensor model ({error}); compare with digit_tacto.yaml") from error
-        if set(dict(model.dome)) != {"radius_x", "radius_y", "semi_axis_z"}:
+        if set(dict(model.dome)) != _DOME:
             raise InputError(f"{path}: dome needs radius_x, radius_y and semi_axis_z")
         lengths = (model.width, model.height, model.focal, model.gel_distance, *dict(model.dome).values())
         if not all(0 < length < math.inf for length in lengths):
             raise InputError(f"{path}: width, height, focal, gel_distance and those of dome must be positive numbers")
         if model.light not in LIGHTS:
             raise InputError(f"{path}: light '{model.light}' is not known; use {' or '.join(LIGHTS)}")
+        if model.lamps not in ("", DIGIT_LAMPS):
+            raise InputError(f"{path}: lamps '{model.lamps}' are not known; use {DIGIT_LAMPS}, or leave the line out")
+        if not _PIXEL[0] < model.pixel_size < _PIXEL[1]:
+            raise InputError(
+                f"{path}: a pixel of {1e3 * model.pixel_size:.3g} mm (gel_distance over focal) is none of a tactile "
+                "sensor; give focal in pixels and gel_distance in metres"
+            )
         return model
 
     def as_json(self) -> dict:
@@ -94,7 +110,7 @@ class SensorModel:
     def content_id(self) -> str:
         """Short hash of the geometry, recorded in codebooks and weights; a codebook knows no light."""
         values = dataclasses.asdict(self)
-        del values["light"]
+        del values["light"], values["lamps"]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
     def scaled(self, factor: float) -> SensorModel:
@@ -163,3 +179,9 @@ class SensorModel:
     def pixel_area(self) -> float:
         """Area [m^2] of one pixel at the gel apex."""
         return self.pixel_size**2
+
+
+def _whole(value: object) -> int:
+    if value != int(value):
+        raise ValueError(f"{value} is not a whole number of pixels")
+    return int(value)

@@ -110,6 +110,10 @@ BUT_WIDTH = "height: 320\nfocal: 300\ngel_distance: 0.022\ndome: {radius_x: 0.03
         (f"width: 240\n{BUT_WIDTH.replace('300', '.nan')}", "must be positive"),
         (f"width: 240\n{BUT_WIDTH.replace('0.04', '.nan')}", "must be positive"),
         ("width: 240\nheight: 320\nfocal: 3\ngel_distance: 0.1\ndome: {radius_x: 1}\n", "dome needs"),
+        (f"width: 240.7\n{BUT_WIDTH}", "240.7 is not a whole number"),
+        (f"width: 240\nlihgt: additive\n{BUT_WIDTH}", "unknown: lihgt; there are width, .*light"),
+        (f"width: 240\nlamps: mine\n{BUT_WIDTH}", "lamps 'mine' are not known; use digit, or leave the line out"),
+        (f"width: 240\n{BUT_WIDTH.replace('0.022', '22')}", "a pixel of 73.3 mm .* is none .*gel_distance in metres"),
     ],
 )
 def test_broken_models_are_refused(tmp_path, content, said):
@@ -138,4 +142,4 @@ def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
 
 def test_a_codebook_knows_no_light():
     real = SensorModel.load("digit_real")
-    assert dataclasses.replace(real, light="additive").content_id == real.content_id
+    assert dataclasses.replace(real, light="additive", lamps="").content_id == real.content_id

@@ -144,4 +144,4 @@ def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: Sensor
     if widest > _WIDEST:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
     penetrations = [penetration_of(press, radius, sensor) for press in used]
-    require_upright([press.change for press in used], penetrations, sensor.pixel_size)
+    require_upright([press.change for press in used], penetrations, sensor)

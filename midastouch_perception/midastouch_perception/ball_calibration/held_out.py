@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..sensor_calibration import SensorCalibration, plain_slopes
+from ..sensor_model import DIGIT_LAMPS, SensorModel
 from .response import NormalEquations, height_slopes, press_equations, well_inside
 
 FEWEST = 5
@@ -66,12 +67,14 @@ def cross_validation(
     return dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
 
 
-def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], pixel: float) -> None:
-    """Raises InputError if the colours change by the slopes of what touches the other way round than on other DIGITs,
-    across or along the finger."""
+def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> None:
+    """Raises InputError if the colours of a sensor with a DIGIT's lamps change by the slopes of what touches the other
+    way round than on other DIGITs, across or along the finger. sensor: at the maps' resolution."""
+    if sensor.lamps != DIGIT_LAMPS:
+        return
     agreement = []
     for change, penetration in zip(changes, penetrations, strict=True):
-        truth, inside = contact_slopes(penetration, pixel)
+        truth, inside = contact_slopes(penetration, sensor.pixel_size)
         agreement.append((plain_slopes(change)[inside] * truth[inside]).sum(axis=0))
     if np.median(agreement, axis=0).min() < 0:
         raise InputError(

@@ -70,7 +70,7 @@ def calibrate_on_object(
         raise InputError(f"{usable} of {len(touches)} touches can be used, {FEWEST} are needed. {reasons(touches)}")
     changes = [touch.change for touch in touches]
     used = [(change, p) for change, p in zip(changes, penetrations, strict=True) if p is not None]
-    require_upright(*zip(*used, strict=True), half.pixel_size)
+    require_upright(*zip(*used, strict=True), half)
     made = made_of(background, sensor, serial, object_name=mesh.name)
     calibration, held_out = fitted(changes, penetrations, half.pixel_size, made)
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)

@@ -13,12 +13,16 @@ the slopes of presses it has not seen: so it is here for a good part of the sens
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
 
-_ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
+_COLOURS = 3
+_TURNED = np.radians(25)  # deviation of a lamp from where its design has it
+_MOST_LAMPS = 5
 _AWAY = 0.008, 0.05  # m of the lights from the middle
 _ABOVE = 0.004  # m of the lights over the gel
 _FADING = 3.0  # power of the distance with which a light fades, at most
@@ -29,35 +33,55 @@ _STEPS = np.array([0.25, 0.5, 0.9, 1.4, 2.0, 2.8]) * 1e-3  # m towards a light, 
 _PENUMBRA = 0.15e-3, 0.25  # m of height between full shadow and none, and by how much it widens a metre away
 
 
-class GelLight:
-    """The lights of one imaginary DIGIT, for one sensor model at its resolution."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class LampDesign:
+    """Where the lamps of a kind of sensor are: angles (L,) rad, y up; colours (L,), which of the three each has."""
 
-    def __init__(self, sensor: SensorModel, rng: np.random.Generator):
+    angles: np.ndarray
+    colours: np.ndarray
+
+    @classmethod
+    def random(cls, rng: np.random.Generator) -> LampDesign:
+        """Three to five lamps around the gel, turned, mirrored and of any order of colours."""
+        lamps = int(rng.integers(_COLOURS, _MOST_LAMPS + 1))
+        angles = rng.uniform(0, 2 * np.pi) + np.arange(lamps) * 2 * np.pi / lamps
+        return cls(angles, np.resize(rng.permutation(_COLOURS), lamps))
+
+
+DIGIT_LAMPS = LampDesign(np.radians([30.0, 150.0, 270.0]), np.arange(_COLOURS))
+
+
+class GelLight:
+    """The lights of one imaginary sensor of relative light, a DIGIT or of another `design`, for one sensor model at its
+    resolution."""
+
+    def __init__(self, sensor: SensorModel, rng: np.random.Generator, design: LampDesign = DIGIT_LAMPS):
         self._pixel = sensor.pixel_size
         shape = sensor.height, sensor.width
         self._grid = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j].astype(np.float32)
         self._places = np.stack([t * sensor.gel_depth for t in sensor.rays]).astype(np.float32)
-        self._angles = _ANGLES + rng.normal(0, np.radians(25), 3)
+        lights = len(design.angles)
+        self._angles = design.angles + rng.normal(0, _TURNED, lights)
         fading, patchy = rng.uniform(0, _FADING), rng.uniform(0, _PATCHY)
         lamps = [self._draw_lamp(angle, fading, patchy, rng) for angle in self._angles]
         self._towards, brightness = zip(*lamps, strict=True)
         overall = np.log(3.6) + rng.normal(0, 0.35)
         # single precision here and below: this is what takes the time of a simulated image
-        incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.25)) for _ in _ANGLES]
+        incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.25)) for _ in range(lights)]
         self._incidence = np.float32(incidence)
         # share (H, W) of each colour (first) that each light (second) brings; the rest is diffuse
-        self._shares = np.empty((3, 3, *shape), np.float32)
-        for colour in range(3):
-            own, leaked = rng.uniform(0.4, 0.85), rng.uniform(0, 0.25, 3)
-            leaked[colour] = own
+        self._shares = np.empty((_COLOURS, lights, *shape), np.float32)
+        for colour in range(_COLOURS):
+            own, leaked = rng.uniform(0.4, 0.85), rng.uniform(0, 0.25, lights)
+            leaked[design.colours == colour] = own
             parts = zip(leaked, brightness, strict=True)
             self._shares[colour] = [part * bright * np.exp(self._smooth(rng, 0.3)) for part, bright in parts]
         diffuse = rng.uniform(0.0, 0.5)
         self._shares /= np.maximum(self._shares.sum(axis=1, keepdims=True) + diffuse, 1)
-        self._shadow = np.float32(rng.uniform(0, 1, 3) * (rng.random() < 0.8))
-        self._elevation = rng.uniform(0.02, 0.6, 3)  # tangent of the lights' height: how short the shadows are
+        self._shadow = np.float32(rng.uniform(0, 1, lights) * (rng.random() < 0.8))
+        self._elevation = rng.uniform(0.02, 0.6, lights)  # tangent of the lights' height: how short the shadows are
         # by how much each light can brighten
-        self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), 3)))
+        self._brightest = np.float32(np.exp(rng.uniform(np.log(1.5), np.log(8), lights)))
         self._power = rng.uniform(0.85, 1.3)  # of the camera: gamma
 
     def ratio(self, height: np.ndarray) -> np.ndarray:
@@ -65,8 +89,8 @@ class GelLight:
         right = cv2.Sobel(height, cv2.CV_32F, 1, 0) / (8 * self._pixel)
         up = cv2.Sobel(height, cv2.CV_32F, 0, 1) / (-8 * self._pixel)
         foreshortening = 1 / np.sqrt(1 + right**2 + up**2)
-        out = np.ones((3, *height.shape), np.float32)
-        for light in range(3):
+        out = np.ones((_COLOURS, *height.shape), np.float32)
+        for light in range(len(self._angles)):
             across = right * self._towards[light][0] + up * self._towards[light][1]
             lit = foreshortening * _falling_to_nothing(1 - self._incidence[light] * across)
             brighter = np.maximum(lit - 1, 0)
@@ -74,7 +98,7 @@ class GelLight:
             if self._shadow[light]:
                 lit *= 1 - self._shadow[light] * self._shadowed(height, light)
             lit -= 1
-            for colour in range(3):
+            for colour in range(_COLOURS):
                 out[colour] += self._shares[colour, light] * lit
         return cv2.merge(list(cv2.pow(np.maximum(out, 0.02), self._power)))
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from .colour_table import ColourTable
-from .gel_light import GelLight
+from .gel_light import DIGIT_LAMPS, GelLight, LampDesign
 from .gel_surface import sunk_in
 from .optics import Illumination, gel_normals, shade
 
@@ -30,12 +30,13 @@ class RandomisationRange:
 
     Attributes: wide_share of the sensors that leave TACTO's neighbourhood; table_share of those that shine by
     `colour_table`, if there is one; dark_share of the frames in which the object, beside the view, stands in the way of
-    one of the lights.
+    one of the lights; design_share of those with relative light whose lamps are not a DIGIT's.
     """
 
     wide_share: float = 0.6
     table_share: float = 0.35
     dark_share: float = 0.12
+    design_share: float = 0.0
     colour_table: ColourTable | None = None
 
 
@@ -78,7 +79,8 @@ class RandomSensor:
         self._rest = self._render(self._rest_depth, self._rest_normals, self._illumination)
         self._gel = None
         if sensor.light == "relative":
-            self._gel = GelLight(sensor, rng)
+            other = ranges.design_share and rng.random() < ranges.design_share
+            self._gel = GelLight(sensor, rng, LampDesign.random(rng) if other else DIGIT_LAMPS)
             self._noise *= _GEL_NOISE
             self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
             self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size

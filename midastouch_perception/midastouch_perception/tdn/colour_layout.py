@@ -73,14 +73,14 @@ def exposure_problem(image: np.ndarray, most: float) -> str:
     return ""
 
 
-def image_problem(image: np.ndarray, layout: np.ndarray) -> str:
+def image_problem(image: np.ndarray, layout: np.ndarray | None) -> str:
     """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to mend it; empty if nothing.
 
-    layout (16, 12, 3), of DIGITs as they should be.
+    layout (16, 12, 3), of DIGITs as they should be; None for a sensor whose lamps nobody knows.
     """
     if problem := exposure_problem(image, _CLIPPED_SHARE):
         return f"the no-contact image is {problem}"
-    if wrong := misorientation(image, layout):
+    if layout is not None and (wrong := misorientation(image, layout)):
         return f"the images look {wrong}; {_mend(wrong)}"
     return ""
 

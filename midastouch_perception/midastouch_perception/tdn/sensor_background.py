@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..sensor_model import SensorModel
+from ..sensor_model import DIGIT_LAMPS, SensorModel
 from .background_capture import RunningBackground
 from .background_file import read_background
 from .background_store import BackgroundStore
@@ -22,7 +22,8 @@ class SensorBackground:
     """
 
     def __init__(self, sensor: SensorModel, path: str, store: BackgroundStore | None, frames: int):
-        self._layout, self._store = shipped_layout(), store
+        self._layout = shipped_layout() if sensor.lamps == DIGIT_LAMPS else None
+        self._store = store
         self._running: RunningBackground | None = None
         self.image: np.ndarray | None = None
         self.source, self.problem = "none yet", ""

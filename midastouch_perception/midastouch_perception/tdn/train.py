@@ -31,11 +31,13 @@ CONTACT = 2e-5  # m: a pixel counts as touched from this penetration on
 
 
 def training_sensors(light: str) -> list[SensorModel]:
-    """The geometries trained for. Of relative light: the real DIGIT's at several scales; of additive: mostly TACTO's,
-    some real ones, and some in between."""
+    """The geometries trained for. Of relative light: the real DIGIT's at several scales, and two flat gels; of
+    additive: mostly TACTO's, some real ones, and some in between."""
     tacto, real = SensorModel.load("digit_tacto").for_maps, SensorModel.load("digit_real").for_maps
     if light == "relative":
-        return [real] * 3 + [dataclasses.replace(real, focal=f) for f in (170.0, 190.0, 215.0, 235.0)]
+        flat = SensorModel.load("gelsight_mini").for_maps
+        scaled = [dataclasses.replace(real, focal=f) for f in (170.0, 190.0, 215.0, 235.0)]
+        return [real] * 3 + scaled + [flat, dataclasses.replace(flat, focal=1.3 * flat.focal)]
     real = dataclasses.replace(real, light=light)
     return [tacto] * 5 + [real] * 2 + [dataclasses.replace(real, focal=f) for f in (150.0, 185.0, 225.0)]
 

@@ -17,6 +17,7 @@ from .backgrounds import load_backgrounds
 from .objects import load_objects
 
 PROCEDURAL_OBJECTS = 24
+_OTHER_DESIGNS = 0.2  # of the sensors with relative light: a new gel is to be read before anybody trains for it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,5 +80,5 @@ class TrainingData:
         return cls(
             *load_objects(options.meshes, PROCEDURAL_OBJECTS, options.seed),
             *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
-            RandomisationRange(colour_table=table),
+            RandomisationRange(colour_table=table, design_share=_OTHER_DESIGNS),
         )

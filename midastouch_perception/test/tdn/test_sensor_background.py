@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
 from midastouch_perception.tdn.sensor_background import SensorBackground
 
@@ -51,3 +52,13 @@ def test_what_cannot_be_right_is_said(sensor):
     assert "black" in background.problem
     with pytest.raises(InputError, match=r"nowhere\.png"):
         SensorBackground(sensor, "nowhere.png", None, 4)
+
+
+def test_only_images_of_a_digit_are_said_to_be_turned(shared):
+    folder = shared / "data/digit_real/ball_presses"
+    turned = np.ascontiguousarray(cv2.imread(str(folder / "background.png"))[::-1, ::-1, ::-1])
+    for name, said in (("digit_real", "upside down"), ("gelsight_mini", "")):
+        background = SensorBackground(SensorModel.load(name), "", None, 1)
+        background.observe(turned)
+        assert said in background.problem
+        assert bool(said) == bool(background.problem)
