@@ -24,6 +24,7 @@ class Sequence:
         name: the last two parts of that path, such as `035_power_drill/00`.
         object_name: name of the object touched.
         layout: `simulated`, `real` or `tactile_tracking`.
+        sensor: name of the sensor model of its images.
         image_paths: one file per frame.
         stamps_ns: (N,) int64, increasing, nanoseconds; never 0, which ROS reads as "no time".
         poses_true: (N, 4, 4) T_obj_gel from ground truth.
@@ -35,6 +36,7 @@ class Sequence:
     path: Path
     object_name: str
     layout: str
+    sensor: str
     image_paths: tuple[Path, ...]
     stamps_ns: np.ndarray
     poses_true: np.ndarray

@@ -14,6 +14,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.grasp import simulate_grasps
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.simulation.simulated_digit import SimulatedCamera
 from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
 
 from ..progress import progress_bar
@@ -55,6 +56,13 @@ class TactoCamera:
         return self._optics.image(penetration, self.background, rng, normals)
 
 
+def camera_of(sensor: SensorModel, rng: np.random.Generator) -> TactoCamera | SimulatedCamera:
+    """A sensor whose light is as its model says: added to the no-contact image, or relative to it."""
+    if sensor.light == "additive":
+        return TactoCamera(sensor, rng)
+    return SimulatedCamera(sensor, no_contact_image(sensor, rng), rng)
+
+
 def simulate_sequence(
     mesh: ObjectMesh,
     sensor: SensorModel,
@@ -90,7 +98,7 @@ def _write(
 ) -> None:
     """Images and measurements at the poses (N, 4, 4), as a sequence."""
     measured = measure_poses(poses, rng, NOISE_T, NOISE_R)
-    camera = TactoCamera(sensor, rng)
+    camera = camera_of(sensor, rng)
     renderer = PenetrationRenderer(mesh, sensor)
     # a generator per image, so that the order in which threads draw does not matter
     noises = rng.spawn(len(poses))

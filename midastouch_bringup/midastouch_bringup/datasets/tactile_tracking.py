@@ -47,6 +47,7 @@ def load_trial(path: Path) -> VideoSequence:
         path=path,
         object_name=re.sub(r"\d+$", "", path.resolve().name),
         layout="tactile_tracking",
+        sensor="gelsight_mini",
         image_paths=(),
         stamps_ns=_SECOND + np.round(np.arange(len(poses)) * (_SECOND / rate)).astype(np.int64),
         poses_true=poses,

@@ -38,7 +38,7 @@ def write_sequence(
         frames: (image (320, 240, 3) uint8 RGB, penetration (320, 240) metres) per frame; taken one at a time.
         poses_true, poses_measured: (N, 4, 4) T_obj_gel.
         background: the sensor's no-contact image, as the images.
-        sensor: model the images were made with; its camera poses are written too.
+        sensor: model the images were made with; its name and its camera poses are written too.
         noise: standard deviations of the measured poses, `sig_t` in metres and `sig_r` in degrees.
 
     Raises InputError if `path` holds anything but a sequence, or if frames and poses differ in number.
@@ -63,6 +63,7 @@ def write_sequence(
             "gelposes_meas": se3.to_xyzquat(poses_measured),
             "mNoise": {key: float(value) for key, value in noise.items()},
             "object_name": object_name,
+            "sensor": sensor.name,
         }
         (folder / "tactile_data.pkl").write_bytes(pickle.dumps(data, protocol=4))
 

@@ -36,6 +36,8 @@ _REAL_STRIDE = 2  # 30 Hz cameras, used at 15 Hz as in the paper
 _JUMP_FACTOR = 10.0  # times the mean step, as the paper's reader
 _SMALLEST_JUMP = 0.005  # m: where the sensor mostly rests the mean step is tiny, and ten times it no jump
 
+_PAPERS_SIMULATED, _REAL_SENSOR = "digit_tacto", "digit_real"
+
 PENETRATION_FILE = "penetration_truth.npz"
 BACKGROUND_FILE = "background.png"
 
@@ -57,6 +59,7 @@ def load_simulated(path: Path) -> Sequence:
         path=path,
         object_name=str(data.get("object_name", path.resolve().parent.name)),
         layout="simulated",
+        sensor=str(data.get("sensor", _PAPERS_SIMULATED)),
         image_paths=images,
         stamps_ns=_FIRST_STAMP + _SIMULATED_PERIOD * np.arange(n),
         poses_true=true,
@@ -127,7 +130,7 @@ def _penetration_of_height_map(file: Path) -> np.ndarray:
 @functools.cache
 def _dome_height() -> np.ndarray:
     """Height (320, 240) m of the undeformed gel over its apex plane; simulated slides are `digit_tacto`'s."""
-    sensor = SensorModel.load("digit_tacto")
+    sensor = SensorModel.load(_PAPERS_SIMULATED)
     return sensor.gel_distance - sensor.gel_depth
 
 
@@ -162,6 +165,7 @@ def load_real(path: Path) -> Sequence:
         path=path,
         object_name=objects[0],
         layout="real",
+        sensor=_REAL_SENSOR,
         image_paths=_existing([path / "frames" / names[i] for i in kept]),
         stamps_ns=_FIRST_STAMP + np.round(times[kept] * _SECOND).astype(np.int64),
         poses_true=poses,
@@ -188,7 +192,7 @@ def _object_from_gel(world_digit: np.ndarray, world_object: np.ndarray, alignmen
     """
     object_from_camera = se3.inverse(se3.from_xyzquat(world_object)) @ se3.from_xyzquat(world_digit)
     object_from_camera[:, :3, 3] += alignment[:3, 3]
-    gel_distance = SensorModel.load("digit_real").gel_distance
+    gel_distance = SensorModel.load(_REAL_SENSOR).gel_distance
     return object_from_camera @ se3.make(np.eye(3), np.array([0, 0, -gel_distance]))
 
 

@@ -8,6 +8,7 @@ from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.tdn import load_tdn
 
 LENGTH = "0.012"
 
@@ -41,6 +42,20 @@ def test_images_show_the_contact(slide):
     touched = sequence.penetration_truth(4) > 1e-4
     change = np.abs(sequence.image(4).astype(int) - sequence.background).max(axis=-1)
     assert change[touched].mean() > 1.5 * change[~touched].mean()
+
+
+@pytest.mark.parametrize("name", ["digit_tacto", "digit_real", "gelsight_mini"])
+def test_a_sensors_light_is_the_one_its_network_reads(name, tmp_path):
+    """Of another light, a slide would be felt at a third of its depth."""
+    sensor, mesh = SensorModel.load(name), ObjectMesh.load(bundled_objects()["ball"])
+    slide_simulation.simulate_sequence(mesh, sensor, float(LENGTH), 3, tmp_path / name)
+    sequence, tdn = load_sequence(tmp_path / name), load_tdn("fast", sensor)
+    assert sequence.sensor == name
+    felt, true = [], []
+    for i in range(sequence.n_frames):
+        felt.append(tdn.predict(sequence.image(i), sequence.background).max())
+        true.append(sequence.penetration_truth(i).max())
+    assert 0.65 < np.median(np.divide(felt, true)) < 1.5
 
 
 def test_measured_poses_carry_the_papers_noise(slide):

@@ -88,6 +88,7 @@ def sequence(mesh: ObjectMesh) -> StubSequence:
         object_name="block",
         path=Path("block/00"),
         layout="simulated",
+        sensor="digit_tacto",
         n_frames=30,
         poses_true=poses,
         poses_measured=measured,
