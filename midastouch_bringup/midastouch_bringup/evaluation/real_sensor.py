@@ -13,6 +13,7 @@ import numpy as np
 
 from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.ball_calibration.fit import calibrate
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
@@ -39,8 +40,13 @@ class RealSensorStock(Stock):
 
     @cached_property
     def networks(self) -> Networks:
-        """Loaded on first use; for relative light."""
-        return Networks.load(self.tdn, self.tcn, self.sensor, "relative")
+        """Loaded on first use. Raises InputError for a sensor whose light is none of real gel."""
+        networks = Networks.load(self.tdn, self.tcn, self.sensor)
+        if networks.sensor.light != "relative":
+            raise InputError(
+                f"sensor {self.sensor}: its light is a simulator's, not real gel's; use --sensor digit_real"
+            )
+        return networks
 
     @cached_property
     def optics(self) -> list[MeasuredOptics]:

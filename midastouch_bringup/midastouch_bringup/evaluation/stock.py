@@ -24,6 +24,7 @@ from .touches import Touches, made_from
 
 _SEEDS = 10  # tried for a slide that gets stuck
 _NEXT_SEED = 1000
+_LIGHT = "additive"  # of the slides: TACTO's
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Stock:
     @cached_property
     def networks(self) -> Networks:
         """Loaded on first use; for the light of the slides, which is TACTO's."""
-        return Networks.load(self.tdn, self.tcn, self.sensor, "additive")
+        return Networks.load(self.tdn, self.tcn, self.sensor, _LIGHT)
 
     def describe(self) -> dict[str, str]:
         """What the touches of every slide depend on, for the JSON."""
@@ -108,11 +109,12 @@ class Stock:
         return load_sequence(path)
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        kind = self.slides
+        # stocks whose networks are for other light share the slides and use their paths alone
+        kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=_LIGHT)
         for attempt in range(_SEEDS):
             seed = number + _NEXT_SEED * attempt
             try:
-                simulate_sequence(mesh, self.networks.sensor, kind.length, seed, path, True, leap=kind.leap)
+                simulate_sequence(mesh, sensor, kind.length, seed, path, True, leap=kind.leap)
                 return
             except InputError as error:
                 stuck = error

@@ -4,6 +4,7 @@ import pytest
 from midastouch_bringup.evaluation.real_sensor import RealSensorStock
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_filter.touch import reduced_penetration
+from midastouch_perception.errors import InputError
 from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.renderer import PenetrationRenderer
@@ -39,4 +40,11 @@ def test_the_path_is_the_plain_slides(tool, folder):
     plain, real = Stock(folder, **SETTINGS), RealSensorStock(folder, **SETTINGS)
     assert plain.networks.tdn.network_id != real.networks.tdn.network_id
     np.testing.assert_array_equal(plain.slide(tool, 0).poses_measured, real.slide(tool, 0).poses_measured)
+    first, again = real.slide(tool, 1), Stock(folder.parent / "again", **SETTINGS).slide(tool, 1)
+    np.testing.assert_array_equal(first.image(3), again.image(3), "whichever stock made the slide")
     assert plain.describe() != real.describe()
+
+
+def test_a_simulators_light_is_refused(folder):
+    with pytest.raises(InputError, match=r"sensor digit_tacto: .* use --sensor digit_real"):
+        RealSensorStock(folder, sensor="digit_tacto").describe()

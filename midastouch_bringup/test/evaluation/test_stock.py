@@ -4,13 +4,14 @@ from midastouch_bringup.evaluation import stock as module
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_bringup.evaluation.touches import Touches
 from midastouch_perception.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
 
 
 @pytest.fixture
 def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
     """A stock whose slides are all the stub sequence and whose networks know the answer."""
     stock = Stock(tmp_path, slides=SlideKind(0.1))
-    networks.sensor = None
+    networks.sensor = SensorModel.load("digit_tacto")
     vars(stock)["networks"] = networks  # in place of those that would be loaded
     monkeypatch.setattr(module, "load_sequence", lambda path: type(sequence)(**vars(sequence) | {"path": path}))
     return stock
