@@ -34,7 +34,7 @@ TABLES = {
         accuracy.slides,
         trust.converged, trust.weights, trust.regions, trust.events,
         exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
-        perception.real, perception.depth, perception.labels, perception.presses, perception.checks,
+        perception.real, perception.depth, perception.labels, perception.presses, perception.wanted, perception.checks,
         perception.diameters, perception.contacts, perception.brightness, perception.single_touch,
         speed.speed, speed.scaling, speed.load, speed.soak, commands,
     )

@@ -7,6 +7,15 @@ from midastouch_bringup.evaluation.paired import error_ratio
 from .cells import final_error, percent, share_cell
 from .reports import ENOUGH, OPTICS, UNMEASURED, Table, benchmark_summary, report, reported
 
+_WANTED = {
+    "not calibrated": ((0.7, 1.4), 0.6, (3.3, 6.0), 0.75, 0.3),
+    "calibrated": ((0.9, 1.1), 0.9, (4.0, 4.8), 0.92, 0.13),
+}
+"""Of presses: deepest over deepest, correlation at least, radius felt [mm], IoU at least, RMSE inside [mm] at most."""
+
+
+_PRESSES = "presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"
+
 
 def real() -> Table:
     """Ten objects through the optics of measured sensors, against TACTO's on the same slides."""
@@ -77,7 +86,7 @@ def labels() -> Table:
 def presses() -> Table:
     """The depth network on two real sensors, against the ball under the labelled outline."""
     rows = []
-    for name in ("presses_d20641", "presses_d20641_calibrated", "presses_vocdex", "presses_vocdex_calibrated"):
+    for name in _PRESSES:
         content = report(name)
         one = content["summary"]
         rows.append(
@@ -95,6 +104,44 @@ def presses() -> Table:
         )
     header = ["ball", "calibration", "RMSE inside", "deepest felt over deepest of the ball", "correlation of both"]
     return [*header, "radius felt", "IoU", "by 10 % of light", "report"], rows
+
+
+def wanted() -> Table:
+    """What a real sensor is to be read with, and what is missed."""
+    rows = []
+    for name, ball in (("d20641", "8.8 mm"), ("vocdex", "6.0 mm")):
+        for how, (peak, correlation, radius, iou, rmse) in _WANTED.items():
+            one = report(f"presses_{name}{'_calibrated' if how == 'calibrated' else ''}")["summary"]
+            rows.append(_wanted_row(f"{ball}, {how}: deepest over deepest", one["peak_ratio"], 2, *peak))
+            if name == "vocdex":  # of the others nothing was said for this sensor
+                continue
+            rows += [
+                _wanted_row(f"{ball}, {how}: correlation", one["depth_correlation"], 2, correlation, None),
+                _wanted_row(f"{ball}, {how}: radius felt, mm", one["felt_radius_mm"], 1, *radius),
+                _wanted_row(f"{ball}, {how}: IoU", one["iou"], 2, iou, None),
+                _wanted_row(f"{ball}, {how}: RMSE inside, mm", one["rmse_in_circle_mm"], 2, None, rmse),
+            ]
+    unsteady = max(report(name)["summary"]["brightness_mm"] for name in _PRESSES)
+    rows.append(_wanted_row("the most by 10 % of light, mm", unsteady, 3, None, 0.01))
+    tacto = depth_summary("evaluate_tdn")
+    rows.append(_wanted_row("slides of another renderer: RMSE, mm", tacto["rmse_mm"], 3, None, 0.059))
+    rows.append(_wanted_row("slides of another renderer: IoU", tacto["contact_iou"], 3, 0.963, None))
+    for name, how, most in (("real_sensor", "", 2.0), ("real_sensor_calibrated", " calibrated", 1.2)):
+        ratio = error_ratio(report(name)["trials"], report("real_plain")["trials"]).value
+        rows.append(_wanted_row(f"slides: error through{how} real sensors, over TACTO's", ratio, 2, None, most))
+    for name, light, most in (("single_touch", "TACTO's light", 0.30), ("single_touch_random", "random sensors", 0.38)):
+        error = report(name)["summary"]["normalised_top25_error"]
+        rows.append(_wanted_row(f"one touch, {light}: mean error", error, 3, None, most))
+    return ["what", "wanted", "measured", "missed"], rows
+
+
+def _wanted_row(what: str, value: float, digits: int, least: float | None, most: float | None) -> list[str]:
+    """Judged as printed."""
+    value = round(value, digits)
+    bounds = [("at least", least), ("at most", most)]
+    said = " and ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
+    met = (least is None or value >= least) and (most is None or value <= most)
+    return [what, said, f"{value:.{digits}f}", "" if met else "missed"]
 
 
 def checks() -> Table:
