@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..sensor_calibration import SensorCalibration, background_colours
-from ..sensor_model import SensorModel
+from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
@@ -32,7 +32,7 @@ class Result:
     (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
     calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `felt_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
-    felt_radius_after); doubt about the ball's diameter, in words, empty if there is none."""
+    felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may."""
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -55,10 +55,12 @@ def calibrate(
     ball_diameter: float,
     sensor: SensorModel,
     serial: str = "",
+    diameter_is_right: bool = False,
 ) -> Result:
     """Calibrate from images (320, 240, 3) uint8 RGB by name, of presses of a ball of `ball_diameter` m.
 
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
+    diameter_is_right: whether a diameter is believed that the ball hardly has, as it feels to the depth network.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
     if not 0 < ball_diameter <= _LARGEST_BALL:
@@ -76,8 +78,12 @@ def calibrate(
     presses = _refined(presses, radius, half)
     _require_enough(presses)
     _require_one_ball(presses, ball_diameter, half)
-    pressed = [images[press.name] for press in presses if not press.problem]
-    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
+    doubt = _doubt([images[press.name] for press in presses if not press.problem], background, ball_diameter, sensor)
+    if doubt and not diameter_is_right:
+        raise InputError(
+            f"{doubt}; measure its diameter and give it in metres, or if it is right, say so (--diameter-is-right, or "
+            "the node's parameter diameter_is_right)"
+        )
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
@@ -129,6 +135,14 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
             problem = "cut off at the edge of the view"
         moved[press.name] = dataclasses.replace(press, contact=contact, problem=problem)
     return [moved.get(press.name, press) for press in presses]
+
+
+def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: float, sensor: SensorModel) -> str:
+    """Why presses are hardly of a ball of this diameter [m]; empty if they may be."""
+    # under other lamps the network, uncalibrated, cannot tell
+    if sensor.lamps != DIGIT_LAMPS:
+        return ""
+    return diameter_doubt(felt_radius(images, background, sensor), ball_diameter)
 
 
 def _require_enough(presses: list[Press]) -> None:

@@ -96,7 +96,8 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
     if second > _SECOND * contact.explained and contact.explained + second > _EXPLAINED:
         return "two contacts"
     if contact.explained < _EXPLAINED:
-        return f"what is seen is not one ball (it explains {100 * contact.explained:.0f} % of the change)"
+        said = f"what is seen is not one ball of {2e3 * ball_radius:g} mm diameter"
+        return f"{said} (it explains {100 * contact.explained:.0f} % of the change)"
     if (share := visible_share(contact, sensor)) < _VISIBLE:
         return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,20 @@ def test_another_ball_is_refused(digit, presses, real):
         calibrate(presses, digit.background, 0.4 * DIAMETER, real)
     with pytest.raises(InputError, match="diameter"):
         calibrate(presses, digit.background, 3 * DIAMETER, real)
+
+
+def test_a_diameter_that_feels_like_another_is_refused_unless_it_is_said_to_be_right(digit, presses, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    with pytest.raises(InputError, match=r"feels like one of about 4 mm; measure.*--diameter-is-right"):
+        calibrate(presses, digit.background, DIAMETER, real)
+    made = calibrate(presses, digit.background, DIAMETER, real, diameter_is_right=True)
+    assert "feels like one of about 4 mm" in made.warnings[0]
+
+
+def test_under_other_lamps_than_a_digits_the_diameter_is_not_doubted(digit, presses, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    made = calibrate(presses, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
+    assert not made.doubt
 
 
 @pytest.mark.parametrize(
