@@ -25,6 +25,7 @@ _APART = 2.0  # radii: what is further away is not of the same contact
 _VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
 _BRIGHT = 250
+MOST_SPOILED = 0.5  # of an image, black or saturated
 _MASK = 1.7  # radii around a press that are no background
 _PASSES = 2
 
@@ -57,7 +58,7 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
 def image_problem(image: np.ndarray, seen: np.ndarray) -> str:
     """Why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the no-contact image
     cannot be of the same sensor, whatever touches it; empty if it can."""
-    if problem := exposure_problem(image, 0.5):
+    if problem := exposure_problem(image, MOST_SPOILED):
         return problem
     if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
         return f"differs everywhere, by {quiet:.0f} grey levels, from the no-contact image; capture that anew"
