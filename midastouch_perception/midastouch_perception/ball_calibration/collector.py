@@ -88,7 +88,7 @@ class PressCollector:
         if press.problem:
             self.refusals.append(press.problem)
             return f"not taken: {press.problem}"
-        near = [self._distance(press.contact, other) for other in self._contacts]
+        near = [press.contact.distance(other) * self._half.pixel_size for other in self._contacts]
         if near and min(near) < _APART:
             self.refusals.append("there was a press at this place already")
             return f"not taken: {self.refusals[-1]}"
@@ -100,9 +100,6 @@ class PressCollector:
         change = without_drift(self._light.difference(reduce_image(image)))
         height, width = change.shape[:2]
         return cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-
-    def _distance(self, one: Contact, other: Contact) -> float:
-        return float(np.hypot(one.u - other.u, one.v - other.v)) * self._half.pixel_size
 
     @property
     def missing_region(self) -> str:

@@ -15,7 +15,8 @@ from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
 from .gain import felt_errors, gain_doubt
 from .held_out import FEWEST, cross_validation, fitted, require_upright
-from .presses import Press, background_behind, look_at, reasons, visible_share
+from .no_contact import background_behind, require_no_contact
+from .presses import Press, look_at, reasons, visible_share
 from .refine import refine_contacts
 
 MOST = 40
@@ -23,6 +24,8 @@ _LARGEST_BALL = 0.1  # m
 _EXPLAINED = 0.3  # of a press, by the light of all
 _VISIBLE = 0.7
 _WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
+_SAME_PLACE = 0.3e-3  # m between contacts, of which
+_SAME_RADIUS = 0.1  # share that the radii differ by: one press, saved again
 _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has not seen
 
 
@@ -70,13 +73,16 @@ def calibrate(
     for name, image in images.items():
         check_image(image, sensor, name)
     half, radius = sensor.for_maps, 0.5 * ball_diameter
-    if background is None:
+    given = background is not None
+    if given:
+        require_no_contact(background, list(images.values()), sensor)
+    else:
         background = background_behind(list(images.values()), radius, half)
-    light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
+    light = ContactLight(reduce_image(background), sensor.light)
     presses = [look_at(name, image, light, radius, half) for name, image in images.items()]
-    _require_enough(presses)
-    presses = _refined(presses, radius, half)
-    _require_enough(presses)
+    _require_enough(presses, given)
+    presses = _once_each(_refined(presses, radius, half), half)
+    _require_enough(presses, given)
     _require_one_ball(presses, ball_diameter, half)
     doubt = _doubt([images[press.name] for press in presses if not press.problem], background, ball_diameter, sensor)
     if doubt and not diameter_is_right:
@@ -137,6 +143,22 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
     return [moved.get(press.name, press) for press in presses]
 
 
+def _once_each(presses: list[Press], sensor: SensorModel) -> list[Press]:
+    """The presses, of which those are not used that are an earlier one, saved again."""
+    judged: list[Press] = []
+    for press in presses:
+        if not press.problem and any(_repeats(press, other, sensor) for other in judged if not other.problem):
+            press = dataclasses.replace(press, problem="there was this very press already; press at another place")
+        judged.append(press)
+    return judged
+
+
+def _repeats(press: Press, other: Press, sensor: SensorModel) -> bool:
+    one, two = press.contact, other.contact
+    near = one.distance(two) * sensor.pixel_size < _SAME_PLACE
+    return near and abs(one.radius / two.radius - 1) < _SAME_RADIUS
+
+
 def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: float, sensor: SensorModel) -> str:
     """Why presses are hardly of a ball of this diameter [m]; empty if they may be."""
     # under other lamps the network, uncalibrated, cannot tell
@@ -145,10 +167,15 @@ def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: floa
     return diameter_doubt(felt_radius(images, background, sensor), ball_diameter)
 
 
-def _require_enough(presses: list[Press]) -> None:
+def _require_enough(presses: list[Press], given: bool) -> None:
+    """given: whether the no-contact image is not made of the presses."""
     usable = sum(not press.problem for press in presses)
-    if usable < FEWEST:
-        raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}")
+    if usable >= FEWEST:
+        return
+    said = f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}"
+    if given and 2 * usable < len(presses):
+        said += "; or the no-contact image is of another time or place: capture it anew"
+    raise InputError(said)
 
 
 def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:

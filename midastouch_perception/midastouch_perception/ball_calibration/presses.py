@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
-from ..tdn.background import estimate_background
 from ..tdn.colour_layout import exposure_problem
 from ..tdn.drift import without_drift
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
@@ -26,8 +25,6 @@ _VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
 _BRIGHT = 250
 MOST_SPOILED = 0.5  # of an image, black or saturated
-_MASK = 1.7  # radii around a press that are no background
-_PASSES = 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,20 +103,3 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
     if bright > _MOST_SATURATED:
         return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
     return ""
-
-
-def background_behind(images: list[np.ndarray], ball_radius: float, sensor: SensorModel) -> np.ndarray:
-    """No-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without what touches."""
-    background = estimate_background(images)
-    for _ in range(_PASSES):
-        light = ContactLight(reduce_image(background), sensor.light)
-        covered = []
-        for image in images:
-            change = without_drift(light.difference(reduce_image(image)))
-            contact = find_contact(change, ball_radius, sensor.pixel_size)
-            near = circle(contact, _MASK, sensor).astype(np.uint8)
-            covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
-        hidden = np.all(covered, axis=0)
-        masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
-        background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
-    return background
