@@ -2,7 +2,7 @@
 
 .venv/bin/python tools/fit_diameter.py --backgrounds ../shared/data/digit_backgrounds [--sensors 400] [--seed 1]
 
-`FELT`, `DOUBT` and `REFUSAL` of `midastouch_perception/ball_calibration/diameter.py`. Each sensor is another one than
+`FELT` and `DOUBT` of `midastouch_perception/ball_calibration/diameter.py`. Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 
@@ -17,12 +17,12 @@ from midastouch_bringup.evaluation.perception.diameter_checks import felt_balls
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.training.backgrounds import load_backgrounds
 
-DOUBTED, REFUSED = 1 / 8, 1 / 100
-"""Shares of right diameters."""
+DOUBTED = 1 / 8
+"""Share of right diameters."""
 
 
 def main() -> None:
-    """Print the three numbers."""
+    """Print the two numbers."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--backgrounds", type=Path, required=True, help="no-contact images of many DIGITs")
     parser.add_argument("--sensors", type=int, default=400)
@@ -33,8 +33,8 @@ def main() -> None:
     balls = felt_balls(sensor, backgrounds, args.sensors, np.random.default_rng(args.seed))
     shares = np.log([felt / radius for radius, felt in balls if felt is not None])
     usual = np.median(shares)
-    doubt, refusal = np.exp(np.quantile(np.abs(shares - usual), [1 - DOUBTED, 1 - REFUSED]))
-    print(f"{len(shares)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}, REFUSAL {refusal:.2f}")
+    doubt = np.exp(np.quantile(np.abs(shares - usual), 1 - DOUBTED))
+    print(f"{len(shares)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}")
 
 
 if __name__ == "__main__":

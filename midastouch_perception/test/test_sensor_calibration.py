@@ -1,3 +1,4 @@
+import contextlib
 import dataclasses
 
 import numpy as np
@@ -45,6 +46,16 @@ def test_broken_files_are_refused(tmp_path, content):
     path.write_bytes(content)
     with pytest.raises(InputError, match="not a calibration"):
         SensorCalibration.load(path)
+
+
+def test_a_file_with_a_wrong_byte_is_refused_or_comes_back(calibration, tmp_path):
+    path = tmp_path / "a.npz"
+    calibration.save(path)
+    sound = path.read_bytes()
+    for at in range(0, len(sound), 7):
+        path.write_bytes(sound[:at] + bytes([sound[at] ^ 0xFF]) + sound[at + 1 :])
+        with contextlib.suppress(InputError):
+            SensorCalibration.load(path)
 
 
 def test_files_of_other_content_are_refused(calibration, tmp_path):

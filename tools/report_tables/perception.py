@@ -161,11 +161,8 @@ def checks() -> Table:
 
 def diameters() -> Table:
     """What becomes of a wrong diameter of the ball."""
-    rows = [
-        [f"{one['factor']:.2g}", percent(one["doubted"]), percent(one["refused"])]
-        for one in report("checks")["ball_diameter"]["given"]
-    ]
-    return ["diameter given, over the true one", "warned or refused", "refused"], rows
+    rows = [[f"{one['factor']:.2g}", percent(one["doubted"])] for one in report("checks")["ball_diameter"]["given"]]
+    return ["diameter given, over the true one", "refused unless said to be right"], rows
 
 
 def contacts() -> Table:

@@ -32,6 +32,9 @@ def add_parser(subparsers) -> None:
     )
     touched = parser.add_mutually_exclusive_group(required=True)
     touched.add_argument("--ball-diameter", type=arguments.positive, metavar="METRES", help="diameter of the ball")
+    parser.add_argument(
+        "--diameter-is-right", action="store_true", help="calibrate even if the ball feels like one of another diameter"
+    )
     touched.add_argument("--object", metavar="MESH", help="what SOURCE slides over: a mesh in metres, or a bundled one")
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
     parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
@@ -88,7 +91,7 @@ def _of_presses(args: argparse.Namespace, sensor):
     from ..datasets.ball_presses import read_presses
 
     images, background = read_presses(Path(args.source))
-    return calibrate(images, background, args.ball_diameter, sensor, args.serial), images
+    return calibrate(images, background, args.ball_diameter, sensor, args.serial, args.diameter_is_right), images
 
 
 def _of_object(args: argparse.Namespace, store, sensor):
@@ -119,6 +122,7 @@ def _live(args: argparse.Namespace, path: Path):
     parameters = {
         "serial": f"'{args.serial}'",
         "ball_diameter": args.ball_diameter,
+        "diameter_is_right": args.diameter_is_right,
         "sensor_model": args.sensor,
         "px_per_mm": args.px_per_mm or 0.0,
         "background_folder": f"'{args.background_folder}'",

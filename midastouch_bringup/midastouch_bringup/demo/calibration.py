@@ -26,7 +26,7 @@ def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[ReliefRow]]:
     rng = np.random.default_rng(_SEED)
     sensor = SensorModel.load("digit_real")
     digit = PressedSensor(sensor, no_contact_image(sensor, rng)[None], _RADIUS, rng)
-    result = calibrate(digit.presses(_PRESSES), digit.background, 2 * _RADIUS, sensor)
+    result = calibrate(digit.presses(_PRESSES), digit.background, 2 * _RADIUS, sensor, diameter_is_right=True)
     tdn = load_tdn("fast", sensor)
     rows = []
     for truth in PenetrationRenderer(mesh, sensor).render(sample_contact_poses(mesh, _TOUCHES, rng, sensor, _FIRM)):

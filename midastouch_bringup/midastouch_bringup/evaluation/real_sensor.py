@@ -86,7 +86,7 @@ def calibrate_measured(optics: MeasuredOptics, sensor: SensorModel, rng: np.rand
     camera = MeasuredSensor(optics, sensor, rng)
     presses = [np.maximum(press, 0) for press in _ball_presses(sensor.for_maps, rng)]
     images = {f"press_{i:02d}": image for i, image in enumerate(camera.images(np.stack(presses)))}
-    return calibrate(images, camera.background, _BALL_DIAMETER, sensor).calibration
+    return calibrate(images, camera.background, _BALL_DIAMETER, sensor, diameter_is_right=True).calibration
 
 
 def _ball_presses(sensor: SensorModel, rng: np.random.Generator) -> list[np.ndarray]:

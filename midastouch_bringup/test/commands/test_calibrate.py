@@ -30,7 +30,7 @@ RADIUS = 3e-3
 @pytest.fixture(scope="module")
 def digit():
     """A simulated DIGIT on which a ball of 6 mm is pressed."""
-    sensor, rng = SensorModel.load("digit_real"), np.random.default_rng(1)
+    sensor, rng = SensorModel.load("digit_real"), np.random.default_rng(3)
     return PressedSensor(sensor, no_contact_image(sensor, rng)[None], RADIUS, rng)
 
 
@@ -112,9 +112,13 @@ def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
     assert not (tmp_path / "a.npz").exists()
 
 
-def test_a_diameter_that_is_doubted_is_kept_with_a_warning(folder, tmp_path, capsys, monkeypatch):
+def test_a_diameter_that_is_doubted_has_to_be_said_to_be_right(folder, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("midastouch_perception.ball_calibration.fit.diameter_doubt", lambda *_: "feels like 9 mm")
-    assert cli.main(["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 0
+    arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]
+    assert cli.main(arguments) == 2
+    assert "feels like 9 mm; measure its diameter" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert cli.main([*arguments, "--diameter-is-right"]) == 0
     assert "warning: feels like 9 mm" in capsys.readouterr().out
 
 

@@ -8,8 +8,10 @@ import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
+from ..tdn.colour_layout import exposure_problem
+from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight, check_image, reduce_image
-from .presses import look_at
+from .presses import MOST_SPOILED, look_at
 from .search import Contact
 
 _BLOCK = 8  # px
@@ -17,6 +19,7 @@ _TOUCHED = 8.0  # grey levels of a block: something touches
 _FREE = 5.0  # and nothing does any more
 _STILL = 5  # images that are alike
 _ALIKE = 2.5  # grey levels of a block between them
+_LONG = 300  # still images after the verdict on a press: 5 to 10 s
 _APART = 1e-3  # m between contacts, or they are the same
 REGIONS = (
     *(f"top {column}" for column in ("left", "centre", "right")),
@@ -40,6 +43,7 @@ class PressCollector:
         self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL)
         self._contacts: list[Contact] = []
         self._judged = False  # the press that goes on
+        self._held = 0  # images that it has stayed still since
         self.images: dict[str, np.ndarray] = {}
         self.refusals: list[str] = []
 
@@ -51,7 +55,12 @@ class PressCollector:
     @property
     def next_step(self) -> str:
         """What to do now, in words."""
-        what = "lift the ball" if self._judged else f"press the ball at the {self.missing_region}"
+        if not self._judged:
+            what = f"press the ball at the {self.missing_region}"
+        elif self._held < _LONG:
+            what = "lift the ball"
+        else:
+            what = "lift the ball; if it is lifted, capture the no-contact image anew"
         return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:
@@ -61,12 +70,14 @@ class PressCollector:
         """
         blocks = self._blocks(check_image(image, self._sensor, "tactile image"))
         change = float(np.abs(blocks).max())
-        if change < (_FREE if self._judged else _TOUCHED):
-            self._judged = False
+        # an image without light has no change to speak of
+        if change < (_FREE if self._judged else _TOUCHED) and not exposure_problem(image[::4, ::4], MOST_SPOILED):
+            self._judged, self._held = False, 0
             self._recent.clear()
             return ""
         self._recent.append(blocks)
         still = len(self._recent) == _STILL and np.ptp(np.stack(self._recent), axis=0).max() < _ALIKE
+        self._held = self._held + 1 if self._judged and still else 0
         if self._judged or not still:
             return ""
         self._judged = True
@@ -77,7 +88,7 @@ class PressCollector:
         if press.problem:
             self.refusals.append(press.problem)
             return f"not taken: {press.problem}"
-        near = [self._distance(press.contact, other) for other in self._contacts]
+        near = [press.contact.distance(other) * self._half.pixel_size for other in self._contacts]
         if near and min(near) < _APART:
             self.refusals.append("there was a press at this place already")
             return f"not taken: {self.refusals[-1]}"
@@ -86,12 +97,9 @@ class PressCollector:
         return "taken"
 
     def _blocks(self, image: np.ndarray) -> np.ndarray:
-        change = self._light.difference(reduce_image(image))
+        change = without_drift(self._light.difference(reduce_image(image)))
         height, width = change.shape[:2]
         return cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-
-    def _distance(self, one: Contact, other: Contact) -> float:
-        return float(np.hypot(one.u - other.u, one.v - other.v)) * self._half.pixel_size
 
     @property
     def missing_region(self) -> str:

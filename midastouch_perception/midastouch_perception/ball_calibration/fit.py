@@ -9,13 +9,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..sensor_calibration import SensorCalibration, background_colours
-from ..sensor_model import SensorModel
+from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
 from .diameter import diameter_doubt, felt_radius
 from .gain import felt_errors, gain_doubt
 from .held_out import FEWEST, cross_validation, fitted, require_upright
-from .presses import Press, background_behind, look_at, reasons, visible_share
+from .no_contact import background_behind, require_no_contact
+from .presses import Press, look_at, reasons, visible_share
 from .refine import refine_contacts
 
 MOST = 40
@@ -23,6 +24,8 @@ _LARGEST_BALL = 0.1  # m
 _EXPLAINED = 0.3  # of a press, by the light of all
 _VISIBLE = 0.7
 _WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
+_SAME_PLACE = 0.3e-3  # m between contacts, of which
+_SAME_RADIUS = 0.1  # share that the radii differ by: one press, saved again
 _AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has not seen
 
 
@@ -32,7 +35,7 @@ class Result:
     (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
     calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `felt_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
-    felt_radius_after); doubt about the ball's diameter, in words, empty if there is none."""
+    felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may."""
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -55,10 +58,12 @@ def calibrate(
     ball_diameter: float,
     sensor: SensorModel,
     serial: str = "",
+    diameter_is_right: bool = False,
 ) -> Result:
     """Calibrate from images (320, 240, 3) uint8 RGB by name, of presses of a ball of `ball_diameter` m.
 
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
+    diameter_is_right: whether a diameter is believed that the ball hardly has, as it feels to the depth network.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
     if not 0 < ball_diameter <= _LARGEST_BALL:
@@ -68,16 +73,23 @@ def calibrate(
     for name, image in images.items():
         check_image(image, sensor, name)
     half, radius = sensor.for_maps, 0.5 * ball_diameter
-    if background is None:
+    given = background is not None
+    if given:
+        require_no_contact(background, list(images.values()), sensor)
+    else:
         background = background_behind(list(images.values()), radius, half)
-    light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
+    light = ContactLight(reduce_image(background), sensor.light)
     presses = [look_at(name, image, light, radius, half) for name, image in images.items()]
-    _require_enough(presses)
-    presses = _refined(presses, radius, half)
-    _require_enough(presses)
+    _require_enough(presses, given)
+    presses = _once_each(_refined(presses, radius, half), half)
+    _require_enough(presses, given)
     _require_one_ball(presses, ball_diameter, half)
-    pressed = [images[press.name] for press in presses if not press.problem]
-    doubt = diameter_doubt(felt_radius(pressed, background, sensor), ball_diameter)
+    doubt = _doubt([images[press.name] for press in presses if not press.problem], background, ball_diameter, sensor)
+    if doubt and not diameter_is_right:
+        raise InputError(
+            f"{doubt}; measure its diameter and give it in metres, or if it is right, say so (--diameter-is-right, or "
+            "the node's parameter diameter_is_right)"
+        )
 
     penetrations = [None if press.problem else penetration_of(press, radius, half) for press in presses]
     changes = [press.change for press in presses]
@@ -131,10 +143,39 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
     return [moved.get(press.name, press) for press in presses]
 
 
-def _require_enough(presses: list[Press]) -> None:
+def _once_each(presses: list[Press], sensor: SensorModel) -> list[Press]:
+    """The presses, of which those are not used that are an earlier one, saved again."""
+    judged: list[Press] = []
+    for press in presses:
+        if not press.problem and any(_repeats(press, other, sensor) for other in judged if not other.problem):
+            press = dataclasses.replace(press, problem="there was this very press already; press at another place")
+        judged.append(press)
+    return judged
+
+
+def _repeats(press: Press, other: Press, sensor: SensorModel) -> bool:
+    one, two = press.contact, other.contact
+    near = one.distance(two) * sensor.pixel_size < _SAME_PLACE
+    return near and abs(one.radius / two.radius - 1) < _SAME_RADIUS
+
+
+def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: float, sensor: SensorModel) -> str:
+    """Why presses are hardly of a ball of this diameter [m]; empty if they may be."""
+    # under other lamps the network, uncalibrated, cannot tell
+    if sensor.lamps != DIGIT_LAMPS:
+        return ""
+    return diameter_doubt(felt_radius(images, background, sensor), ball_diameter)
+
+
+def _require_enough(presses: list[Press], given: bool) -> None:
+    """given: whether the no-contact image is not made of the presses."""
     usable = sum(not press.problem for press in presses)
-    if usable < FEWEST:
-        raise InputError(f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}")
+    if usable >= FEWEST:
+        return
+    said = f"{usable} of {len(presses)} presses can be used, {FEWEST} are needed. {reasons(presses)}"
+    if given and 2 * usable < len(presses):
+        said += "; or the no-contact image is of another time or place: capture it anew"
+    raise InputError(said)
 
 
 def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: SensorModel) -> None:

@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 
 from ..sensor_model import SensorModel
-from ..tdn.background import estimate_background
 from ..tdn.colour_layout import exposure_problem
 from ..tdn.drift import without_drift
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
@@ -25,8 +24,7 @@ _APART = 2.0  # radii: what is further away is not of the same contact
 _VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
 _BRIGHT = 250
-_MASK = 1.7  # radii around a press that are no background
-_PASSES = 2
+MOST_SPOILED = 0.5  # of an image, black or saturated
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +55,7 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
 def image_problem(image: np.ndarray, seen: np.ndarray) -> str:
     """Why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the no-contact image
     cannot be of the same sensor, whatever touches it; empty if it can."""
-    if problem := exposure_problem(image, 0.5):
+    if problem := exposure_problem(image, MOST_SPOILED):
         return problem
     if (quiet := quietest_tenth(seen)) > QUIET_LIMIT:
         return f"differs everywhere, by {quiet:.0f} grey levels, from the no-contact image; capture that anew"
@@ -96,7 +94,8 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
     if second > _SECOND * contact.explained and contact.explained + second > _EXPLAINED:
         return "two contacts"
     if contact.explained < _EXPLAINED:
-        return f"what is seen is not one ball (it explains {100 * contact.explained:.0f} % of the change)"
+        said = f"what is seen is not one ball of {2e3 * ball_radius:g} mm diameter"
+        return f"{said} (it explains {100 * contact.explained:.0f} % of the change)"
     if (share := visible_share(contact, sensor)) < _VISIBLE:
         return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)
@@ -104,20 +103,3 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
     if bright > _MOST_SATURATED:
         return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
     return ""
-
-
-def background_behind(images: list[np.ndarray], ball_radius: float, sensor: SensorModel) -> np.ndarray:
-    """No-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without what touches."""
-    background = estimate_background(images)
-    for _ in range(_PASSES):
-        light = ContactLight(reduce_image(background), sensor.light)
-        covered = []
-        for image in images:
-            change = without_drift(light.difference(reduce_image(image)))
-            contact = find_contact(change, ball_radius, sensor.pixel_size)
-            near = circle(contact, _MASK, sensor).astype(np.uint8)
-            covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
-        hidden = np.all(covered, axis=0)
-        masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
-        background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
-    return background

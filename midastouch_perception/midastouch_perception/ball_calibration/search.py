@@ -28,6 +28,10 @@ class Contact:
     radius: float
     explained: float
 
+    def distance(self, other: Contact) -> float:
+        """Between the middles [px]."""
+        return float(np.hypot(self.u - other.u, self.v - other.v))
+
 
 def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> Contact:
     """The most likely contact in a change (H, W, 3) grey levels; ball_radius m, pixel m per pixel."""

@@ -25,6 +25,7 @@ from ..tdn.background_store import store_of
 PARAMETERS = (
     Parameter("serial", "", "Serial number of the sensor, under which its no-contact image was captured"),
     Parameter("ball_diameter", 0.0, "Diameter of the ball", "m", minimum=0.0, maximum=0.1),
+    Parameter("diameter_is_right", False, "Believe that diameter, even if the ball feels like another one"),
     Parameter("presses", 10, "Presses to calibrate from", minimum=FEWEST, maximum=MOST),
     Parameter("sensor_model", "digit_real", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
@@ -121,7 +122,14 @@ class CalibrateNode(PipelineNode):
         """Fit the presses taken so far and keep the result, or nothing; returns why there is none, in words."""
         try:
             with self._diagnostics.kept_up():
-                result = calibrate(self.images, self._background, self._diameter, self._sensor, self._serial)
+                result = calibrate(
+                    self.images,
+                    self._background,
+                    self._diameter,
+                    self._sensor,
+                    self._serial,
+                    self._settings["diameter_is_right"],
+                )
             result.calibration.save(self._path)
         except InputError as error:
             self._tell(f"no calibration: {error}")

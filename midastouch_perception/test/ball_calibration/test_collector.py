@@ -38,6 +38,28 @@ def test_a_ball_that_moves_is_waited_for(collector, digit):
     assert held(collector, moving[-1]) == ["taken"]
 
 
+def test_lamps_that_have_warmed_since_are_no_ball(collector, digit):
+    warmer = np.linspace(0.94, 1.06, 320)[:, None, None] * [1.03, 1.0, 0.97]
+
+    def now(image):
+        return np.clip(image * warmer, 0, 255).astype(np.uint8)
+
+    assert held(collector, now(digit.background)) == []
+    assert held(collector, now(digit.image([(120, 160, 1.5e-3)]))) == ["taken"]
+    held(collector, now(digit.background))
+    assert collector.next_step == "1 of 2: press the ball at the top left"
+
+
+def test_a_change_that_stays_for_long_may_be_the_no_contact_images_fault(collector, digit):
+    pressed = digit.image([(120, 160, 1.5e-3)])
+    held(collector, pressed, 60)
+    assert collector.next_step == "1 of 2: lift the ball"
+    held(collector, pressed, 300)
+    assert collector.next_step.endswith("lift the ball; if it is lifted, capture the no-contact image anew")
+    held(collector, digit.background)
+    assert "press" in collector.next_step
+
+
 def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
     held(collector, digit.image([(120, 160, 1.5e-3)]))
     held(collector, digit.background)

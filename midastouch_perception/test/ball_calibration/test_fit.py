@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -81,11 +83,34 @@ def test_too_few_usable_presses_are_refused_with_the_reasons(digit, presses, rea
         calibrate({**few, **free}, digit.background, DIAMETER, real)
 
 
+def test_a_press_that_is_saved_again_counts_once(digit, real):
+    press, rng = digit.image([(120, 160, 1.5e-3)]), np.random.default_rng(0)
+    again = {
+        f"again_{i}.png": np.clip(press + rng.normal(0, 1.5, press.shape), 0, 255).astype(np.uint8) for i in range(6)
+    }
+    with pytest.raises(InputError, match=r"1 of 6 presses can be used.*again_1\.png and 4 more: .* already"):
+        calibrate(again, digit.background, DIAMETER, real)
+
+
 def test_another_ball_is_refused(digit, presses, real):
     with pytest.raises(InputError, match="diameter"):
         calibrate(presses, digit.background, 0.4 * DIAMETER, real)
     with pytest.raises(InputError, match="diameter"):
         calibrate(presses, digit.background, 3 * DIAMETER, real)
+
+
+def test_a_diameter_that_feels_like_another_is_refused_unless_it_is_said_to_be_right(digit, presses, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    with pytest.raises(InputError, match=r"feels like one of about 4 mm; measure.*--diameter-is-right"):
+        calibrate(presses, digit.background, DIAMETER, real)
+    made = calibrate(presses, digit.background, DIAMETER, real, diameter_is_right=True)
+    assert "feels like one of about 4 mm" in made.warnings[0]
+
+
+def test_under_other_lamps_than_a_digits_the_diameter_is_not_doubted(digit, presses, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    made = calibrate(presses, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
+    assert not made.doubt
 
 
 @pytest.mark.parametrize(
@@ -104,8 +129,24 @@ def test_a_diameter_that_is_no_balls_in_metres_is_refused(digit, presses, real, 
 
 
 def test_a_no_contact_image_with_a_touch_in_it_is_named_as_a_cause(digit, presses, real):
-    with pytest.raises(InputError, match="no-contact image"):
+    with pytest.raises(InputError, match="no-contact image shows a touch"):
         calibrate(presses, digit.image([(120, 160, 2e-3)]), DIAMETER, real)
+
+
+def test_a_no_contact_image_without_light_is_named_as_a_cause(digit, presses, real):
+    with pytest.raises(InputError, match="no-contact image is black"):
+        calibrate(presses, np.zeros_like(digit.background), DIAMETER, real)
+
+
+def test_a_no_contact_image_of_another_place_is_named_as_a_cause(another_digit, presses, real):
+    with pytest.raises(InputError, match=r"of 10 presses can be used.*no-contact image is of another time or place"):
+        calibrate(presses, np.roll(another_digit(6).background, 60, axis=1), DIAMETER, real)
+
+
+def test_presses_that_leave_no_gel_free_need_a_no_contact_image(digit, real):
+    same = {f"{i}.png": digit.image([(115 + 2 * i, 160, 1.6e-3)]) for i in range(6)}
+    with pytest.raises(InputError, match=r"is pressed in every image, so .*put one beside them as background\.png"):
+        calibrate(same, None, DIAMETER, real)
 
 
 def test_images_of_another_size_are_refused(digit, presses, real):

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from midastouch_perception.ball_calibration.diameter import diameter_doubt, felt_radius
-from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 
@@ -20,21 +19,18 @@ _PRESSES = 8
 
 def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator) -> dict:
     """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: felt over true radius (median), standard
-    deviation of its logarithm; by factor, shares of doubts (refusals among them) and of refusals."""
+    deviation of its logarithm; by factor, share of doubts, which are refused unless said to be right."""
     ratios, outcomes = [], {factor: [] for factor in FACTORS}
     for radius, felt in felt_balls(sensor, backgrounds, n, rng):
         if felt is not None:
             ratios.append(felt / radius)
         for factor, seen in outcomes.items():
-            seen.append(_outcome(felt, 2 * radius * factor))
+            seen.append(bool(diameter_doubt(felt, 2 * radius * factor)))
     return {
         "sensors": n,
         "felt_over_true": float(np.median(ratios)),
         "spread": float(np.std(np.log(ratios))),
-        "given": [
-            {"factor": factor, "doubted": _share(seen, 1), "refused": _share(seen, 2)}
-            for factor, seen in outcomes.items()
-        ],
+        "given": [{"factor": factor, "doubted": float(np.mean(seen))} for factor, seen in outcomes.items()],
     }
 
 
@@ -46,15 +42,3 @@ def felt_balls(
         radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)
         yield radius, felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
-
-
-def _share(seen: list[int], least: int) -> float:
-    return float(np.mean(np.array(seen) >= least))
-
-
-def _outcome(felt: float | None, diameter: float) -> int:
-    """0 for none, 1 for a doubt, 2 for a refusal."""
-    try:
-        return int(bool(diameter_doubt(felt, diameter)))
-    except InputError:
-        return 2

@@ -46,6 +46,6 @@ def held_out_calibrations(
     for group in np.array_split(order, groups):
         drawn = rng.choice(np.setdiff1d(order, group), n, replace=False)
         images = {names[i]: presses.images[names[i]] for i in sorted(drawn)}
-        made = calibrate(images, presses.background, ball_diameter, sensor).calibration
+        made = calibrate(images, presses.background, ball_diameter, sensor, diameter_is_right=True).calibration
         out |= {names[i]: made for i in group}
     return out

@@ -26,7 +26,7 @@ class FittedBall:
     """
 
     def __init__(self, presses: BallPresses, ball_diameter: float, sensor: SensorModel):
-        result = calibrate(presses.images, presses.background, ball_diameter, sensor)
+        result = calibrate(presses.images, presses.background, ball_diameter, sensor, diameter_is_right=True)
         self.sensor = result.sensor
         pairs = zip(result.presses, result.penetrations, strict=True)
         fitted = {press.name: (press, penetration) for press, penetration in pairs if penetration is not None}

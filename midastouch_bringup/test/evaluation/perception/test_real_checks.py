@@ -37,5 +37,5 @@ def test_doubts_are_counted_by_factor(real, monkeypatch):
     assert counted["spread"] < 0.03
     given = {each["factor"]: each for each in counted["given"]}
     assert set(given) == set(FACTORS)
-    assert given[1.0] == {"factor": 1.0, "doubted": 0, "refused": 0}
+    assert given[1.0] == {"factor": 1.0, "doubted": 0}
     assert given[2.0]["doubted"] == given[0.5]["doubted"] == 1
