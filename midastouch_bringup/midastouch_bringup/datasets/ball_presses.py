@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,8 @@ from midastouch_perception.tdn import estimate_background
 from .sequence import read_image
 
 BACKGROUND, CIRCLES = "background.png", "circles.csv"
+LABELS, IMAGES, OUTLINE = "labels", "images", "felt outline"
+"""What can tell where a press is."""
 _COLUMNS = ("frame", "center_x_px", "center_y_px", "radius_px")
 _AROUND = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
@@ -28,17 +31,25 @@ Circle = tuple[float, float, float]
 @dataclasses.dataclass(frozen=True)
 class BallPresses:
     """Attributes: images (320, 240, 3) uint8 RGB by file name, repeated ones once; background (320, 240, 3) uint8 RGB;
-    circles, the labelled contact of every image by file name, None if nobody labelled them.
+    circles, contacts by file name: of every image where somebody labelled them, None if nobody did; circles_from, who
+    says so, `LABELS` or `IMAGES` (then some may have none); repeated, files whose image is that of another file.
     """
 
     images: dict[str, np.ndarray]
     background: np.ndarray
     circles: dict[str, Circle] | None
+    circles_from: str = LABELS
+    repeated: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def truth(self) -> str:
+        """Where a press is said to be: by `LABELS`, by `IMAGES`, or by its felt `OUTLINE` if there are no circles."""
+        return OUTLINE if self.circles is None else self.circles_from
 
     def only(self, names: list[str]) -> BallPresses:
         """These of the presses, with the background that all of them gave."""
-        circles = self.circles and {name: self.circles[name] for name in names}
-        return BallPresses({name: self.images[name] for name in names}, self.background, circles)
+        circles = self.circles and {name: self.circles[name] for name in names if name in self.circles}
+        return dataclasses.replace(self, images={name: self.images[name] for name in names}, circles=circles)
 
 
 def load_ball_presses(folder: str | Path) -> BallPresses:
@@ -49,16 +60,18 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
     """
     folder = Path(folder)
     every, background = read_presses(folder)
-    images, seen = {}, set()
+    images, repeated, seen = {}, {}, {}
     for name, image in every.items():
-        if image.tobytes() not in seen:
-            seen.add(image.tobytes())
+        first = seen.setdefault(image.tobytes(), name)
+        if first == name:
             images[name] = image
+        else:
+            repeated[name] = first
     circles = _read_circles(folder / CIRCLES, images, set(every))
-    if background is not None:
-        return BallPresses(images, background, circles)
-    contacts = _labelled(images, circles) if circles else _visible(images)
-    return BallPresses(images, _masked_median(folder, images, contacts), circles)
+    if background is None:
+        contacts = _labelled(images, circles) if circles else _visible(images)
+        background = _masked_median(folder, images, contacts)
+    return BallPresses(images, background, circles, repeated=repeated)
 
 
 def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
