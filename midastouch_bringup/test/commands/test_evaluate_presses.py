@@ -8,6 +8,7 @@ import pytest
 
 from midastouch_bringup import cli
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
+from midastouch_perception.sensor_calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 
@@ -96,3 +97,14 @@ def test_where_images_tell_no_ball_depth_is_not_judged(digit, presses, tmp_path,
     assert "3 images; calibration needs 5" in result["depth_problem"]
     assert "depth cannot be judged: no circles.csv, and the images do not tell where the ball is: 3 images" in said
     assert said.count("not judged") == 4
+
+
+def test_a_calibration_of_another_gel_is_refused(digit, presses, tmp_path, capsys):
+    sensor, file = SensorModel.load("digit_real"), tmp_path / "other.npz"
+    other = no_contact_image(sensor, np.random.default_rng(8))[:, ::-1]
+    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made |= {"pixel_size": sensor.pixel_size, "coefficients": np.zeros((12, 6, 2)), "date": "2026-11-23"}
+    SensorCalibration(**made, background=background_colours(other)).save(file)
+    folder = write(tmp_path / "presses", presses, digit.background)
+    assert evaluate(folder, tmp_path, "--calibration", str(file))[0] == 2
+    assert "other.npz: the calibration of 2026-11-23 was made with another gel" in capsys.readouterr().err
