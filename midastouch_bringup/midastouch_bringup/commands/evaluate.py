@@ -36,7 +36,7 @@ def add_parser(subparsers) -> None:
         help="as the paper on real slides of YCB-Slide: beta 0.5, sensor digit_real; its figures beside ours",
     )
     parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
-    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<object>.npz")
+    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<mesh or object>.npz")
     parser.add_argument(
         "--objects",
         nargs="+",
