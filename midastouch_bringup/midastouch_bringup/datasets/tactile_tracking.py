@@ -25,6 +25,9 @@ VIDEO_FILE, POSE_FILE = "gelsight.avi", "true_start_T_currs.npy"
 _SECOND = 1_000_000_000
 _RATES = (1.0, 240.0)  # Hz a recording can have
 _ROTATION_ERROR = 1e-3
+_FURTHEST = 1.0  # m from the start: objects are some centimetres
+_START = 1e-3, 1e-2  # m and share by which the first pose may differ from none
+_ASPECT, _ASPECT_ERROR = 4 / 3, 0.02
 
 # The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
 # of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
@@ -61,6 +64,11 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
     capture = cv2.VideoCapture(str(require_file(path, "tactile video")))
     rate, images = capture.get(cv2.CAP_PROP_FPS), []
     while (read := capture.read())[0]:
+        height, width = read[1].shape[:2]
+        if abs(width / height / _ASPECT - 1) > _ASPECT_ERROR:
+            raise InputError(
+                f"{path}: images of {width} x {height}, expected 4:3 as 320 x 240; crop them, or scale back"
+            )
         images.append(_portrait(read[1]))
     capture.release()
     if not images:
@@ -79,11 +87,27 @@ def _portrait(image: np.ndarray) -> np.ndarray:
 def _poses(file: Path) -> np.ndarray:
     """T_start_sensor (N, 4, 4) float64, metres."""
     poses = np.asarray(restricted_pickle.load_npy(require_file(file, "poses")))
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or poses.dtype.kind != "f":
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses) or poses.dtype.kind != "f":
         raise InputError(f"{file}: poses of shape {poses.shape} and type {poses.dtype}, expected (N, 4, 4) numbers")
     poses = poses.astype(float)
-    rotations = poses[:, :3, :3]
-    finite = np.isfinite(poses).all()
-    if not finite or np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
-        raise InputError(f"{file}: holds what is no pose; get the file again")
+    if problem := _pose_problem(poses):
+        raise InputError(f"{file}: {problem}")
     return poses
+
+
+def _pose_problem(poses: np.ndarray) -> str:
+    """Why poses (N, 4, 4) are not the sensor's in its own first frame, and the mend; empty if they can be."""
+    if not np.isfinite(poses).all():
+        return "holds what is no pose; get the file again"
+    if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_ERROR:
+        return "the last row of a pose is not 0 0 0 1, so it is no pose; were the matrices transposed?"
+    rotations = poses[:, :3, :3]
+    if np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
+        return "holds what is no pose: no rotation without scale; get the file again"
+    if np.linalg.det(rotations).min() < 0:
+        return "a rotation mirrors, which no sensor can do; give poses of right-handed frames"
+    if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _FURTHEST:
+        return f"{furthest:.0f} m from the start; are these millimetres? Scale translations by 0.001 to metres"
+    if np.linalg.norm(poses[0, :3, 3]) > _START[0] or np.abs(poses[0, :3, :3] - np.eye(3)).max() > _START[1]:
+        return "the first pose is not the identity; give all poses in the frame of the first, inv(first) @ pose"
+    return ""

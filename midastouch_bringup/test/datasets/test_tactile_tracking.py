@@ -80,6 +80,16 @@ def test_poses_are_those_of_our_gel_frame(trial):
     assert np.allclose(se3.inverse(poses) @ poses, np.eye(4))
 
 
+def in_millimetres(poses: np.ndarray) -> np.ndarray:
+    poses[:, :3, 3] *= 1000
+    return poses
+
+
+def with_poses(folder, change) -> None:
+    file = folder / "true_start_T_currs.npy"
+    np.save(file, change(np.load(file)))
+
+
 @pytest.mark.parametrize(
     ("damage", "problem"),
     [
@@ -87,9 +97,15 @@ def test_poses_are_those_of_our_gel_frame(trial):
         (lambda f: (f / "gelsight.avi").write_bytes(b"RIFF"), "no readable image"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.tile(np.eye(4), (3, 1, 1))), "3 poses for 6 images"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 7))), r"expected \(N, 4, 4\)"),
-        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 4, 4))), "what is no pose"),
+        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 4, 4))), "it is no pose"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.full((FRAMES, 4, 4), np.nan)), "what is no pose"),
         (lambda f: (f / "true_start_T_currs.npy").write_bytes(b"nonsense"), "not a NumPy file"),
+        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((0, 4, 4))), r"expected \(N, 4, 4\)"),
+        (lambda f: with_poses(f, lambda p: p.transpose(0, 2, 1)), "last row of a pose is not 0 0 0 1"),
+        (lambda f: with_poses(f, lambda p: p @ np.diag([1.0, 1, -1, 1])), "a rotation mirrors"),
+        (lambda f: with_poses(f, in_millimetres), "m from the start; are these millimetres"),
+        (lambda f: with_poses(f, lambda p: p[::-1]), "first pose is not the identity"),
+        (lambda f: write_video(f / "gelsight.avi", [np.zeros((240, 240, 3), np.uint8)] * FRAMES), "expected 4:3"),
     ],
 )
 def test_damaged_trials(trial, damage, problem):
