@@ -34,11 +34,25 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
     return parser
 
 
-def add_network_options(parser: argparse.ArgumentParser) -> None:
-    """Add --tdn, --tcn and --sensor, with which `Networks.load` is called."""
+def add_network_options(parser: argparse.ArgumentParser, sensor: str = SIMULATED) -> None:
+    """Add --tdn, --tcn and --sensor, with which `Networks.load` is called; sensor: the default, "" the sequences'."""
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
-    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+    add_sensor_option(parser, sensor)
+
+
+def add_sensor_option(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add --sensor; default: "" for the one that the sequences were recorded with."""
+    words = default or "the one that the sequences were recorded with"
+    parser.add_argument("--sensor", default=default, help=f"sensor model (default {words})")
+
+
+def add_sequence_options(parser: argparse.ArgumentParser) -> None:
+    """Add --background and --calibration, which `untouched_of` and the networks are given."""
+    parser.add_argument(
+        "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's, else estimated)"
+    )
+    parser.add_argument("--calibration", metavar="FILE", help="the sensor's, by midastouch calibrate (default: none)")
 
 
 def add_filter_options(parser: argparse.ArgumentParser) -> None:

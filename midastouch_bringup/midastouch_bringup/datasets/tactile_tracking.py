@@ -2,7 +2,8 @@
 
 A GelSight Mini on fixed objects, under motion capture. A trial is a folder named by object and number (`avocado0`) that
 holds `gelsight.avi` and `true_start_T_currs.npy`, beside third-person video and maps derived from the images, which are
-not read. Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
+not read. All of it is in contact: a no-contact image that somebody has of the sensor is put there as `background.png`.
+Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
 rpl-cmu/normalflow_experiment).
 """
 
@@ -19,15 +20,14 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
 
 from . import restricted_pickle
-from .sequence import IMAGE_SHAPE, VideoSequence
+from .sequence import VideoSequence, portrait
 
-VIDEO_FILE, POSE_FILE = "gelsight.avi", "true_start_T_currs.npy"
+VIDEO_FILE, POSE_FILE, BACKGROUND_FILE = "gelsight.avi", "true_start_T_currs.npy", "background.png"
 _SECOND = 1_000_000_000
 _RATES = (1.0, 240.0)  # Hz a recording can have
 _ROTATION_ERROR = 1e-3
 _FURTHEST = 1.0  # m from the start: objects are some centimetres
 _START = 1e-3, 1e-2  # m and share by which the first pose may differ from none
-_ASPECT, _ASPECT_ERROR = 4 / 3, 0.02
 
 # The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
 # of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
@@ -56,6 +56,7 @@ def load_trial(path: Path) -> VideoSequence:
         poses_true=poses,
         poses_measured=poses,
         images=images,
+        background_path=background if (background := path / BACKGROUND_FILE).is_file() else None,
     )
 
 
@@ -64,24 +65,13 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
     capture = cv2.VideoCapture(str(require_file(path, "tactile video")))
     rate, images = capture.get(cv2.CAP_PROP_FPS), []
     while (read := capture.read())[0]:
-        height, width = read[1].shape[:2]
-        if abs(width / height / _ASPECT - 1) > _ASPECT_ERROR:
-            raise InputError(
-                f"{path}: images of {width} x {height}, expected 4:3 as 320 x 240; crop them, or scale back"
-            )
-        images.append(_portrait(read[1]))
+        images.append(portrait(read[1], path))
     capture.release()
     if not images:
         raise InputError(f"{path}: no readable image in it; get the file again")
     if not _RATES[0] <= rate <= _RATES[1]:
         raise InputError(f"{path}: {rate:g} images a second cannot be; get the file again")
     return tuple(images), rate
-
-
-def _portrait(image: np.ndarray) -> np.ndarray:
-    height, width, _ = IMAGE_SHAPE
-    turned = cv2.rotate(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), cv2.ROTATE_90_COUNTERCLOCKWISE)
-    return turned if turned.shape == IMAGE_SHAPE else cv2.resize(turned, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def _poses(file: Path) -> np.ndarray:

@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from midastouch_bringup.datasets import load_sequence
+from midastouch_bringup.evaluation.setup import untouched_of
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -66,6 +67,21 @@ def test_images_are_portrait_rgb_in_order(trial):
     assert blue[2] > 180 > 90 > blue[0], "what was down is right"
     levels = [sequence.image(i)[160, 60].mean() for i in range(FRAMES)]
     assert (np.diff(levels) > 5).all()
+
+
+def test_a_no_contact_image_in_the_trial_is_turned_as_its_video(trial, tmp_path):
+    cv2.imwrite(str(trial / "background.png"), tactile_image(2))
+    sequence = load_sequence(trial)
+    off = np.abs(sequence.background.astype(int) - sequence.image(2))
+    assert np.median(off) < 3
+    cv2.imwrite(str(tmp_path / "upright.png"), sequence.background[:, :, ::-1])
+    np.testing.assert_array_equal(sequence.read_background(tmp_path / "upright.png"), sequence.background)
+
+
+def test_a_trial_is_in_contact_all_along(trial):
+    assert "--background, or put it there as background.png" in untouched_of(load_sequence(trial)).doubt
+    cv2.imwrite(str(trial / "background.png"), tactile_image(2))
+    assert untouched_of(load_sequence(trial)).doubt == ""
 
 
 def test_poses_are_those_of_our_gel_frame(trial):
