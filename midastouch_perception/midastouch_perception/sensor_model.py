@@ -27,6 +27,7 @@ DIGIT_LAMPS = "digit"
 _KEYS = "width", "height", "focal", "gel_distance", "dome", "light", "lamps"
 _DOME = {"radius_x", "radius_y", "semi_axis_z"}
 _PIXEL = 0.005e-3, 0.5e-3  # m: from a microscope's to a finger's
+_SCALES = 0.2, 5  # of one sensor's pixels, of the model's
 _FOLDER = Path(__file__).parent / "sensor_models"
 
 
@@ -123,7 +124,16 @@ class SensorModel:
         )
 
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
-        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells."""
+        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells.
+
+        Raises InputError for a scale that is no finger's.
+        """
+        factor = pixels_per_metre * self.pixel_size
+        if not _SCALES[0] <= factor <= _SCALES[1]:
+            raise InputError(
+                f"{1e-3 * pixels_per_metre:g} px/mm, {factor:.3g} times those of {self.name}: give pixels per "
+                "millimetre; a DIGIT has 17 to 21"
+            )
         return dataclasses.replace(self, focal=pixels_per_metre * self.gel_distance)
 
     @cached_property

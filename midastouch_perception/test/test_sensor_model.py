@@ -67,6 +67,12 @@ def test_at_scale_sets_what_a_pixel_is():
     assert real.gel_distance == SensorModel.load("digit_real").gel_distance
 
 
+@pytest.mark.parametrize("scale", [18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300])
+def test_a_scale_of_no_finger_is_refused(scale):
+    with pytest.raises(InputError, match=r"px/mm.*give pixels per millimetre; a DIGIT has 17 to 21"):
+        SensorModel.load("digit_real").at_scale(scale)
+
+
 def test_gel_points_are_those_seen_through_the_pixels(sensor):
     points = sensor.gel_points(np.array([[0.5, 0.5], [120, 160], [-20, 160]]))
     depth, (tangent_x, tangent_y) = sensor.gel_depth, sensor.rays

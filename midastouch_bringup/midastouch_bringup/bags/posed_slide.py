@@ -10,7 +10,7 @@ import numpy as np
 
 from midastouch_perception.errors import InputError
 from midastouch_perception.tdn import estimate_background
-from midastouch_perception.tdn.background import doubtful_share
+from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_share
 
 from ..datasets import load_sequence
 from .frames import GelStream, read_bag
@@ -19,7 +19,6 @@ from .reader import is_bag
 
 _ON_OBJECT = GelStream(base_frame=TRUTH_FRAME)
 _BACKGROUND_FRAMES = 60
-_MOST_DOUBTFUL = 0.1  # of the image
 
 
 class PosedSlide:
@@ -58,7 +57,7 @@ class PosedSlide:
         chosen = np.unique(np.linspace(0, len(self.poses) - 1, _BACKGROUND_FRAMES).round().astype(int))
         images = self.images(chosen.tolist())
         background = estimate_background(images)
-        if doubtful_share(images, background) > _MOST_DOUBTFUL:
+        if doubtful_share(images, background) > MOST_DOUBTFUL:
             raise InputError(
                 f"{self._path}: the images do not show all of the gel untouched; capture the sensor's no-contact image "
                 "(capture_background) and name its --serial"

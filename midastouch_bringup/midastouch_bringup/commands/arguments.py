@@ -34,11 +34,25 @@ def add_command(subparsers, name: str, run: Callable, summary: str, example: str
     return parser
 
 
-def add_network_options(parser: argparse.ArgumentParser) -> None:
-    """Add --tdn, --tcn and --sensor, with which `Networks.load` is called."""
+def add_network_options(parser: argparse.ArgumentParser, sensor: str = SIMULATED) -> None:
+    """Add --tdn, --tcn and --sensor, with which `Networks.load` is called; sensor: the default, "" the sequences'."""
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
-    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+    add_sensor_option(parser, sensor)
+
+
+def add_sensor_option(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add --sensor; default: "" for the one that the sequences were recorded with."""
+    words = default or "the one that the sequences were recorded with"
+    parser.add_argument("--sensor", default=default, help=f"sensor model (default {words})")
+
+
+def add_sequence_options(parser: argparse.ArgumentParser) -> None:
+    """Add --background and --calibration, which `untouched_of` and the networks are given."""
+    parser.add_argument(
+        "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's, else estimated)"
+    )
+    parser.add_argument("--calibration", metavar="FILE", help="the sensor's, by midastouch calibrate (default: none)")
 
 
 def add_filter_options(parser: argparse.ArgumentParser) -> None:
@@ -128,13 +142,16 @@ def load_object(
 ) -> tuple[ObjectMesh, Codebook]:
     """Mesh and codebook of an object, found by name where no path is given.
 
-    The codebook defaults to `codebook_path(object_name)`, the mesh to the file the codebook was built from.
-    Raises InputError that says what to run or to give when one is not found, or when they do not belong
-    together.
+    The codebook defaults to the one that `build-codebook` makes of the mesh, else to the object's, the mesh to the file
+    the codebook was built from. Raises InputError that says what to run or to give when one is not found, or when they
+    do not belong together.
     """
     from midastouch_perception.codebook import Codebook
 
-    path = Path(codebook) if codebook else codebook_path(object_name, networks.sensor.name)
+    # a trial's mesh seldom has the trial's name: it is that object in the recording's frame
+    names = [Path(mesh).stem, object_name] if mesh else [object_name]
+    default = [codebook_path(name, networks.sensor.name) for name in names]
+    path = Path(codebook) if codebook else next((each for each in default if each.is_file()), default[0])
     if not path.is_file():
         sensor = "" if networks.sensor.name == SIMULATED else f" --sensor {networks.sensor.name}"
         if codebook:
@@ -142,9 +159,7 @@ def load_object(
                 f"{path}: no such codebook file; build it: midastouch build-codebook MESH{sensor} --out {path}"
             )
         built_from = mesh or f"{object_name}.ply"
-        raise InputError(
-            f"{path}: no codebook of {object_name}; build it: midastouch build-codebook {built_from}{sensor}"
-        )
+        raise InputError(f"{path}: no codebook of {names[0]}; build it: midastouch build-codebook {built_from}{sensor}")
     if mesh is None:
         mesh = Codebook.load(path).meta.get("mesh_path", "")
         if not Path(mesh).is_file():

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from ..datasets import Sequence
     from ..evaluation.sequence_trials import TrialPlan
-    from ..evaluation.setup import Networks
+    from ..evaluation.setup import Networks, Untouched
 
 
 def add_parser(subparsers) -> None:
@@ -33,10 +33,10 @@ def add_parser(subparsers) -> None:
     parser.add_argument(
         "--real",
         action="store_true",
-        help="as the paper on real slides of YCB-Slide: beta 0.5, sensor digit_real; its figures beside ours",
+        help="as the paper on real slides of YCB-Slide: beta 0.5; its figures beside ours",
     )
     parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
-    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<object>.npz")
+    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<mesh or object>.npz")
     parser.add_argument(
         "--objects",
         nargs="+",
@@ -54,20 +54,24 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
     parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
-    arguments.add_network_options(parser)
-    parser.set_defaults(sensor=None)  # --real has another default
+    arguments.add_network_options(parser, sensor="")
+    arguments.add_sequence_options(parser)
     outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
+    import sys
+
+    from midastouch_perception.errors import InputError
 
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
+    from ..evaluation.mesh_frame import mesh_doubt
     from ..evaluation.real_table import BETA, PAPER_REAL, real_table, require_real
     from ..evaluation.sequence_trials import TrialPlan, run_sequence
-    from ..evaluation.setup import Networks, load_filter_config
+    from ..evaluation.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
     from ..evaluation.summary import summarise_trials, summary_table
     from ..evaluation.table import text_table
     from ..progress import progress_bar
@@ -79,12 +83,25 @@ def run(args: argparse.Namespace) -> int:
     sequences = [load_sequence(path) for path in args.sequences]
     if args.real:
         require_real(sequences)
-    networks = Networks.load(args.tdn, args.tcn, args.sensor or ("digit_real" if args.real else "digit_tacto"))
-    if args.objects:
-        return _identify(args, sequences, networks, config, plan)
+        if args.init == "uniform":
+            raise InputError("--real: the paper's starts are about the truth; leave out --init uniform")
+    sensor = args.sensor or sensor_of(sequences)
+    networks = Networks.load(args.tdn, args.tcn, sensor, calibration=args.calibration)
+    untouched = [untouched_of(sequence, args.background) for sequence in sequences]
+    require_same_gel(networks.tdn, untouched)
+    doubts = [each.doubt for each in untouched]
     work = []
-    for sequence in sequences:
-        work.append((sequence, *arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)))
+    for sequence, free in zip(sequences, untouched, strict=True):
+        if args.objects:
+            break
+        mesh, codebook = arguments.load_object(sequence.object_name, args.mesh, args.codebook, networks)
+        doubts.append(mesh_doubt(sequence, plan.frame_indices(sequence), mesh))
+        work.append((sequence, mesh, codebook, free))
+    doubts = [doubt for doubt in doubts if doubt]
+    for doubt in doubts:
+        print(f"warning: {doubt}", file=sys.stderr)
+    if args.objects:
+        return _identify(args, sequences, untouched, networks, config, plan)
     result = {
         "config": {
             **dataclasses.asdict(plan),
@@ -92,14 +109,15 @@ def run(args: argparse.Namespace) -> int:
             "networks": networks.describe(),
         },
         "machine": machine_info(),
+        "warnings": doubts,
         "sequences": [],
         "trials": [],
     }
-    total = sum(plan.seeds * len(plan.frame_indices(sequence)) for sequence, _, _ in work)
+    total = sum(plan.seeds * len(plan.frame_indices(sequence)) for sequence, *_ in work)
     with progress_bar(total=total, unit="frame") as bar:
-        for sequence, mesh, codebook in work:
+        for sequence, mesh, codebook, free in work:
             bar.set_description(sequence.name)
-            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, bar.update)
+            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, bar.update, free)
             result["sequences"].append(description)
             result["trials"] += trials
     result["summary"] = summarise_trials(result["trials"])
@@ -110,7 +128,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _identify(
-    args: argparse.Namespace, sequences: list[Sequence], networks: Networks, config: FilterConfig, plan: TrialPlan
+    args: argparse.Namespace,
+    sequences: list[Sequence],
+    untouched: list[Untouched],
+    networks: Networks,
+    config: FilterConfig,
+    plan: TrialPlan,
 ) -> int:
     """Which object is each sequence over?"""
     from pathlib import Path
@@ -122,7 +145,6 @@ def _identify(
     from ..evaluation.identification import identify, right_answer
     from ..evaluation.machine import machine_info
     from ..evaluation.sequence_trials import perceived
-    from ..evaluation.setup import sequence_background
     from ..evaluation.table import text_table
 
     def build(path: Path):
@@ -130,13 +152,11 @@ def _identify(
 
     catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
     trials = []
-    for sequence in sequences:
+    for sequence, free in zip(sequences, untouched, strict=True):
         indices = plan.frame_indices(sequence)
-        images, (background, _) = [sequence.image(i) for i in indices], sequence_background(sequence)
-        frames, truth = (
-            perceived(sequence, indices, images, background, networks),
-            right_answer(catalogue, sequence.object_name),
-        )
+        images = [sequence.image(i) for i in indices]
+        frames = perceived(sequence, indices, images, free.image, networks)
+        truth = right_answer(catalogue, sequence.object_name)
         trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
     rows = [
         [t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}"]

@@ -18,8 +18,9 @@ def add_parser(subparsers) -> None:
         "--px-per-mm 18.68 --json out/presses.json",
         "DIR holds images of presses and, if there are, the no-contact image background.png (else it is told from the\n"
         "presses) and labelled contact circles, circles.csv with the columns frame,center_x_px,center_y_px,radius_px.\n"
-        "The outline of a contact, labelled or else felt, tells how deep a ball of that size was pressed; the felt\n"
-        "relief is compared with that ball.",
+        "The outline of a contact tells how deep a ball of that size was pressed; the felt relief is compared with\n"
+        "that ball. Without labels the images tell the outline: where one light for five or more presses explains\n"
+        "them best. Where that fails, depth is not judged. Images that show no press are named and left out.",
     )
     parser.add_argument("folder", metavar="DIR", help="images of presses")
     parser.add_argument(
@@ -59,13 +60,15 @@ def run(args: argparse.Namespace) -> int:
     from ..evaluation.perception.brightness import brightness_effect
     from ..evaluation.perception.held_out_calibrations import calibrations_of
     from ..evaluation.perception.press_quality import measure_presses
+    from ..evaluation.perception.press_truth import with_truth
+    from ..evaluation.perception.usable_presses import usable_presses
     from ..evaluation.result_file import to_json
     from ..progress import progress_bar
 
-    presses = load_ball_presses(args.folder)
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         sensor = sensor.at_scale(1e3 * args.px_per_mm)
+    presses, unusable = usable_presses(load_ball_presses(args.folder), sensor)
     tdn = load_tdn(args.tdn, sensor)
     settings = {
         "ball_diameter": args.ball_diameter,
@@ -74,8 +77,9 @@ def run(args: argparse.Namespace) -> int:
         "seed": args.seed,
     }
     calibrations = calibrations_of(settings, presses, sensor)
+    known = with_truth(presses, args.ball_diameter, sensor)
     with progress_bar(total=len(presses.images), unit="press") as bar:
-        rows, summary = measure_presses(tdn, presses, args.ball_diameter / 2, bar.update, calibrations)
+        rows, summary = measure_presses(tdn, known.presses, args.ball_diameter / 2, bar.update, calibrations)
     summary["brightness_mm"] = 1e3 * brightness_effect(tdn, presses, calibrations)
     checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
     result = to_json(
@@ -87,12 +91,28 @@ def run(args: argparse.Namespace) -> int:
             "network": tdn.network_id,
             "sensor": args.sensor,
             "machine": machine_info(),
+            "unusable": _listed(unusable),
+            "unfitted": _listed(known.unfitted),
+            "depth_problem": known.problem,
             "presses": rows,
             "summary": summary,
             **checked,
         }
     )
-    return outcome.conclude(args, result, _table(result))
+    return outcome.conclude(args, result, *_notes(result), _table(result))
+
+
+def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
+    return [{"image": name, "problem": problem} for name, problem in problems.items()]
+
+
+def _notes(result: dict) -> list[str]:
+    """What was left out and why, one line each."""
+    notes = [f"{each['image']}: not used: {each['problem']}" for each in result["unusable"]]
+    notes += [f"{each['image']}: depth not judged: {each['problem']}" for each in result["unfitted"]]
+    if problem := result["depth_problem"]:
+        notes.append(f"depth cannot be judged: no circles.csv, and the images do not tell where the ball is: {problem}")
+    return notes
 
 
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
@@ -128,15 +148,21 @@ def _table(result: dict) -> str:
 def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
     from ..evaluation.table import number
 
-    truth = "labelled circle" if summary["labelled"] else "felt outline"
+    truth = {"labels": "the labelled circle", "images": "the images' circle"}.get(summary["truth"], "a known outline")
+    judged = summary["truth"] != "felt outline"
+
+    def of_truth(figure: str) -> str:
+        # a felt outline is the network's own, and flatters it
+        return figure if judged else "not judged"
+
     return [
         ("presses", summary["presses"]),
         ("contact found", f"{100 * summary['found_share']:.0f} %"),
         ("relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"),
-        (f"RMSE to the ball under the {truth}, inside", f"{number(summary['rmse_in_circle_mm'], 2)} mm"),
-        ("deepest felt over deepest of that ball", number(summary["peak_ratio"], 2)),
-        ("correlation of both over the presses", number(summary["depth_correlation"], 2)),
-        (f"contact's IoU with it; centre off by ({truth})", _pair(summary, "iou_ideal", "centre_mm")),
+        (f"RMSE to the ball under {truth}, inside", of_truth(f"{number(summary['rmse_in_circle_mm'], 2)} mm")),
+        ("deepest felt over deepest of that ball", of_truth(number(summary["peak_ratio"], 2))),
+        ("correlation of both over the presses", of_truth(number(summary["depth_correlation"], 2))),
+        ("contact's IoU with it; centre off by", of_truth(_pair(summary, "iou_ideal", "centre_mm"))),
         ("IoU with the nearest ball of that size", number(summary["iou"], 2)),
         (
             f"radius of the ball felt, {500 * ball_diameter:g} mm in truth",

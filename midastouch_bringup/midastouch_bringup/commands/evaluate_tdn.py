@@ -28,48 +28,48 @@ def add_parser(subparsers) -> None:
         "Root mean square error over all pixels and over the touched ones, and how well the contact is\noutlined.",
     )
     parser.add_argument("sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders (simulated)")
-    parser.add_argument(
-        "--background", metavar="IMAGE", help="no-contact image of the sensor (default: the sequence's)"
-    )
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    arguments.add_sensor_option(parser, "")
+    arguments.add_sequence_options(parser)
     outcome.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from pathlib import Path
-
     import numpy as np
 
     from midastouch_perception.errors import InputError
+    from midastouch_perception.sensor_calibration import SensorCalibration
+    from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
     from ..datasets import load_sequence
-    from ..datasets.sequence import read_image
     from ..evaluation.machine import machine_info
     from ..evaluation.perception.depth_quality import DepthQuality
-    from ..evaluation.setup import sequence_background
+    from ..evaluation.setup import require_same_gel, sensor_of, untouched_of
     from ..evaluation.table import number, text_table
     from ..progress import progress_bar
 
     sequences = [load_sequence(path) for path in args.sequences]
-    given = read_image(Path(args.background)) if args.background else None
     for sequence in sequences:
         if not sequence.ground_truth_frames:
             raise InputError(f"{sequence.path}: no ground truth (gt_heightmaps); only simulated sequences have it")
-    tdn = load_tdn(args.tdn)
+    sensor = SensorModel.load(args.sensor or sensor_of(sequences))
+    tdn = load_tdn(args.tdn, sensor, SensorCalibration.load(args.calibration) if args.calibration else None)
+    untouched = [untouched_of(sequence, args.background) for sequence in sequences]
+    require_same_gel(tdn, untouched)
     total, results, times = DepthQuality(), [], []
     with progress_bar(total=sum(len(s.ground_truth_frames) for s in sequences), unit="frame") as bar:
-        for sequence in sequences:
+        for sequence, free in zip(sequences, untouched, strict=True):
             bar.set_description(sequence.name)
-            background, source = (given, args.background) if args.background else sequence_background(sequence)
-            quality, ms = _measured(tdn, sequence, background, bar.update)
+            quality, ms = _measured(tdn, sequence, free.image, bar.update)
             total.merge(quality)
             times += ms
-            mean = {"ms_per_frame": float(np.mean(ms)), "background": source}
+            mean = {"ms_per_frame": float(np.mean(ms)), "background": free.source}
             results.append({"sequence": sequence.name, **quality.result(), **mean})
     summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
-    result = {"network": tdn.network_id, "machine": machine_info(), "sequences": results, "summary": summary}
+    used = {"network": tdn.network_id, "sensor": sensor.name, "calibration": args.calibration}
+    result = {**used, "machine": machine_info(), "sequences": results, "summary": summary}
     keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
     rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
     rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])

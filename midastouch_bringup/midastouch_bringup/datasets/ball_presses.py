@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import cv2
@@ -16,7 +18,10 @@ from midastouch_perception.tdn import estimate_background
 from .sequence import read_image
 
 BACKGROUND, CIRCLES = "background.png", "circles.csv"
+LABELS, IMAGES, OUTLINE = "labels", "images", "felt outline"
+"""What can tell where a press is."""
 _COLUMNS = ("frame", "center_x_px", "center_y_px", "radius_px")
+_RADII = 3, 320  # px of a label: less is a slip of the mouse, more is wider than the image
 _AROUND = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
 _NEVER_FREE = 0.02  # of the image: so little is filled in from around it
@@ -28,17 +33,25 @@ Circle = tuple[float, float, float]
 @dataclasses.dataclass(frozen=True)
 class BallPresses:
     """Attributes: images (320, 240, 3) uint8 RGB by file name, repeated ones once; background (320, 240, 3) uint8 RGB;
-    circles, the labelled contact of every image by file name, None if nobody labelled them.
+    circles, contacts by file name: of every image where somebody labelled them, None if nobody did; circles_from, who
+    says so, `LABELS` or `IMAGES` (then some may have none); repeated, files whose image is that of another file.
     """
 
     images: dict[str, np.ndarray]
     background: np.ndarray
     circles: dict[str, Circle] | None
+    circles_from: str = LABELS
+    repeated: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def truth(self) -> str:
+        """Where a press is said to be: by `LABELS`, by `IMAGES`, or by its felt `OUTLINE` if there are no circles."""
+        return OUTLINE if self.circles is None else self.circles_from
 
     def only(self, names: list[str]) -> BallPresses:
         """These of the presses, with the background that all of them gave."""
-        circles = self.circles and {name: self.circles[name] for name in names}
-        return BallPresses({name: self.images[name] for name in names}, self.background, circles)
+        circles = self.circles and {name: self.circles[name] for name in names if name in self.circles}
+        return dataclasses.replace(self, images={name: self.images[name] for name in names}, circles=circles)
 
 
 def load_ball_presses(folder: str | Path) -> BallPresses:
@@ -49,16 +62,18 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
     """
     folder = Path(folder)
     every, background = read_presses(folder)
-    images, seen = {}, set()
+    images, repeated, seen = {}, {}, {}
     for name, image in every.items():
-        if image.tobytes() not in seen:
-            seen.add(image.tobytes())
+        first = seen.setdefault(image.tobytes(), name)
+        if first == name:
             images[name] = image
+        else:
+            repeated[name] = first
     circles = _read_circles(folder / CIRCLES, images, set(every))
-    if background is not None:
-        return BallPresses(images, background, circles)
-    contacts = _labelled(images, circles) if circles else _visible(images)
-    return BallPresses(images, _masked_median(folder, images, contacts), circles)
+    if background is None:
+        contacts = _labelled(images, circles) if circles else _visible(images)
+        background = _masked_median(folder, images, contacts)
+    return BallPresses(images, background, circles, repeated=repeated)
 
 
 def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
@@ -77,24 +92,14 @@ def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None
 
 
 def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) -> dict[str, Circle] | None:
-    if not file.is_file():
+    if not os.path.lexists(file):
         return None
-    names = {Path(name).stem: name for name in known}
-    circles: dict[str, Circle] = {}
-    with file.open(newline="") as lines:
-        reader = csv.DictReader(lines)
-        missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
-        if missing:
-            raise InputError(f"{file}: no column {', '.join(missing)}; need {','.join(_COLUMNS)}")
-        for row in reader:
-            circle = _circle(row)
-            if circle is None:
-                raise InputError(f"{file}, line {reader.line_num}: not a circle: three numbers, the radius above 0")
-            name = names.get(Path(row["frame"]).stem)
-            if name is None:
-                raise InputError(f"{file}, line {reader.line_num}: no image of frame {row['frame']}; remove the line")
-            # who labels again appends: the last line counts
-            circles[name] = circle
+    if not file.is_file():
+        raise InputError(f"{file}: not a file; write the labels there, or remove it to use none")
+    try:
+        circles = _parse_circles(file, {Path(name).stem: name for name in known})
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{file}: not a CSV table ({error}); save it as CSV in UTF-8") from error
     for name, image in images.items():
         if name not in circles:
             raise InputError(f"{file}: no circle of {name}; label every press, or remove the file to use none")
@@ -105,12 +110,36 @@ def _read_circles(file: Path, images: dict[str, np.ndarray], known: set[str]) ->
     return {name: circles[name] for name in images}
 
 
+def _parse_circles(file: Path, names: dict[str, str]) -> dict[str, Circle]:
+    """Circles by file name, of a table that names images without their ending: `names`, file names by that."""
+    circles: dict[str, Circle] = {}
+    with file.open(newline="", encoding="utf-8-sig") as lines:  # spreadsheets begin a table with a mark
+        reader = csv.DictReader(lines)
+        missing = [column for column in _COLUMNS if column not in (reader.fieldnames or ())]
+        if missing:
+            raise InputError(f"{file}: no column {', '.join(missing)}; need {','.join(_COLUMNS)}")
+        for row in reader:
+            circle = _circle(row)
+            if circle is None:
+                raise InputError(
+                    f"{file}, line {reader.line_num}: not a circle: a frame and three numbers, the radius from "
+                    f"{_RADII[0]} to {_RADII[1]} px"
+                )
+            name = names.get(Path(row["frame"]).stem)
+            if name is None:
+                raise InputError(f"{file}, line {reader.line_num}: no image of frame {row['frame']}; remove the line")
+            # who labels again appends: the last line counts
+            circles[name] = circle
+    return circles
+
+
 def _circle(row: dict) -> Circle | None:
     try:
         column, line, radius = (float(row[key]) for key in _COLUMNS[1:])
     except (TypeError, ValueError):
         return None
-    return (column, line, radius) if np.isfinite([column, line, radius]).all() and radius > 0 else None
+    known = row["frame"] and np.isfinite([column, line]).all() and _RADII[0] <= radius <= _RADII[1]
+    return (column, line, radius) if known else None
 
 
 def _labelled(images: dict[str, np.ndarray], circles: dict[str, Circle]) -> list[np.ndarray]:

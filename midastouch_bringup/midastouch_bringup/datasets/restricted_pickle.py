@@ -226,7 +226,8 @@ def load_npy(path: str | Path) -> Any:
             if not dtype.hasobject:
                 stream.seek(0)
                 return np.lib.format.read_array(stream, allow_pickle=False)
-        except (ValueError, KeyError, EOFError, OSError) as error:
+        except (ValueError, KeyError, EOFError, OSError, MemoryError, OverflowError, SyntaxError, TypeError) as error:
+            # a damaged header can name any type and any size
             raise InputError(f"{path}: not a NumPy file ({error}); get the file again") from error
         array = loads(stream.read(), str(path))
     if not isinstance(array, np.ndarray):

@@ -13,6 +13,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
 
 IMAGE_SHAPE = (320, 240, 3)
+_ASPECT_ERROR = 0.02
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,11 @@ class Sequence:
     @property
     def background(self) -> np.ndarray | None:
         """The sensor's no-contact image (320, 240, 3) uint8 RGB, None if the sequence has none."""
-        return None if self.background_path is None else read_image(self.background_path)
+        return None if self.background_path is None else self.read_background(self.background_path)
+
+    def read_background(self, path: Path) -> np.ndarray:
+        """A no-contact image of the same sensor, as `image`."""
+        return read_image(path)
 
     @property
     def ground_truth_frames(self) -> tuple[int, ...]:
@@ -86,6 +91,25 @@ class VideoSequence(Sequence):
     def image(self, i: int) -> np.ndarray:
         """Tactile image of frame `i`: (320, 240, 3) uint8 RGB."""
         return self.images[i]
+
+    def read_background(self, path: Path) -> np.ndarray:
+        """A no-contact image of the same sensor, as `image`; one that is landscape, as in the video, is turned too."""
+        image = cv2.imread(str(require_file(path, "image")), cv2.IMREAD_COLOR)
+        if image is None or image.shape[0] > image.shape[1]:
+            return read_image(path)
+        return portrait(image, path)
+
+
+def portrait(image: np.ndarray, path: Path) -> np.ndarray:
+    """A landscape image (h, w, 3) uint8 BGR of the file `path`, turned counter-clockwise: (320, 240, 3) uint8 RGB.
+
+    Raises InputError if it is not 4:3.
+    """
+    height, width, _ = IMAGE_SHAPE
+    if abs(image.shape[1] / image.shape[0] * width / height - 1) > _ASPECT_ERROR:
+        raise InputError(f"{path}: image is {image.shape[1]} x {image.shape[0]}, expected 4:3 as 320 x 240; crop it")
+    turned = cv2.rotate(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), cv2.ROTATE_90_COUNTERCLOCKWISE)
+    return turned if turned.shape == IMAGE_SHAPE else cv2.resize(turned, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def read_image(path: Path) -> np.ndarray:

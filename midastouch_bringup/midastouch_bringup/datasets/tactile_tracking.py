@@ -2,7 +2,8 @@
 
 A GelSight Mini on fixed objects, under motion capture. A trial is a folder named by object and number (`avocado0`) that
 holds `gelsight.avi` and `true_start_T_currs.npy`, beside third-person video and maps derived from the images, which are
-not read. Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
+not read. All of it is in contact: a no-contact image that somebody has of the sensor is put there as `background.png`.
+Source of the layout: the dataset's card and the readers of its authors (rpl-cmu/normalflow,
 rpl-cmu/normalflow_experiment).
 """
 
@@ -19,12 +20,14 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_file
 
 from . import restricted_pickle
-from .sequence import IMAGE_SHAPE, VideoSequence
+from .sequence import VideoSequence, portrait
 
-VIDEO_FILE, POSE_FILE = "gelsight.avi", "true_start_T_currs.npy"
+VIDEO_FILE, POSE_FILE, BACKGROUND_FILE = "gelsight.avi", "true_start_T_currs.npy", "background.png"
 _SECOND = 1_000_000_000
 _RATES = (1.0, 240.0)  # Hz a recording can have
 _ROTATION_ERROR = 1e-3
+_FURTHEST = 1.0  # m from the start: objects are some centimetres
+_START = 1e-3, 1e-2  # m and share by which the first pose may differ from none
 
 # The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
 # of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
@@ -53,6 +56,7 @@ def load_trial(path: Path) -> VideoSequence:
         poses_true=poses,
         poses_measured=poses,
         images=images,
+        background_path=background if (background := path / BACKGROUND_FILE).is_file() else None,
     )
 
 
@@ -61,7 +65,7 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
     capture = cv2.VideoCapture(str(require_file(path, "tactile video")))
     rate, images = capture.get(cv2.CAP_PROP_FPS), []
     while (read := capture.read())[0]:
-        images.append(_portrait(read[1]))
+        images.append(portrait(read[1], path))
     capture.release()
     if not images:
         raise InputError(f"{path}: no readable image in it; get the file again")
@@ -70,20 +74,30 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
     return tuple(images), rate
 
 
-def _portrait(image: np.ndarray) -> np.ndarray:
-    height, width, _ = IMAGE_SHAPE
-    turned = cv2.rotate(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), cv2.ROTATE_90_COUNTERCLOCKWISE)
-    return turned if turned.shape == IMAGE_SHAPE else cv2.resize(turned, (width, height), interpolation=cv2.INTER_AREA)
-
-
 def _poses(file: Path) -> np.ndarray:
     """T_start_sensor (N, 4, 4) float64, metres."""
     poses = np.asarray(restricted_pickle.load_npy(require_file(file, "poses")))
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or poses.dtype.kind != "f":
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses) or poses.dtype.kind != "f":
         raise InputError(f"{file}: poses of shape {poses.shape} and type {poses.dtype}, expected (N, 4, 4) numbers")
     poses = poses.astype(float)
-    rotations = poses[:, :3, :3]
-    finite = np.isfinite(poses).all()
-    if not finite or np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
-        raise InputError(f"{file}: holds what is no pose; get the file again")
+    if problem := _pose_problem(poses):
+        raise InputError(f"{file}: {problem}")
     return poses
+
+
+def _pose_problem(poses: np.ndarray) -> str:
+    """Why poses (N, 4, 4) are not the sensor's in its own first frame, and the mend; empty if they can be."""
+    if not np.isfinite(poses).all():
+        return "holds what is no pose; get the file again"
+    if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_ERROR:
+        return "the last row of a pose is not 0 0 0 1, so it is no pose; were the matrices transposed?"
+    rotations = poses[:, :3, :3]
+    if np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
+        return "holds what is no pose: no rotation without scale; get the file again"
+    if np.linalg.det(rotations).min() < 0:
+        return "a rotation mirrors, which no sensor can do; give poses of right-handed frames"
+    if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _FURTHEST:
+        return f"{furthest:.0f} m from the start; are these millimetres? Scale translations by 0.001 to metres"
+    if np.linalg.norm(poses[0, :3, 3]) > _START[0] or np.abs(poses[0, :3, :3] - np.eye(3)).max() > _START[1]:
+        return "the first pose is not the identity; give all poses in the frame of the first, inv(first) @ pose"
+    return ""

@@ -16,7 +16,7 @@ from midastouch_perception.codebook import Codebook
 from midastouch_perception.mesh import ObjectMesh
 
 from ..datasets import Sequence
-from .setup import Networks, sequence_background
+from .setup import Networks, Untouched, untouched_of
 from .trial import AnyFilter, TrialFrame, run_trial
 
 
@@ -54,21 +54,23 @@ def run_sequence(
     config: FilterConfig,
     plan: TrialPlan,
     progress: Callable[[int], object] = lambda frames: None,
+    untouched: Untouched | None = None,
 ) -> tuple[dict, list[dict]]:
     """All trials of one sequence: its entry under `sequences` of the JSON, and its `trials`.
 
+    untouched: its no-contact image; None: as `untouched_of`.
     The seed of a trial is its number: 0, 1, ... Networks run anew in every trial, so that its times hold.
     `progress` is called with the number of frames done since the last call.
     """
     indices = plan.frame_indices(sequence)
     images = [sequence.image(i) for i in indices]
-    background, source = sequence_background(sequence)
+    untouched = untouched or untouched_of(sequence)
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
 
     def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
         start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
-        return run_trial(perceived(sequence, indices, images, background, networks), particle_filter, observe)
+        return run_trial(perceived(sequence, indices, images, untouched.image, networks), particle_filter, observe)
 
     trials = []
     for seed in range(plan.seeds):
@@ -84,7 +86,7 @@ def run_sequence(
         "object": sequence.object_name,
         "path": str(sequence.path),
         "layout": sequence.layout,
-        "background": source,
+        "background": untouched.source,
         "mesh": str(mesh.path),
         "mesh_diagonal_m": mesh.diagonal,
         "codebook": dict(codebook.meta),

@@ -13,6 +13,8 @@ from midastouch_perception.tdn import load_tdn
 from ..datasets.ball_presses import load_ball_presses
 from ..evaluation.perception.held_out_calibrations import calibrations_of
 from ..evaluation.perception.press_quality import Press, feel_presses
+from ..evaluation.perception.press_truth import with_truth
+from ..evaluation.perception.usable_presses import usable_presses
 from ..evaluation.table import number
 from .figures import save
 from .page import Page
@@ -24,6 +26,7 @@ _HEADER = [
     "network",
     "calibration",
     "ball mm",
+    "truth",
     "presses",
     "found",
     "bulging",
@@ -38,8 +41,9 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
     page.heading("Real presses of a ball")
     page.note(
         "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
-        "where nobody labelled the felt outline. A good network has peak ratio and correlation near 1, and feels the "
-        "true radius."
+        "where nobody labelled the one that the images tell. Where they tell none it is the felt outline, which "
+        "flatters the network: do not judge depth by it. A good network has peak ratio and correlation near 1, and "
+        "feels the true radius."
     )
     page.table(_HEADER, [_row(content) for content in contents])
     for i, content in enumerate(contents):
@@ -59,6 +63,7 @@ def _row(content: dict) -> list[object]:
         content["network"],
         _calibration(content),
         number(1e3 * content["ball_diameter"], 1),
+        s.get("truth", "labels" if s["labelled"] else "felt outline"),
         s["presses"],
         number(s["found_share"], 2),
         number(s["bulges_share"], 2),
@@ -84,9 +89,9 @@ def _felt_again(content: dict) -> list[Press]:
     tdn = load_tdn(content["tdn"], sensor)
     if tdn.network_id != content["network"]:
         raise InputError(f"the network is now {tdn.network_id}; run midastouch evaluate-presses again")
-    presses = load_ball_presses(content["folder"])
+    presses, _ = usable_presses(load_ball_presses(content["folder"]), sensor)
     names = list(presses.images)
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
     calibrations = calibrations_of(content, presses, sensor)
-    shown = presses.only([names[k] for k in some])
+    shown = with_truth(presses, content["ball_diameter"], sensor).presses.only([names[k] for k in some])
     return list(feel_presses(tdn, shown, content["ball_diameter"] / 2, calibrations))

@@ -28,7 +28,7 @@ def box(tmp_path, monkeypatch) -> ObjectMesh:
     return mesh
 
 
-def save_book(mesh: ObjectMesh, **changes) -> None:
+def save_book(mesh: ObjectMesh, name: str = "box", **changes) -> None:
     meta = {
         "format": FORMAT,
         "mesh_name": "box",
@@ -38,7 +38,7 @@ def save_book(mesh: ObjectMesh, **changes) -> None:
         "sensor_id": "id-1",
         "tcn": "net-1",
     }
-    Codebook(np.eye(4)[None].repeat(3, 0), np.eye(3), meta | changes).save(codebook_path("box"))
+    Codebook(np.eye(4)[None].repeat(3, 0), np.eye(3), meta | changes).save(codebook_path(name))
 
 
 def test_mesh_and_codebook_are_found_by_the_objects_name(box):
@@ -50,6 +50,17 @@ def test_mesh_and_codebook_are_found_by_the_objects_name(box):
 def test_without_a_codebook_the_error_names_the_command(box):
     with pytest.raises(InputError, match=r"no codebook of cup; build it: midastouch build-codebook cup\.ply"):
         arguments.load_object("cup", None, None, NETWORKS)
+
+
+def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
+    """What the error tells to build is what is looked for."""
+    box.path.rename(tmp_path / "aligned.ply")
+    codebook_path("box").unlink()
+    told = r"aligned\.npz: no codebook of aligned; build it: midastouch build-codebook aligned\.ply"
+    with pytest.raises(InputError, match=told):
+        arguments.load_object("avocado", "aligned.ply", None, NETWORKS)
+    save_book(ObjectMesh.load("aligned.ply"), name="aligned")
+    assert arguments.load_object("avocado", "aligned.ply", None, NETWORKS)[0].name == "aligned"
 
 
 def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):

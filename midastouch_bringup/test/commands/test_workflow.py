@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from midastouch_bringup import cli
+from midastouch_bringup.commands.arguments import load_mesh
+from midastouch_bringup.datasets.sequence import read_image
 from midastouch_bringup.evaluation.speed import scaling
-from midastouch_perception.sensor_model import LIGHTS
+from midastouch_perception.sensor_calibration import SensorCalibration, background_colours
+from midastouch_perception.sensor_model import LIGHTS, SensorModel
 
 TIMES = {"p50", "p95", "cpu"}
 
@@ -69,8 +75,52 @@ def test_evaluate_asks_which_object_it_is(run):
     assert cli.main(["evaluate", "eyebolt/00", "--objects", "eyebolt.ply"]) == cli.EXIT_BAD_INPUT
 
 
-def test_real_slides_beside_the_paper_s(run, real_sequence_folder):
-    path, _ = real_sequence_folder(n=9)
+@pytest.fixture
+def real_slide(real_sequence_folder) -> Path:
+    """A real slide aligned with the eyebolt's surface."""
+    path, poses = real_sequence_folder(n=9)
+    file = path.parent / "alignment.npy"
+    places = poses[:, :3, 3].mean(axis=0, keepdims=True)
+    onto = load_mesh("eyebolt").closest_points(places)[0] - places
+    alignment = np.load(file)
+    alignment[:3, 3] += onto[0]
+    np.save(file, alignment)
+    return path
+
+
+def test_what_a_sequence_does_not_allow_is_refused(run, real_slide, capsys):
+    options = ["--mesh", "eyebolt", "--codebook", "out/codebooks/eyebolt.npz"]
+    assert cli.main(["evaluate", str(real_slide), "--real", "--init", "uniform", *options]) == 2
+    assert "--real: the paper's starts are about the truth" in capsys.readouterr().err
+    assert cli.main(["evaluate", str(real_slide), "eyebolt/00", *options]) == 2
+    assert "sequences of different sensors (digit_real, digit_tacto)" in capsys.readouterr().err
+    assert cli.main(["evaluate", str(real_slide), *options]) == 2
+    assert "built for the sensor digit_tacto, not for digit_real" in capsys.readouterr().err
+
+
+def test_a_calibration_and_a_no_contact_image_can_be_given(run, capsys):
+    background, sensor = read_image(Path("eyebolt/00/background.png")), SensorModel.load("digit_tacto")
+    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made |= {"pixel_size": sensor.pixel_size, "coefficients": np.full((12, 6, 2), 1e-3), "date": "2026-11-23"}
+    calibration = SensorCalibration(**made, background=background_colours(background))
+    calibration.save("own.npz")
+    dataclasses.replace(calibration, background=background_colours(background[:, ::-1, ::-1])).save("other.npz")
+    shutil.copy("eyebolt/00/background.png", "free.png")
+    options = ("--background", "free.png", "--calibration", "own.npz", "--json", "calibrated.json")
+    _, depth = run("evaluate-tdn", "eyebolt/00", *options)
+    _, without = run("evaluate-tdn", "eyebolt/00", "--json", "plain.json")
+    assert depth["sequences"][0]["background"] == "free.png"
+    assert depth["summary"]["rmse_mm"] != without["summary"]["rmse_mm"]
+    _, result = run("evaluate", "eyebolt/00", *options, "--seeds", "1", "--max-frames", "3", "--config", "small.yaml")
+    assert result["config"]["networks"]["calibration"] == "5 presses of a ball of 6 mm, 2026-11-23"
+    assert result["sequences"][0]["background"] == "free.png"
+    for command in ("evaluate", "evaluate-tdn"):
+        assert cli.main([command, "eyebolt/00", "--calibration", "other.npz"]) == 2
+        assert "another gel or another sensor" in capsys.readouterr().err
+
+
+def test_real_slides_beside_the_paper_s(run, real_slide):
+    path = real_slide
     options = ("--mesh", "eyebolt", "--codebook", "out/codebooks/eyebolt.npz", "--sensor", "digit_tacto")
     output, result = run(
         "evaluate", str(path), "--real", *options, "--seeds", "1", "--config", "small.yaml", "--json", "real.json"

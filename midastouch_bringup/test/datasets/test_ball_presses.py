@@ -73,7 +73,10 @@ def test_folders_without_presses(tmp_path):
         (HEADER + "0000,60,80,thirty\n", "line 2: not a circle"),
         (HEADER + "0000,60,80\n", "line 2: not a circle"),
         (HEADER + "0000,60,80,-3\n", "line 2: not a circle"),
-        (HEADER + "0000,nan,80,3\n", "line 2: not a circle"),
+        (HEADER + "0000,nan,80,30\n", "line 2: not a circle"),
+        (HEADER + "0000,60,80,1\n", "line 2: not a circle.*radius from 3 to 320 px"),
+        (HEADER + "0000,60,80,1e308\n", "line 2: not a circle"),
+        ("center_x_px,center_y_px,radius_px,frame\n60,80,30\n", "line 2: not a circle: a frame and"),
         (HEADER + "0009,60,80,30\n", "line 2: no image of frame 0009"),
         (HEADER + "0000,60,80,30\n", "no circle of 0001.png"),
         (HEADER + "".join(f"000{i},300,80,30\n" for i in range(5)), "0000.png lies outside the image"),
@@ -82,6 +85,30 @@ def test_folders_without_presses(tmp_path):
 def test_labels_that_do_not_fit(folder, content, problem):
     (folder / "circles.csv").write_text(content)
     with pytest.raises(InputError, match=problem):
+        load_ball_presses(folder)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"\x89PNG\r\n\x1a\n\xff\xfe", HEADER.encode("utf-16"), (HEADER + "é").encode("latin-1"), b"a" * 200_000],
+    ids=["binary", "UTF-16", "Latin-1", "endless field"],
+)
+def test_labels_that_are_no_table(folder, content):
+    (folder / "circles.csv").write_bytes(content)
+    with pytest.raises(InputError, match=r"circles\.csv: not a CSV table \(.*UTF-8"):
+        load_ball_presses(folder)
+
+
+def test_labels_out_of_a_spreadsheet(folder):
+    write_circles(folder)
+    file = folder / "circles.csv"
+    file.write_text(file.read_text(), encoding="utf-8-sig")
+    assert load_ball_presses(folder).circles["0001.png"] == (180, 80, 30)
+
+
+def test_labels_in_a_folder_are_not_passed_over(folder):
+    (folder / "circles.csv").mkdir()
+    with pytest.raises(InputError, match=r"circles\.csv: not a file"):
         load_ball_presses(folder)
 
 

@@ -220,7 +220,20 @@ def test_npy_with_a_program_inside_is_refused(tmp_path):
         restricted_pickle.load_npy(path)
 
 
-@pytest.mark.parametrize("content", [b"", b"text", b"\x93NUMPY\x01\x00\x10\x00{'descr': bad}"])
+def npy(header: str) -> bytes:
+    return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"text",
+        npy("{'descr': bad}"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000000, 4, 4)}"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 4, 4)}"),
+    ],
+)
 def test_npy_that_is_none_is_refused(tmp_path, content):
     path = tmp_path / "bad.npy"
     path.write_bytes(content)

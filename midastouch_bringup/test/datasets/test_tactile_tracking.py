@@ -6,6 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from midastouch_bringup.datasets import load_sequence
+from midastouch_bringup.evaluation.setup import untouched_of
 from midastouch_perception import se3
 from midastouch_perception.errors import InputError
 
@@ -68,6 +69,21 @@ def test_images_are_portrait_rgb_in_order(trial):
     assert (np.diff(levels) > 5).all()
 
 
+def test_a_no_contact_image_in_the_trial_is_turned_as_its_video(trial, tmp_path):
+    cv2.imwrite(str(trial / "background.png"), tactile_image(2))
+    sequence = load_sequence(trial)
+    off = np.abs(sequence.background.astype(int) - sequence.image(2))
+    assert np.median(off) < 3
+    cv2.imwrite(str(tmp_path / "upright.png"), sequence.background[:, :, ::-1])
+    np.testing.assert_array_equal(sequence.read_background(tmp_path / "upright.png"), sequence.background)
+
+
+def test_a_trial_is_in_contact_all_along(trial):
+    assert "--background, or put it there as background.png" in untouched_of(load_sequence(trial)).doubt
+    cv2.imwrite(str(trial / "background.png"), tactile_image(2))
+    assert untouched_of(load_sequence(trial)).doubt == ""
+
+
 def test_poses_are_those_of_our_gel_frame(trial):
     """x right, y up in the portrait image, z towards the camera; the object's frame is the first of them."""
     poses = load_sequence(trial).poses_true
@@ -80,6 +96,16 @@ def test_poses_are_those_of_our_gel_frame(trial):
     assert np.allclose(se3.inverse(poses) @ poses, np.eye(4))
 
 
+def in_millimetres(poses: np.ndarray) -> np.ndarray:
+    poses[:, :3, 3] *= 1000
+    return poses
+
+
+def with_poses(folder, change) -> None:
+    file = folder / "true_start_T_currs.npy"
+    np.save(file, change(np.load(file)))
+
+
 @pytest.mark.parametrize(
     ("damage", "problem"),
     [
@@ -87,9 +113,15 @@ def test_poses_are_those_of_our_gel_frame(trial):
         (lambda f: (f / "gelsight.avi").write_bytes(b"RIFF"), "no readable image"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.tile(np.eye(4), (3, 1, 1))), "3 poses for 6 images"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 7))), r"expected \(N, 4, 4\)"),
-        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 4, 4))), "what is no pose"),
+        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((FRAMES, 4, 4))), "it is no pose"),
         (lambda f: np.save(f / "true_start_T_currs.npy", np.full((FRAMES, 4, 4), np.nan)), "what is no pose"),
         (lambda f: (f / "true_start_T_currs.npy").write_bytes(b"nonsense"), "not a NumPy file"),
+        (lambda f: np.save(f / "true_start_T_currs.npy", np.zeros((0, 4, 4))), r"expected \(N, 4, 4\)"),
+        (lambda f: with_poses(f, lambda p: p.transpose(0, 2, 1)), "last row of a pose is not 0 0 0 1"),
+        (lambda f: with_poses(f, lambda p: p @ np.diag([1.0, 1, -1, 1])), "a rotation mirrors"),
+        (lambda f: with_poses(f, in_millimetres), "m from the start; are these millimetres"),
+        (lambda f: with_poses(f, lambda p: p[::-1]), "first pose is not the identity"),
+        (lambda f: write_video(f / "gelsight.avi", [np.zeros((240, 240, 3), np.uint8)] * FRAMES), "expected 4:3"),
     ],
 )
 def test_damaged_trials(trial, damage, problem):

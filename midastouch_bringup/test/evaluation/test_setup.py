@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.setup import load_filter_config, sequence_background
+from midastouch_bringup.evaluation.setup import load_filter_config, sequence_background, untouched_of
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.presets import PRESETS
 from midastouch_perception.errors import InputError
@@ -74,3 +74,16 @@ def test_the_background_of_a_sequence_is_taken_or_estimated(simulated_sequence):
     estimated, source = sequence_background(sequence)
     assert source == "estimated from 5 frames"
     assert np.abs(estimated.astype(int) - sequence.image(2)).mean() < 5  # the median of the ramp of frames
+
+
+def test_a_background_that_shows_contacts_is_doubted(simulated_sequence):
+    sequence = simulated_sequence()
+    object.__setattr__(sequence, "background_path", None)
+    same = sequence.image(0)
+    object.__setattr__(sequence, "image", lambda i: same)
+    assert untouched_of(sequence).doubt == ""
+    object.__setattr__(sequence, "image", lambda i: same + np.uint8(20 * i))
+    assert "do not show all of the gel untouched; give the sensor's with --background" in untouched_of(sequence).doubt
+    given = untouched_of(sequence, str(next((sequence.path / "tactile_images").glob("*.jpg"))))
+    assert given.doubt == ""
+    assert given.source.endswith(".jpg")

@@ -21,6 +21,8 @@ _SAME = 4.0  # grey levels between block means that still are the same surface
 _CHANGED = 8.0  # grey levels
 _SMOOTHED = 2.0  # px of half the image's resolution
 _CLEARLY = 1.02  # times as rough
+MOST_DOUBTFUL = 0.1
+"""Share of the image: with more of it doubtful an estimate shows contacts."""
 _MAJORITY = 1 / 3  # of the frames that show a place untouched, or its median is not trusted
 
 

@@ -8,10 +8,9 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from .background import doubtful_share, estimate_background
+from .background import MOST_DOUBTFUL, doubtful_share, estimate_background
 
 _MOST_FILES = 200
-_MOST_DOUBT = 0.1  # share of the image
 
 
 def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
@@ -30,7 +29,7 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     images = [_read_image(file, height, width) for file in chosen]
     background = estimate_background(images)
     doubt = doubtful_share(images, background)
-    if doubt > _MOST_DOUBT:
+    if doubt > MOST_DOUBTFUL:
         raise InputError(
             f"{path}: {100 * doubt:.0f} % of the image is touched in most of these images; "
             "give images without contact, or a slide with longer pauses"

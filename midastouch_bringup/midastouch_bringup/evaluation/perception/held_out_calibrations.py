@@ -17,11 +17,13 @@ def calibrations_of(settings: dict, presses: BallPresses, sensor: SensorModel) -
     """The calibration that each press is judged with, by file name; None where there is none.
 
     settings: `calibration`, a file, `calibrated_with`, a number of presses, and `seed` and `ball_diameter` of an
-    `evaluate-presses` result; sensor at full size. Raises InputError if it cannot be read or made.
+    `evaluate-presses` result; sensor at full size. Raises InputError if it cannot be read or made, or is another gel's.
     """
     if settings.get("calibration"):
         given = SensorCalibration.load(settings["calibration"])
         given.check_sensor(sensor)
+        if problem := given.background_problem(presses.background):
+            raise InputError(f"{settings['calibration']}: {problem}")
         return dict.fromkeys(presses.images, given)
     if settings.get("calibrated_with"):
         rng = np.random.default_rng(settings["seed"])

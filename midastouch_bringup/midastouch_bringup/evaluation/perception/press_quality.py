@@ -1,8 +1,9 @@
 """Presses of a ball of known size on a real sensor: how deep, how round and where is what the depth network feels?
 
 What should be felt is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
-somebody labelled, or else the one that is felt, which says nothing of the felt depth. So the truth never comes from the
-depth that is judged. (Gel sinks in around a ball: the true depth lies between one and two caps.)
+somebody labelled, or else the one that the images tell (`label_check.py`). Where neither is known the outline that is
+felt stands in. It says nothing of the felt depth, but it is the network's own, and so are its errors: depth is not
+judged by it. (Gel sinks in around a ball: the true depth lies between one and two caps.)
 
 Only the shape is judged by what fits best: `felt_radius_mm` of the free sphere, `iou` with the nearest cap of the true
 radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap under the outline cannot reach 1.
@@ -23,7 +24,7 @@ from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
-from ...datasets.ball_presses import BallPresses, Circle
+from ...datasets.ball_presses import LABELS, BallPresses, Circle
 from .ball_cap import ball_penetration, centre_under, circle_outline, mask_outline, misfit, nearest_cap
 from .sphere_fit import fit_sphere, principal_curvatures
 
@@ -38,7 +39,7 @@ _LARGEST_BALL = 0.1  # m
 @dataclasses.dataclass(frozen=True)
 class Press:
     """One press as felt. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; felt and ideal
-    (h, w) m; ideal is None where neither a label nor an outline tells it; found, the pipeline's contact decision;
+    (h, w) m; ideal is None where neither a circle nor an outline tells it; found, the pipeline's contact decision;
     truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the felt relief, or None.
     """
 
@@ -67,11 +68,12 @@ def feel_presses(
         difference = tdn.difference(image, presses.background)
         felt = tdn.predict(image, presses.background, difference)
         region = _felt_contact(difference, felt, tdn.sensor)
-        if presses.circles:
-            scale = felt.shape[1] / image.shape[1]
-            truth = _under_circle(name, presses.circles[name], scale, radius, tdn.sensor)
-        else:
+        if presses.circles is None:
             truth = _under_felt(_felt_contact(difference, felt, tdn.sensor, 0.0), radius, tdn.sensor)
+        elif circle := presses.circles.get(name):
+            truth = _under_circle(name, circle, felt.shape[1] / image.shape[1], radius, tdn.sensor)
+        else:
+            truth = None
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(felt, region, radius, tdn.sensor) if region.any() else None
         found = ContactDetector(tdn.sensor).update(felt).in_contact and bool(region.any())
@@ -90,7 +92,7 @@ def measure_presses(
     for press in feel_presses(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
         progress(1)
-    return rows, _summary(rows, labelled=presses.circles is not None)
+    return rows, _summary(rows, presses.truth)
 
 
 def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
@@ -183,7 +185,7 @@ def _iou(felt: np.ndarray, cap: np.ndarray) -> float:
     return float((claimed & there).sum() / max((claimed | there).sum(), 1))
 
 
-def _summary(rows: list[dict], labelled: bool) -> dict:
+def _summary(rows: list[dict], truth: str) -> dict:
     """Shares over all presses, medians over those that have the figure, correlation over those with a true depth."""
 
     def median(key: str) -> float:
@@ -193,7 +195,8 @@ def _summary(rows: list[dict], labelled: bool) -> dict:
     known = [row for row in rows if row["ideal_peak_mm"] is not None]
     return {
         "presses": len(rows),
-        "labelled": labelled,
+        "labelled": truth == LABELS,
+        "truth": truth,
         "found_share": float(np.mean([row["found"] for row in rows])),
         "bulges_share": float(np.mean([row["bulges"] for row in rows])),
         "depth_correlation": _correlation([(row["ideal_peak_mm"], row["felt_peak_mm"]) for row in known]),

@@ -1,0 +1,110 @@
+"""What is judged of presses in a folder, by what, and what is left out."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from midastouch_bringup import cli
+from midastouch_bringup.datasets.slide_simulation import no_contact_image
+from midastouch_perception.sensor_calibration import SensorCalibration, background_colours
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.ball_presses import PressedSensor
+
+RADIUS = 3e-3
+
+
+@pytest.fixture(scope="module")
+def digit():
+    """A simulated DIGIT on which a ball of 6 mm is pressed."""
+    sensor, rng = SensorModel.load("digit_real"), np.random.default_rng(1)
+    return PressedSensor(sensor, no_contact_image(sensor, rng)[None], RADIUS, rng)
+
+
+@pytest.fixture(scope="module")
+def presses(digit):
+    return digit.presses(6)
+
+
+def write(folder, images, background):
+    folder.mkdir()
+    for name, image in {**images, "background.png": background}.items():
+        cv2.imwrite(str(folder / name), image[:, :, ::-1])
+    return str(folder)
+
+
+def evaluate(folder, tmp_path, *more):
+    """Exit code and JSON."""
+    out = tmp_path / "out.json"
+    code = cli.main(["evaluate-presses", folder, "--ball-diameter", "0.006", "--json", str(out), *more])
+    return code, json.loads(out.read_text()) if out.is_file() else None
+
+
+def test_images_that_show_no_press_are_named_and_left_out(digit, presses, tmp_path, capsys):
+    spoiled = {
+        "black.png": (np.zeros_like(digit.background), "black"),
+        "bright.png": (np.full_like(digit.background, 255), "saturated"),
+        "free.png": (digit.background, "nothing touches the gel"),
+        "other.png": (np.roll(digit.background, 60, axis=1), "differs everywhere"),
+        "turned.png": (np.ascontiguousarray(presses["0.png"][::-1, ::-1]), "upside down"),
+    }
+    again = {"again.png": next(iter(presses.values()))}
+    folder = write(tmp_path / "presses", presses | again | {n: i for n, (i, _) in spoiled.items()}, digit.background)
+    code, result = evaluate(folder, tmp_path)
+    said = capsys.readouterr().out
+    assert code == 0
+    problems = {each["image"]: each["problem"] for each in result["unusable"]}
+    assert len(problems) == 6
+    for name, (_, problem) in spoiled.items():
+        assert problem in problems[name]
+        assert f"{name}: not used: " in said
+    assert sum("the same image as" in problem for problem in problems.values()) == 1
+    assert result["summary"]["presses"] == 6
+
+
+@pytest.mark.parametrize(("level", "problem"), [(0, "black"), (255, "saturated")])
+def test_presses_without_a_sensor_are_refused(digit, presses, tmp_path, capsys, level, problem):
+    spoiled = {f"{i}.png": np.full_like(digit.background, abs(level - i)) for i in range(3)}
+    assert evaluate(write(tmp_path / "a", spoiled, digit.background), tmp_path)[0] == 2
+    assert f"none of 3 presses can be used. 0.png: {problem}" in capsys.readouterr().err
+    assert evaluate(write(tmp_path / "b", presses, spoiled["0.png"]), tmp_path)[0] == 2
+    assert f"background.png, or what the presses have in common: the no-contact image is {problem}" in (
+        capsys.readouterr().err
+    )
+
+
+def test_without_labels_the_images_tell_the_depth(digit, presses, tmp_path, capsys):
+    cut = {"cut.png": digit.image([(8, 160, 1.6e-3)])}
+    code, result = evaluate(write(tmp_path / "presses", presses | cut, digit.background), tmp_path)
+    said = capsys.readouterr().out
+    assert code == 0
+    assert (result["summary"]["truth"], result["summary"]["labelled"]) == ("images", False)
+    assert result["depth_problem"] == ""
+    assert [each["image"] for each in result["unfitted"]] == ["cut.png"]
+    assert "cut.png: depth not judged: cut off at the edge of the view" in said
+    judged = {row["image"]: row["ideal_peak_mm"] is not None for row in result["presses"]}
+    assert judged == {**dict.fromkeys(presses, True), "cut.png": False}
+    assert "under the images' circle" in said
+
+
+def test_where_images_tell_no_ball_depth_is_not_judged(digit, presses, tmp_path, capsys):
+    few = dict(list(presses.items())[:3])
+    code, result = evaluate(write(tmp_path / "presses", few, digit.background), tmp_path)
+    said = capsys.readouterr().out
+    assert code == 0
+    assert result["summary"]["truth"] == "felt outline"
+    assert "3 images; calibration needs 5" in result["depth_problem"]
+    assert "depth cannot be judged: no circles.csv, and the images do not tell where the ball is: 3 images" in said
+    assert said.count("not judged") == 4
+
+
+def test_a_calibration_of_another_gel_is_refused(digit, presses, tmp_path, capsys):
+    sensor, file = SensorModel.load("digit_real"), tmp_path / "other.npz"
+    other = no_contact_image(sensor, np.random.default_rng(8))[:, ::-1]
+    made = {"serial": "", "ball_diameter": 6e-3, "object_name": "", "sensor": sensor.name, "presses": 5}
+    made |= {"pixel_size": sensor.pixel_size, "coefficients": np.zeros((12, 6, 2)), "date": "2026-11-23"}
+    SensorCalibration(**made, background=background_colours(other)).save(file)
+    folder = write(tmp_path / "presses", presses, digit.background)
+    assert evaluate(folder, tmp_path, "--calibration", str(file))[0] == 2
+    assert "other.npz: the calibration of 2026-11-23 was made with another gel" in capsys.readouterr().err
