@@ -22,6 +22,7 @@ _MEND = f"compare with {_FOLDER / 'digit.yaml'}"
 _FORMATS = {"YUYV": PIX_FMT_YUYV, "MJPG": PIX_FMT_MJPEG}
 _ROTATIONS = {0: None, 90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
 _KEYS = {"label", "usb_ids", "product", "rotation", "leds", "modes"}
+_SQUARE = 0.02  # by which a pixel's sides may differ: the sensor model's scale is one for both
 _MODE_KEYS = {"width", "height", "fps", "format", "crop", "output"}
 
 
@@ -120,14 +121,17 @@ def _parsed(content: dict) -> CameraModel:
     rotation = content.get("rotation", 0)
     if rotation not in _ROTATIONS:
         raise ValueError(f"rotation must be one of {', '.join(map(str, _ROTATIONS))} degrees, got {rotation}")
-    ids = tuple(_usb_id(text) for text in content.get("usb_ids", ()))
-    product = str(content.get("product", ""))
+    ids = tuple(_usb_id(text) for text in _list(content.get("usb_ids") or [], "usb_ids"))
+    product = str(content.get("product") or "")
     if not ids and not product:
         raise ValueError("neither usb_ids nor product: nothing tells the sensor from other cameras")
     modes = {str(name): _mode(mode, rotation) for name, mode in content["modes"].items()}
     if not modes:
         raise ValueError("modes is empty")
-    return CameraModel(str(content["label"]), ids, product, rotation, bool(content.get("leds", False)), modes)
+    leds = content.get("leds", False)
+    if not isinstance(leds, bool):
+        raise ValueError(f"leds: {leds!r} is neither true nor false")
+    return CameraModel(str(content["label"]), ids, product, rotation, leds, modes)
 
 
 def _usb_id(text: str) -> tuple[str, str]:
@@ -140,26 +144,39 @@ def _usb_id(text: str) -> tuple[str, str]:
 def _mode(values: dict, rotation: int) -> CameraMode:
     _refuse_others(values, _MODE_KEYS)
     width, height = _whole(values["width"], "width"), _whole(values["height"], "height")
-    rates = tuple(_whole(rate, "fps") for rate in values["fps"])
+    rates = tuple(_whole(rate, "fps") for rate in _list(values["fps"], "fps"))
     if not rates:
         raise ValueError("fps is empty")
     kind = values.get("format", "YUYV")
     if kind not in _FORMATS:
         raise ValueError(f"format must be one of {', '.join(_FORMATS)}, got {kind}")
-    crop = tuple(int(value) for value in values.get("crop", (0, 0, width, height)))
+    crop = tuple(_whole(value, "crop", 0) for value in _list(values.get("crop", [0, 0, width, height]), "crop"))
+    if len(crop) != 4:
+        raise ValueError(f"crop {list(crop)} is not a column, a row, a width and a height")
     column, row, wide, high = crop
     if min(column, row) < 0 or min(wide, high) < 1 or column + wide > width or row + high > height:
         raise ValueError(f"crop {list(crop)} (column, row, width, height) leaves the image of {width}x{height}")
     turned = (high, wide) if rotation in (90, 270) else (wide, high)
-    output = tuple(_whole(value, "output") for value in values.get("output", turned))
+    output = tuple(_whole(value, "output") for value in _list(values.get("output", [*turned]), "output"))
     if len(output) != 2:
         raise ValueError(f"output {list(output)} is not a width and a height")
+    if abs(output[0] * turned[1] / (output[1] * turned[0]) - 1) > _SQUARE:
+        raise ValueError(
+            f"output {list(output)} is of another shape than the crop, turned {turned[0]} x {turned[1]}: a pixel must "
+            "stay square; change crop or output"
+        )
     return CameraMode(width, height, rates, _FORMATS[kind], crop, output)
 
 
-def _whole(value: object, name: str) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise ValueError(f"{name}: {value!r} is not a whole number above 0")
+def _list(value: object, name: str) -> list:
+    if not isinstance(value, list):
+        raise ValueError(f"{name}: {value!r} is not a list; write [{value}]")
+    return value
+
+
+def _whole(value: object, name: str, least: int = 1) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name}: {value!r} is not a whole number of at least {least}")
     return value
 
 

@@ -90,6 +90,11 @@ def test_images_are_cropped_then_turned_then_scaled(tmp_path, rotation, corner, 
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "format": "H264"}}}, "one of YUYV, MJPG, got H264"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [300, 0, 400, 480]}}}, "leaves the image"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [240]}}}, "not a width and a height"),
+        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [320, 320]}}}, "pixel must stay square"),
+        ({"modes": {"a": {"width": 640, "height": 480, "fps": 30}}}, r"fps: 30 is not a list; write \[30\]"),
+        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 640]}}}, "crop .* is not a column"),
+        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 64.5, 48]}}}, "crop: 64.5 is not"),
+        ({"leds": "false"}, "leds: 'false' is neither true nor false"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, change, problem) -> None:
@@ -97,6 +102,26 @@ def test_what_is_wrong_is_named(tmp_path, change, problem) -> None:
     with pytest.raises(InputError, match=problem) as error:
         CameraModel.load(written(tmp_path, content))
     assert "digit.yaml" in str(error.value)
+
+
+def test_a_product_left_empty_is_none(tmp_path) -> None:
+    path = written(tmp_path, OWN)
+    path.write_text(path.read_text() + "product:\n")
+    assert CameraModel.load(path).product == ""
+    path.write_text(path.read_text().replace("- 1BCF:2b98", ""))
+    with pytest.raises(InputError, match="nothing tells the sensor"):
+        CameraModel.load(path)
+
+
+@pytest.mark.parametrize(("output", "fits"), [([300, 400], True), ([303, 400], True), ([310, 400], False)])
+def test_a_pixel_stays_square_after_the_turn(tmp_path, output, fits) -> None:
+    mode = OWN["modes"]["small"] | {"output": output}
+    file = written(tmp_path, OWN | {"rotation": 90, "modes": {"small": mode}})
+    if fits:
+        assert CameraModel.load(file).mode("small").output == tuple(output)
+    else:
+        with pytest.raises(InputError, match="turned 300 x 400: a pixel must stay square"):
+            CameraModel.load(file)
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "label: [", "{"])

@@ -17,9 +17,10 @@ def add_parser(subparsers) -> None:
         "download YCB meshes or parts of YCB-Slide",
         "midastouch download ycb-mesh 025_mug 035_power_drill",
         "ycb-mesh NAME...: 16k-face scans (CC BY 4.0), one PLY each. ycb-slide sim|real|backgrounds...: recordings\n"
-        "(MIT), with gdown. A broken download goes on where it stopped. The sum of each file is kept in SHA256SUMS\n"
-        "and compared the next time, as its publishers give none. tactile-tracking: where NormalFlow's recordings\n"
-        "with a GelSight Mini lie, and what to do with them; nothing is downloaded.",
+        "(CC BY-SA 4.0; MIT is the licence of its code alone), with gdown. A broken download goes on where it\n"
+        "stopped. The sum of each file is kept in SHA256SUMS and compared the next time, as its publishers give\n"
+        "none. tactile-tracking: where NormalFlow's recordings with a GelSight Mini lie, and what to do with them;\n"
+        "nothing is downloaded.",
     )
     parser.add_argument("what", choices=("ycb-mesh", "ycb-slide", "tactile-tracking"), help="which collection")
     parser.add_argument("names", nargs="*", metavar="NAME", help="objects (025_mug) or parts (sim, real, backgrounds)")

@@ -1,4 +1,7 @@
-"""YCB-Slide (Suresh et al., 2022; MIT): shared folders of a drive that only the program `gdown` can list."""
+"""YCB-Slide (Suresh et al., 2022): shared folders of a drive that only the program `gdown` can list.
+
+The recordings are CC BY-SA 4.0; MIT is the licence of the code beside them (README of rpl-cmu/YCB-Slide).
+"""
 
 from __future__ import annotations
 
