@@ -45,6 +45,18 @@ def background_colours(background: np.ndarray) -> np.ndarray:
     return cv2.resize(background.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
 
 
+def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
+    """Why a calibration with pixels of this size [m] is not for a sensor model (full size); empty if it is."""
+    if abs(pixel_size / sensor.pixel_size - 1) <= _OTHER_SCALE:
+        return ""
+    return (
+        f"the calibration's scale is {1e-3 / pixel_size:.2f} px/mm, that of the sensor model {sensor.name} "
+        f"{1e-3 / sensor.pixel_size:.2f}; write a sensor model of your own (YAML) with focal "
+        f"{sensor.gel_distance / pixel_size:.1f}, and give it to midastouch calibrate as --sensor, without "
+        "--px-per-mm, and to all nodes as sensor_model"
+    )
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class SensorCalibration:
     """The response of one sensor, as `midastouch calibrate` found it.
@@ -82,16 +94,21 @@ class SensorCalibration:
         """The change (H, W, 3) that a standard sensor would show where this one shows `change` (H, W, 3)."""
         return standard_colours(self.response.slopes(change))
 
-    def check_sensor(self, sensor: SensorModel, serial: str = "") -> None:
-        """Raises InputError if it is not of the sensor with this model (full size) and serial number ("": any)."""
+    def check_kind(self, sensor: SensorModel, serial: str = "") -> None:
+        """As `check_sensor`, whatever the model's scale."""
         if serial and self.serial != serial:
             raise InputError(f"calibration of the sensor '{self.serial}', not of '{serial}'; calibrate this one")
-        if self.sensor != sensor.name or abs(self.pixel_size / sensor.pixel_size - 1) > _OTHER_SCALE:
+        if self.sensor != sensor.name:
             raise InputError(
-                f"calibration for the sensor model {self.sensor} with {1e-3 / self.pixel_size:.2f} px/mm, not for "
-                f"{sensor.name} with {1e-3 / sensor.pixel_size:.2f}; start all nodes with sensor_model "
-                f"{self.sensor}, or calibrate with --sensor {sensor.name}"
+                f"calibration for the sensor model {self.sensor}, not for {sensor.name}; start all nodes with "
+                f"sensor_model {self.sensor}, or calibrate with --sensor {sensor.name}"
             )
+
+    def check_sensor(self, sensor: SensorModel, serial: str = "") -> None:
+        """Raises InputError if it is not of the sensor with this model (full size) and serial number ("": any)."""
+        self.check_kind(sensor, serial)
+        if problem := scale_problem(sensor, self.pixel_size):
+            raise InputError(problem)
 
     def background_problem(self, background: np.ndarray) -> str:
         """Why a no-contact image (H, W, 3) is of another gel or another sensor; empty if it is not."""

@@ -57,6 +57,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
+    from midastouch_perception.sensor_calibration import scale_problem
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn.background_store import store_of
 
@@ -70,7 +71,10 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--optics: is measured with a ball; give --ball-diameter and a folder of presses")
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
-        sensor = sensor.at_scale(1e3 * args.px_per_mm)
+        model, sensor = sensor, sensor.at_scale(1e3 * args.px_per_mm)
+        # tdn, which has the model's scale, would not use it
+        if not args.out and (problem := scale_problem(model, sensor.pixel_size)):
+            raise InputError(f"--px-per-mm {args.px_per_mm:g}: {problem}")
     if args.source == "live":
         result, images, code = _live(args, path)
         if result is None:

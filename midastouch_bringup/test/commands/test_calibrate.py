@@ -77,6 +77,13 @@ def test_what_does_not_fit_is_refused_and_nothing_kept(folder, tmp_path, capsys,
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_scale_that_tdn_would_not_use_is_refused_for_a_serial_number(folder, tmp_path, capsys):
+    arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123", "--px-per-mm", "19.5"]
+    assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 2
+    assert "with focal 429.0, and give it to midastouch calibrate as --sensor" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 SPOILED = {
     "nothing touches the gel": lambda digit: digit.background,
     "cut off at the edge": lambda digit: digit.image([(8, 160, 1.6e-3)]),

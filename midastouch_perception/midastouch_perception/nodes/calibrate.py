@@ -19,6 +19,7 @@ from ..message_arrays import rgb_from_msg
 from ..ros import diagnostics, qos, spin
 from ..ros.node import PipelineNode
 from ..ros.parameters import Parameter, Parameters
+from ..sensor_calibration import scale_problem
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
 
@@ -53,7 +54,10 @@ class CalibrateNode(PipelineNode):
         self._serial, self._diameter = self._settings["serial"], self._settings["ball_diameter"]
         self._sensor = SensorModel.load(self._settings["sensor_model"])
         if self._settings["px_per_mm"]:
-            self._sensor = self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
+            model, self._sensor = self._sensor, self._sensor.at_scale(1e3 * self._settings["px_per_mm"])
+            # tdn, which has the model's scale, would not use it
+            if not self._settings["out"] and (problem := scale_problem(model, self._sensor.pixel_size)):
+                raise InputError(f"calibrate: parameter 'px_per_mm': {problem}")
         self._background, self._path = self._required()
         folder = self._settings["presses_folder"]
         self._presses = Path(folder).expanduser() if folder else None

@@ -110,7 +110,7 @@ class TdnNode(ManagedNode):
         self.say(f"loading the depth network '{self.parameters['tdn']}'")
         tdn = None if self._given else load_tdn(self.parameters["tdn"], self._sensor)
         kept = store.load_calibration(self._sensor) if store and tdn else None
-        self._calibration = CalibrationInUse(tdn, kept)
+        self._calibration = CalibrationInUse(tdn, kept, self._sensor)
         self._touched = TouchedBackground(tdn)
         self._stage = self._given or DepthStage(tdn, self._fit, self._touched)
         self.say(f"loading the background; calibration: {self._calibration}")

@@ -44,12 +44,13 @@ class BackgroundStore:
         return read_background(self.path, height, width) if self.path.exists() else None
 
     def load_calibration(self, sensor: SensorModel) -> SensorCalibration | None:
-        """The sensor's calibration; None if none was kept. InputError if it is broken or another sensor's."""
+        """The sensor's calibration, of any scale; None if none was kept. InputError if it is broken or another
+        sensor's."""
         if not self.calibration_path.exists():
             return None
         calibration = SensorCalibration.load(self.calibration_path)
         try:
-            calibration.check_sensor(sensor, self._serial)
+            calibration.check_kind(sensor, self._serial)
         except InputError as error:
             raise InputError(f"{self.calibration_path}: {error}") from error
         return calibration

@@ -136,6 +136,7 @@ def test_images_of_another_size_are_counted(graph, live):
         ({"serial": "D1"}, "capture_background"),
         ({"sensor_model": "no_such"}, "no_such"),
         ({"presses": 4}, "presses"),
+        ({"px_per_mm": 19.5}, "sensor model of your own"),
     ],
 )
 def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):

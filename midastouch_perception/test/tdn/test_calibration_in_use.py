@@ -53,7 +53,7 @@ def test_another_sensor_model_s_is_refused(calibration):
 
 def test_it_is_used_for_its_own_gel_only(real, background, calibration):
     tdn = load_tdn("fast", real)
-    in_use = CalibrationInUse(tdn, calibration)
+    in_use = CalibrationInUse(tdn, calibration, real)
     in_use.check(background)
     assert tdn.calibration is calibration
     assert str(in_use).startswith("10 presses of a ball of 6 mm")
@@ -65,10 +65,19 @@ def test_it_is_used_for_its_own_gel_only(real, background, calibration):
     assert tdn.calibration is calibration
 
 
-def test_without_one_nothing_is_used(background):
-    in_use = CalibrationInUse(None, None)
+def test_without_one_nothing_is_used(real, background):
+    in_use = CalibrationInUse(None, None, real)
     in_use.check(background)
     assert (str(in_use), in_use.problem) == ("none", "")
+
+
+def test_one_of_another_scale_is_not_used_and_the_mend_is_named(real, background, calibration):
+    tdn = load_tdn("fast", real)
+    in_use = CalibrationInUse(tdn, dataclasses.replace(calibration, pixel_size=1.05 * real.pixel_size), real)
+    in_use.check(background)
+    assert tdn.calibration is None
+    assert "sensor model digit_real 18.50; write a sensor model of your own" in in_use.problem
+    assert str(in_use) == "refused"
 
 
 def test_it_is_kept_per_serial_number(real, calibration, tmp_path):
@@ -76,6 +85,8 @@ def test_it_is_kept_per_serial_number(real, calibration, tmp_path):
     assert store.load_calibration(real) is None
     calibration.save(store.calibration_path)
     assert store.load_calibration(real).serial == "D20123"
+    dataclasses.replace(calibration, pixel_size=1.05 * real.pixel_size).save(store.calibration_path)
+    assert store.load_calibration(real).pixel_size == 1.05 * real.pixel_size
     dataclasses.replace(calibration, serial="D9").save(store.calibration_path)
     with pytest.raises(InputError, match=r"D20123\.calibration\.npz: calibration of the sensor 'D9', not of 'D20123'"):
         store.load_calibration(real)
