@@ -144,12 +144,14 @@ def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
 
 
-def test_presses_are_written_as_they_are_taken_in_place_of_earlier_ones(graph, folder, digit, presses):
+def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder, digit, presses):
     kept = folder / "presses"
     kept.mkdir()
     (kept / "press_09.png").write_bytes(b"of another gel")
-    graph.add(CalibrateNode, parameters(folder, presses_folder=str(kept)))
+    node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(kept)))
     camera = Camera(graph)
     graph.spin_until(lambda: camera.status is not None)
     camera.press(presses[0], digit.background)
-    assert sorted(path.name for path in kept.iterdir()) == ["background.png", "press_00.png"]
+    assert [path.name for path in kept.iterdir()] == ["press_09.png"]
+    assert node.presses_folder == folder / "presses_2"
+    assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
