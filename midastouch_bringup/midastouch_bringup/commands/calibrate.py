@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import signal
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import require_new_folder, require_place
 
 from . import arguments
+
+_SENSOR = "digit_real"
 
 
 def add_parser(subparsers) -> None:
@@ -41,7 +44,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
     parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
-    parser.add_argument("--sensor", default="digit_real", help="sensor model (default digit_real)")
+    parser.add_argument("--sensor", default=_SENSOR, help=f"sensor model (default {_SENSOR})")
     parser.add_argument(
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
@@ -138,14 +141,14 @@ def _live(args: argparse.Namespace, path: Path):
         raise InputError("calibrate live: give the sensor's --serial")
     folder = require_new_folder(Path(args.save).expanduser()) if args.save else f"out/presses/{args.serial}"
     parameters = {
-        "serial": f"'{args.serial}'",
+        "serial": _quoted(args.serial),
         "ball_diameter": args.ball_diameter,
         "diameter_is_right": args.diameter_is_right,
-        "sensor_model": args.sensor,
+        "sensor_model": _quoted(args.sensor),
         "px_per_mm": args.px_per_mm or 0.0,
-        "background_folder": f"'{args.background_folder}'",
-        "out": f"'{path}'",
-        "presses_folder": f"'{folder}'",
+        "background_folder": _quoted(args.background_folder),
+        "out": _quoted(path),
+        "presses_folder": _quoted(folder),
     }
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     if args.namespace:
@@ -158,12 +161,30 @@ def _live(args: argparse.Namespace, path: Path):
 
     spin.run(guide, ["calibrate", "--ros-args", *words])
     signal.signal(signal.SIGINT, signal.default_int_handler)  # after nodes it is ignored; there may be a page to come
-    if not made or made[0].failure:
+    if not made:
         return None, {}, 2
-    if made[0].result is None:
-        print(f"{folder}: {len(made[0].images)} presses; midastouch calibrate {folder} uses five or more")
-        return None, {}, 1
-    return made[0].result, made[0].images, 0
+    (node,) = made
+    if node.result is None:
+        print(f"{node.presses_folder}: {len(node.images)} presses; to calibrate from five or more of them:")
+        print(shlex.join(_from_folder(args, node.presses_folder)))
+        return None, {}, 2 if node.failure else 1
+    return node.result, node.images, 0
+
+
+def _quoted(text: str | Path) -> str:
+    """As a parameter's value, which ROS reads as YAML."""
+    return "'" + str(text).replace("'", "''") + "'"
+
+
+def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
+    """The command for the images that were taken live."""
+    words = ["midastouch", "calibrate", str(folder), "--ball-diameter", f"{args.ball_diameter:g}"]
+    for name in ("serial", "out", "background_folder", "px_per_mm"):
+        if value := getattr(args, name):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    if args.sensor != _SENSOR:
+        words += ["--sensor", args.sensor]
+    return words
 
 
 def _report(args: argparse.Namespace, result, images, sensor) -> None:

@@ -1,6 +1,7 @@
 """From presses in a folder, of a running sensor, or a slide over an object to a calibration that the node finds."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -220,7 +221,7 @@ def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
 
     BackgroundStore(tmp_path, "D20123").save(digit.background)
     arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
-    arguments += ["--save", str(tmp_path / "presses"), "--page", str(tmp_path / "page"), "--namespace", "left"]
+    arguments += ["--save", str(tmp_path / "it's"), "--page", str(tmp_path / "page"), "--namespace", "left"]
     command = [sys.executable, "-m", "midastouch_bringup.cli", "calibrate", *arguments]
     guide = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
     camera = Camera(graph, "left/image_raw")
@@ -233,5 +234,20 @@ def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
     assert "10 of 10" not in said
     assert said.splitlines()[-1].endswith("calibration from 10 presses of a ball of 6 mm")
     assert SensorCalibration.load(tmp_path / "D20123.calibration.npz").presses == 10
-    assert len(list((tmp_path / "presses").iterdir())) == 11
+    assert len(list((tmp_path / "it's").iterdir())) == 11
     assert (tmp_path / "page" / "index.html").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.dds
+def test_live_ended_early_it_names_the_whole_command_for_its_presses(digit, tmp_path):
+    BackgroundStore(tmp_path, "D20123").save(digit.background)
+    arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
+    command = [sys.executable, "-m", "midastouch_bringup.cli", "calibrate", *arguments, "--save", str(tmp_path / "new")]
+    guide = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
+    assert any("press the ball" in line for line in guide.stdout)
+    guide.send_signal(signal.SIGINT)
+    said, _ = guide.communicate(timeout=120)
+    assert guide.returncode == 1
+    options = f"--ball-diameter 0.006 --serial D20123 --background-folder {tmp_path}"
+    assert said.splitlines()[-1] == f"midastouch calibrate {tmp_path / 'new'} {options}"

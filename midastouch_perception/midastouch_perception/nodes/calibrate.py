@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -39,6 +40,9 @@ PARAMETERS = (
 
 _SHOWN = 5  # presses thrown away of which the reason is told
 
+SILENT_S = 5.0
+"""Without a first image for so long, it asks for the driver."""
+
 
 class CalibrateNode(PipelineNode):
     """Subscribes `image_raw`; says on `/diagnostics` what to do next; has the services `~/calibrate` and `~/restart`.
@@ -64,8 +68,10 @@ class CalibrateNode(PipelineNode):
         self._background, self._path = self._required()
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
+        self._arrived, self._silent = False, ""
         self._begin()
-        self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
+        self._topic = self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber()).topic_name
+        self._listening = self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "~/calibrate", self._on_calibrate)
         self.create_service(Trigger, "~/restart", self._on_restart)
 
@@ -109,7 +115,15 @@ class CalibrateNode(PipelineNode):
             raise InputError(f"presses_folder: {named}: {error.strerror}; name another folder") from error
         return folder
 
+    def _listen(self) -> None:
+        """Tell, once, if no image has come yet."""
+        self._listening.cancel()
+        if not self._arrived:
+            self._silent = f"no images on {self._topic}; is the driver running?"
+            self._tell(self._silent)
+
     def _on_image(self, msg: Image) -> None:
+        self._arrived, self._silent = True, ""
         if self._collector.done:
             return
         taken, step = len(self.images), self._collector.next_step
@@ -199,6 +213,8 @@ class CalibrateNode(PipelineNode):
             return diagnostics.WARN if said else diagnostics.OK, said or self._outcome(), values
         if collector.done:
             return diagnostics.OK, "calibrating", values
+        if self._silent:
+            return diagnostics.WARN, self._silent, values
         return diagnostics.OK, collector.next_step, {**values, "region": collector.missing_region}
 
 
