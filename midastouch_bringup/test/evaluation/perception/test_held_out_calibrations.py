@@ -21,7 +21,7 @@ def made_of(monkeypatch):
         def __init__(self, names):
             self.calibration = names
 
-    monkeypatch.setattr(module, "calibrate", lambda images, *_: Made(frozenset(images)))
+    monkeypatch.setattr(module, "calibrate", lambda images, *_, **__: Made(frozenset(images)))
 
 
 def test_no_press_is_judged_with_a_calibration_that_has_seen_it(presses, made_of):
