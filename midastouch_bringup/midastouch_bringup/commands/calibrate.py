@@ -184,6 +184,8 @@ def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
             words += [f"--{name.replace('_', '-')}", str(value)]
     if args.sensor != _SENSOR:
         words += ["--sensor", args.sensor]
+    if args.diameter_is_right:
+        words.append("--diameter-is-right")
     return words
 
 
