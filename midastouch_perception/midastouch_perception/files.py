@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import itertools
 import os
 import shutil
 import uuid
@@ -54,6 +55,30 @@ def require_new_folder(path: str | os.PathLike) -> Path:
     if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
         raise InputError(f"{path}: exists already; name another folder, or remove it")
     return path
+
+
+def next_new_folder(path: str | os.PathLike) -> Path:
+    """`path`, or the first of PATH_2, PATH_3, ... that holds nothing yet; OSError if it cannot be read."""
+    path = Path(path)
+    numbered = (path.with_name(f"{path.name}_{number}") for number in itertools.count(2))
+    return next(folder for folder in itertools.chain([path], numbered) if _holds_nothing(folder))
+
+
+def _holds_nothing(folder: Path) -> bool:
+    try:
+        return not any(folder.iterdir())
+    except FileNotFoundError:
+        return True
+    except NotADirectoryError:
+        return False
+
+
+def require_place(path: str | os.PathLike) -> None:
+    """InputError if no file can be written at `path`, not even after its folders are made; writes nothing."""
+    path = Path(path).expanduser().absolute()
+    above = next(folder for folder in path.parents if os.access(folder, os.F_OK))
+    if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: no file can be written there; name another")
 
 
 @contextlib.contextmanager

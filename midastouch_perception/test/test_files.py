@@ -5,7 +5,15 @@ import os
 import pytest
 
 from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, read_yaml, require_file, require_new_folder, sha256
+from midastouch_perception.files import (
+    atomic_path,
+    next_new_folder,
+    read_yaml,
+    require_file,
+    require_new_folder,
+    require_place,
+    sha256,
+)
 
 
 def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
@@ -20,6 +28,25 @@ def test_atomic_path_leaves_nothing_after_a_failure(tmp_path):
     with pytest.raises(RuntimeError):
         fail()
     assert list(target.parent.iterdir()) == []
+
+
+def test_a_new_folder_is_numbered_where_its_name_holds_something(tmp_path):
+    folder = tmp_path / "presses"
+    assert next_new_folder(folder) == folder
+    folder.mkdir()
+    assert next_new_folder(folder) == folder
+    (folder / "a.png").touch()
+    (tmp_path / "presses_2").touch()
+    assert next_new_folder(folder) == tmp_path / "presses_3"
+
+
+def test_a_place_where_nothing_can_be_written_is_refused_before(tmp_path):
+    require_place(tmp_path / "new" / "deep" / "page.html")
+    (tmp_path / "file").touch()
+    for path in (tmp_path, tmp_path / "file" / "page.html"):
+        with pytest.raises(InputError, match="no file can be written there"):
+            require_place(path)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_atomic_path_replaces_files_and_folders(tmp_path):

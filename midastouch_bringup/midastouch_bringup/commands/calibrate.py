@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import signal
 from pathlib import Path
 
 from midastouch_perception.errors import InputError
+from midastouch_perception.files import require_new_folder, require_place
 
 from . import arguments
+
+_SENSOR = "digit_real"
 
 
 def add_parser(subparsers) -> None:
@@ -21,7 +25,8 @@ def add_parser(subparsers) -> None:
         "midastouch calibrate live --ball-diameter 0.006 --serial D20123",
         "Press one ball straight onto the gel, in ten places spread over it, and save an image of each. Nothing\n"
         "has to be labelled: the contacts are found, and presses that cannot be used are named with the reason. The\n"
-        "folder may hold the no-contact image as background.png; else it is made of the images. The result is\n"
+        "folder may hold the no-contact image as background.png; else that of --serial is taken, or it is made of\n"
+        "the images. The result is\n"
         "cross-validated. With --serial it is kept beside the sensor's no-contact image, and the node tdn uses it at\n"
         "its next start. live instead of a folder: guides through the presses of a running sensor, whose no-contact\n"
         "image was captured; midastouch view shows where to press.\n"
@@ -39,12 +44,14 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")
     parser.add_argument("--out", metavar="FILE", help="write the calibration here (default: keep it for --serial)")
     parser.add_argument("--background-folder", default="", metavar="DIR", help="where sensors' images are kept")
-    parser.add_argument("--sensor", default="digit_real", help="sensor model (default digit_real)")
+    parser.add_argument("--sensor", default=_SENSOR, help=f"sensor model (default {_SENSOR})")
     parser.add_argument(
         "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
     )
     parser.add_argument("--namespace", default="", help="of the live sensor (default: none)")
-    parser.add_argument("--save", metavar="DIR", help="of live presses (default out/presses/SERIAL)")
+    parser.add_argument(
+        "--save", metavar="DIR", help="new folder for live presses (default out/presses/SERIAL, or SERIAL_2, ...)"
+    )
     parser.add_argument(
         "--optics",
         metavar="FILE",
@@ -69,6 +76,9 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("calibrate live: needs a ball (--ball-diameter); with --object give a recorded slide")
     if args.optics and args.object:
         raise InputError("--optics: is measured with a ball; give --ball-diameter and a folder of presses")
+    for place in (path, args.optics, args.page and Path(args.page) / "index.html"):
+        if place:
+            require_place(place)
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         model, sensor = sensor, sensor.at_scale(1e3 * args.px_per_mm)
@@ -80,22 +90,29 @@ def run(args: argparse.Namespace) -> int:
         if result is None:
             return code
     else:
-        result, images = _of_object(args, store, sensor) if args.object else _of_presses(args, sensor)
-        result.calibration.save(path)
+        result, images = (_of_object if args.object else _of_presses)(args, store, sensor)
     if args.optics:
         _measure_optics(args, images, result)
     _report(args, result, images, sensor)
+    # last, so that what fails before keeps nothing; of the live sensor the guide has kept it
+    if args.source != "live":
+        result.calibration.save(path)
     print(f"{path}: calibration from {result.calibration.touched}")
     return 0
 
 
-def _of_presses(args: argparse.Namespace, sensor):
+def _of_presses(args: argparse.Namespace, store, sensor):
     from midastouch_perception.ball_calibration.fit import calibrate
 
     from ..datasets.ball_presses import read_presses
 
     images, background = read_presses(Path(args.source))
-    return calibrate(images, background, args.ball_diameter, sensor, args.serial, args.diameter_is_right), images
+    if background is None and store and (background := store.load(sensor.height, sensor.width)) is not None:
+        print(f"{store.path}: taken for the no-contact image; {args.source} holds none")
+    try:
+        return calibrate(images, background, args.ball_diameter, sensor, args.serial, args.diameter_is_right), images
+    except InputError as error:
+        raise InputError(f"{args.source}: {error}") from error
 
 
 def _of_object(args: argparse.Namespace, store, sensor):
@@ -122,16 +139,16 @@ def _live(args: argparse.Namespace, path: Path):
 
     if not args.serial:
         raise InputError("calibrate live: give the sensor's --serial")
-    folder = args.save or f"out/presses/{args.serial}"
+    folder = require_new_folder(Path(args.save).expanduser()) if args.save else f"out/presses/{args.serial}"
     parameters = {
-        "serial": f"'{args.serial}'",
+        "serial": _quoted(args.serial),
         "ball_diameter": args.ball_diameter,
         "diameter_is_right": args.diameter_is_right,
-        "sensor_model": args.sensor,
+        "sensor_model": _quoted(args.sensor),
         "px_per_mm": args.px_per_mm or 0.0,
-        "background_folder": f"'{args.background_folder}'",
-        "out": f"'{path}'",
-        "presses_folder": f"'{folder}'",
+        "background_folder": _quoted(args.background_folder),
+        "out": _quoted(path),
+        "presses_folder": _quoted(folder),
     }
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     if args.namespace:
@@ -144,12 +161,32 @@ def _live(args: argparse.Namespace, path: Path):
 
     spin.run(guide, ["calibrate", "--ros-args", *words])
     signal.signal(signal.SIGINT, signal.default_int_handler)  # after nodes it is ignored; there may be a page to come
-    if not made or made[0].failure:
+    if not made:
         return None, {}, 2
-    if made[0].result is None:
-        print(f"{folder}: {len(made[0].images)} presses; midastouch calibrate {folder} uses five or more")
-        return None, {}, 1
-    return made[0].result, made[0].images, 0
+    (node,) = made
+    if node.result is None:
+        print(f"{node.presses_folder}: {len(node.images)} presses; to calibrate from five or more of them:")
+        print(shlex.join(_from_folder(args, node.presses_folder)))
+        return None, {}, 2 if node.failure else 1
+    return node.result, node.images, 0
+
+
+def _quoted(text: str | Path) -> str:
+    """As a parameter's value, which ROS reads as YAML."""
+    return "'" + str(text).replace("'", "''") + "'"
+
+
+def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
+    """The command for the images that were taken live."""
+    words = ["midastouch", "calibrate", str(folder), "--ball-diameter", f"{args.ball_diameter:g}"]
+    for name in ("serial", "out", "background_folder", "px_per_mm"):
+        if value := getattr(args, name):
+            words += [f"--{name.replace('_', '-')}", str(value)]
+    if args.sensor != _SENSOR:
+        words += ["--sensor", args.sensor]
+    if args.diameter_is_right:
+        words.append("--diameter-is-right")
+    return words
 
 
 def _report(args: argparse.Namespace, result, images, sensor) -> None:

@@ -79,11 +79,15 @@ def load_ball_presses(folder: str | Path) -> BallPresses:
 def read_presses(folder: Path) -> tuple[dict[str, np.ndarray], np.ndarray | None]:
     """Images by file name, and the no-contact image or None.
 
-    Raises InputError: no folder, no images (PNG or JPEG) but `background.png`, or one that cannot be read.
+    Raises InputError: no folder, no images (PNG or JPEG) but `background.png`, one that cannot be read, or a no-contact
+    image of another name.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name a folder of images of presses")
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    for path in paths:
+        if path.stem.lower() == Path(BACKGROUND).stem and path.name != BACKGROUND:
+            raise InputError(f"{path}: save the no-contact image as {BACKGROUND} (PNG, as JPEG changes colours)")
     images = {path.name: read_image(path) for path in paths}
     background = images.pop(BACKGROUND, None)
     if not images:

@@ -36,6 +36,8 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
     page.table(["median", "before", "after", "truth"], figure_rows(result))
     figure = relief_figure(_rows(result, images, sensor), TITLES)
     page.picture(save(figure, folder / "presses.png"), "Presses before and after")
+    if calibration.presses > _MOST_SHOWN:
+        page.note(f"The first {_MOST_SHOWN} of {calibration.presses} are shown.")
     unused = [[press.name, press.problem] for press in result.presses if press.problem]
     if unused:
         page.heading("Not used")

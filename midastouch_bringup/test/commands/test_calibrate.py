@@ -1,6 +1,7 @@
 """From presses in a folder, of a running sensor, or a slide over an object to a calibration that the node finds."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -77,6 +78,27 @@ def test_what_does_not_fit_is_refused_and_nothing_kept(folder, tmp_path, capsys,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("option", ["--page", "--optics"])
+def test_places_that_cannot_be_written_are_refused_and_nothing_kept(folder, tmp_path, capsys, option):
+    (tmp_path / "file").touch()
+    arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123"]
+    arguments += ["--background-folder", str(tmp_path), option, str(tmp_path / "file" / "a")]
+    assert cli.main(arguments) == 2
+    assert "no file can be written there" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_without_a_no_contact_image_beside_the_presses_that_of_the_sensor_is_taken(folder, digit, tmp_path, capsys):
+    BackgroundStore(tmp_path, "D20123").save(digit.background)
+    presses = tmp_path / "presses"
+    presses.mkdir()
+    for path in folder.glob("[0-9]*.png"):
+        (presses / path.name).write_bytes(path.read_bytes())
+    arguments = ["calibrate", str(presses), "--ball-diameter", "0.006", "--serial", "D20123"]
+    assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 0
+    assert "D20123.png: taken for the no-contact image" in capsys.readouterr().out
+
+
 def test_a_scale_that_tdn_would_not_use_is_refused_for_a_serial_number(folder, tmp_path, capsys):
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123", "--px-per-mm", "19.5"]
     assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 2
@@ -115,7 +137,9 @@ def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
     for path in [*sorted(folder.glob("[0-9]*.png"))[:4], folder / "background.png"]:
         (few / path.name).write_bytes(path.read_bytes())
     assert cli.main(["calibrate", str(few), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 2
-    assert "4 images; calibration needs 5 to 40 presses" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"{few}: 4 images; calibration needs 5 to 40 presses" in said
+    assert "press the ball in more places" in said
     assert not (tmp_path / "a.npz").exists()
 
 
@@ -197,7 +221,7 @@ def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
 
     BackgroundStore(tmp_path, "D20123").save(digit.background)
     arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
-    arguments += ["--save", str(tmp_path / "presses"), "--page", str(tmp_path / "page"), "--namespace", "left"]
+    arguments += ["--save", str(tmp_path / "it's"), "--page", str(tmp_path / "page"), "--namespace", "left"]
     command = [sys.executable, "-m", "midastouch_bringup.cli", "calibrate", *arguments]
     guide = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
     camera = Camera(graph, "left/image_raw")
@@ -210,5 +234,20 @@ def test_live_it_guides_until_there_is_a_calibration(graph, digit, tmp_path):
     assert "10 of 10" not in said
     assert said.splitlines()[-1].endswith("calibration from 10 presses of a ball of 6 mm")
     assert SensorCalibration.load(tmp_path / "D20123.calibration.npz").presses == 10
-    assert len(list((tmp_path / "presses").iterdir())) == 11
+    assert len(list((tmp_path / "it's").iterdir())) == 11
     assert (tmp_path / "page" / "index.html").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.dds
+def test_live_ended_early_it_names_the_whole_command_for_its_presses(digit, tmp_path):
+    BackgroundStore(tmp_path, "D20123").save(digit.background)
+    arguments = ["live", "--ball-diameter", "0.006", "--serial", "D20123", "--background-folder", str(tmp_path)]
+    command = [sys.executable, "-m", "midastouch_bringup.cli", "calibrate", *arguments, "--save", str(tmp_path / "new")]
+    guide = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
+    assert any("press the ball" in line for line in guide.stdout)
+    guide.send_signal(signal.SIGINT)
+    said, _ = guide.communicate(timeout=120)
+    assert guide.returncode == 1
+    options = f"--ball-diameter 0.006 --serial D20123 --background-folder {tmp_path}"
+    assert said.splitlines()[-1] == f"midastouch calibrate {tmp_path / 'new'} {options}"

@@ -116,3 +116,10 @@ def test_jpeg_by_any_name(folder):
     image = next(path for path in folder.iterdir() if path.name != "background.png" and path.suffix == ".png")
     cv2.imwrite(str(folder / "another.jpeg"), 255 - cv2.imread(str(image)))
     assert "another.jpeg" in load_ball_presses(folder).images
+
+
+@pytest.mark.parametrize("name", ["background.jpg", "Background.PNG"])
+def test_a_no_contact_image_of_another_name_is_taken_for_no_press(folder, name):
+    cv2.imwrite(str(folder / name), free_image()[:, :, ::-1])
+    with pytest.raises(InputError, match=r"save the no-contact image as background\.png"):
+        load_ball_presses(folder)

@@ -69,7 +69,10 @@ def calibrate(
     if not 0 < ball_diameter <= _LARGEST_BALL:
         raise InputError(f"ball of {ball_diameter:g} m diameter: give it in metres, 0.006 for 6 mm")
     if not FEWEST <= len(images) <= MOST:
-        raise InputError(f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses, in different places")
+        mend = "press the ball in more places" if len(images) < FEWEST else "leave some of them out"
+        raise InputError(
+            f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses in different places; {mend}"
+        )
     for name, image in images.items():
         check_image(image, sensor, name)
     half, radius = sensor.for_maps, 0.5 * ball_diameter

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -14,7 +15,7 @@ from ..ball_calibration.collector import PressCollector
 from ..ball_calibration.fit import MOST, Result, calibrate
 from ..ball_calibration.held_out import FEWEST
 from ..errors import InputError
-from ..files import atomic_path
+from ..files import atomic_path, next_new_folder
 from ..message_arrays import rgb_from_msg
 from ..ros import diagnostics, qos, spin
 from ..ros.node import PipelineNode
@@ -32,10 +33,15 @@ PARAMETERS = (
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
     Parameter("background_folder", "", "Where sensors' images are kept; empty: $ROS_HOME/midastouch/backgrounds"),
     Parameter("out", "", "File of the calibration; empty: beside the no-contact image, where tdn looks for it"),
-    Parameter("presses_folder", "", "Folder for images of presses, in place of earlier ones; empty: not kept"),
+    Parameter(
+        "presses_folder", "", "Folder for images of presses, NAME_2, ... where it holds something; empty: not kept"
+    ),
 )
 
 _SHOWN = 5  # presses thrown away of which the reason is told
+
+SILENT_S = 5.0
+"""Without a first image for so long, it asks for the driver."""
 
 
 class CalibrateNode(PipelineNode):
@@ -43,7 +49,8 @@ class CalibrateNode(PipelineNode):
 
     After the last press it calibrates and keeps the result. Args: say, told the same in words; once, whether the node
     gives up after that. Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result, of the
-    calibration, None while there is none; failure, why there is none, in words. Raises InputError for parameters that
+    calibration, None while there is none; failure, why there is none, in words; presses_folder, where the images are
+    kept, None if they are not. Raises InputError for parameters that
     do not fit, and without a no-contact image.
     """
 
@@ -59,12 +66,12 @@ class CalibrateNode(PipelineNode):
             if not self._settings["out"] and (problem := scale_problem(model, self._sensor.pixel_size)):
                 raise InputError(f"calibrate: parameter 'px_per_mm': {problem}")
         self._background, self._path = self._required()
-        folder = self._settings["presses_folder"]
-        self._presses = Path(folder).expanduser() if folder else None
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
+        self._arrived, self._silent = False, ""
         self._begin()
-        self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber())
+        self._topic = self.create_subscription(Image, "image_raw", self._on_image, qos.stream_subscriber()).topic_name
+        self._listening = self.create_timer(SILENT_S, self._listen, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.create_service(Trigger, "~/calibrate", self._on_calibrate)
         self.create_service(Trigger, "~/restart", self._on_restart)
 
@@ -91,16 +98,32 @@ class CalibrateNode(PipelineNode):
         self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
         self.result: Result | None = None
         self.failure = self._last = ""
-        if self._presses is not None:
-            try:
-                for old in self._presses.glob("press_*.png"):
-                    old.unlink()
-                self._keep_image("background.png", self._background)
-            except OSError as error:
-                raise InputError(f"presses_folder: {self._presses}: {error.strerror}; name another folder") from error
+        self.presses_folder = self._new_folder()
+        if self.presses_folder:
+            self._tell(f"{self.presses_folder}: the images are kept here")
         self._tell(self._collector.next_step)
 
+    def _new_folder(self) -> Path | None:
+        """Where images go from now on, with the no-contact image in it; None for nowhere."""
+        if not self._settings["presses_folder"]:
+            return None
+        named = Path(self._settings["presses_folder"]).expanduser()
+        try:
+            folder = next_new_folder(named)
+            self._keep_image(folder / "background.png", self._background)
+        except OSError as error:
+            raise InputError(f"presses_folder: {named}: {error.strerror}; name another folder") from error
+        return folder
+
+    def _listen(self) -> None:
+        """Tell, once, if no image has come yet."""
+        self._listening.cancel()
+        if not self._arrived:
+            self._silent = f"no images on {self._topic}; is the driver running?"
+            self._tell(self._silent)
+
     def _on_image(self, msg: Image) -> None:
+        self._arrived, self._silent = True, ""
         if self._collector.done:
             return
         taken, step = len(self.images), self._collector.next_step
@@ -111,10 +134,7 @@ class CalibrateNode(PipelineNode):
             return
         self._last = said or self._last
         if len(self.images) > taken:
-            try:
-                self._keep_image(*list(self.images.items())[-1])
-            except OSError as error:  # the press counts all the same
-                self._diagnostics.problem("images_not_kept", f"presses_folder: {self._presses}: {error.strerror}")
+            self._keep_press()
         if self._collector.done:
             self._tell(said)
             self.failure = self._calibrate()
@@ -142,11 +162,19 @@ class CalibrateNode(PipelineNode):
         self._tell(*result.warnings, self._outcome())
         return ""
 
-    def _keep_image(self, name: str, image: np.ndarray) -> None:
-        if self._presses is None:
+    def _keep_press(self) -> None:
+        if self.presses_folder is None:
             return
-        with atomic_path(self._presses / name) as path:
-            path.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
+        name, image = list(self.images.items())[-1]
+        try:
+            self._keep_image(self.presses_folder / name, image)
+        except OSError as error:  # the press counts all the same
+            self._diagnostics.problem("images_not_kept", f"presses_folder: {self.presses_folder}: {error.strerror}")
+
+    @staticmethod
+    def _keep_image(path: Path, image: np.ndarray) -> None:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(cv2.imencode(".png", image[:, :, ::-1])[1].tobytes())
 
     def _outcome(self) -> str:
         made = self.result.calibration
@@ -185,6 +213,8 @@ class CalibrateNode(PipelineNode):
             return diagnostics.WARN if said else diagnostics.OK, said or self._outcome(), values
         if collector.done:
             return diagnostics.OK, "calibrating", values
+        if self._silent:
+            return diagnostics.WARN, self._silent, values
         return diagnostics.OK, collector.next_step, {**values, "region": collector.missing_region}
 
 

@@ -74,7 +74,7 @@ def test_a_process_guides_through_the_presses_and_tdn_uses_what_they_tell(graph,
         camera = Camera(graph)
         graph.spin_until(lambda: camera.status is not None, "its first word")
         assert camera.status.hardware_id == SERIAL
-        assert camera.status.message == "0 of 5: press the ball at the top left"
+        camera.hold(digit.background, lambda: camera.status.message == "0 of 5: press the ball at the top left")
         assert camera.values["region"] == "top left"
         two = digit.image([(60, 70, 1.4e-3), (180, 250, 1.4e-3)])
         camera.press(two, digit.background)
@@ -128,6 +128,19 @@ def test_images_of_another_size_are_counted(graph, live):
     camera.hold(np.zeros((10, 10, 3), np.uint8), lambda: "bad_images" in camera.values)
 
 
+@pytest.mark.usefixtures("brisk_health")
+def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digit, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.nodes.calibrate.SILENT_S", 0.2)
+    told = []
+    graph.add(CalibrateNode, parameters(folder), say=told.append)
+    camera = Camera(graph)
+    asked = "no images on /image_raw; is the driver running?"
+    graph.spin_until(lambda: camera.status and camera.status.message == asked, "the question")
+    assert camera.status.level == DiagnosticStatus.WARN
+    assert told[-1] == asked
+    camera.hold(digit.background, lambda: camera.status.level == DiagnosticStatus.OK)
+
+
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
@@ -144,12 +157,14 @@ def test_what_it_cannot_start_with_is_named(graph, folder, wrong, said):
         graph.add(CalibrateNode, parameters(folder, **wrong))
 
 
-def test_presses_are_written_as_they_are_taken_in_place_of_earlier_ones(graph, folder, digit, presses):
+def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder, digit, presses):
     kept = folder / "presses"
     kept.mkdir()
     (kept / "press_09.png").write_bytes(b"of another gel")
-    graph.add(CalibrateNode, parameters(folder, presses_folder=str(kept)))
+    node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(kept)))
     camera = Camera(graph)
     graph.spin_until(lambda: camera.status is not None)
     camera.press(presses[0], digit.background)
-    assert sorted(path.name for path in kept.iterdir()) == ["background.png", "press_00.png"]
+    assert [path.name for path in kept.iterdir()] == ["press_09.png"]
+    assert node.presses_folder == folder / "presses_2"
+    assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
