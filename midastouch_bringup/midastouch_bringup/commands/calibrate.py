@@ -28,12 +28,16 @@ def add_parser(subparsers) -> None:
         "folder may hold the no-contact image as background.png; else that of --serial is taken, or it is made of\n"
         "the images. The result is\n"
         "cross-validated. With --serial it is kept beside the sensor's no-contact image, and the node tdn uses it at\n"
-        "its next start. live instead of a folder: guides through the presses of a running sensor, whose no-contact\n"
+        "its next start. live, or no folder: guides through the presses of a running sensor, whose no-contact\n"
         "image was captured; midastouch view shows where to press.\n"
         "Without a ball: --object with the mesh that SOURCE, a sequence or a bag, slides over at known poses.",
     )
     parser.add_argument(
-        "source", metavar="SOURCE", help="folder of images of presses (PNG or JPEG), live, or with --object a slide"
+        "source",
+        nargs="?",
+        default="live",
+        metavar="SOURCE",
+        help="folder of images of presses (PNG or JPEG), live (the default), or with --object a slide",
     )
     touched = parser.add_mutually_exclusive_group(required=True)
     touched.add_argument("--ball-diameter", type=arguments.positive, metavar="METRES", help="diameter of the ball")

@@ -153,8 +153,9 @@ def test_a_diameter_that_is_doubted_has_to_be_said_to_be_right(folder, tmp_path,
     assert "warning: feels like 9 mm" in capsys.readouterr().out
 
 
-def test_live_needs_the_no_contact_image_of_that_sensor(tmp_path, capsys):
-    arguments = ["calibrate", "live", "--ball-diameter", "0.006", "--background-folder", str(tmp_path)]
+@pytest.mark.parametrize("source", [["live"], []])
+def test_live_needs_the_no_contact_image_of_that_sensor(tmp_path, capsys, source):
+    arguments = ["calibrate", *source, "--ball-diameter", "0.006", "--background-folder", str(tmp_path)]
     assert cli.main([*arguments, "--serial", "D20123"]) == 2
     assert "capture_background" in capsys.readouterr().err
     assert cli.main([*arguments, "--out", str(tmp_path / "a.npz")]) == 2
