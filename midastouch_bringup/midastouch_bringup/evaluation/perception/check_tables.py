@@ -29,14 +29,11 @@ def check_tables(result: dict) -> list[tuple[list[str], list[list[object]]]]:
         [name, one["trials"], number(one["right"], 2), number(one["touched"], 2)]
         for name, one in result["real_sensors"].items()
     ]
-    diameters = [
-        [f"{given['factor']:.2g}", number(given["doubted"], 2), number(given["refused"], 2)]
-        for given in result["ball_diameter"]["given"]
-    ]
+    diameters = [[f"{given['factor']:.2g}", number(given["doubted"], 2)] for given in result["ball_diameter"]["given"]]
     return [
         (header, fit),
         (["real sensor, alarms if the no-contact image is", "trials", "right", "touched"], real),
-        (["diameter of a calibration's ball over the true one", "doubted", "refused"], diameters),
+        (["diameter of a calibration's ball over the true one", "refused unless said to be right"], diameters),
         (["no-contact image, real, each against the others", "refused", "cause named"], causes),
         (["capture of a background", "share"], _shares(result["capture"])),
         (["light touches", "touches", "missed"], missed),
