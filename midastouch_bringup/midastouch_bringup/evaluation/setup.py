@@ -108,12 +108,6 @@ def sensor_of(sequences: Iterable[Sequence]) -> str:
     return names[0]
 
 
-def sequence_background(sequence: Sequence) -> tuple[np.ndarray, str]:
-    """The sensor's no-contact image (320, 240, 3) uint8 for a sequence, and where it comes from."""
-    found = untouched_of(sequence)
-    return found.image, found.source
-
-
 def load_filter_config(path: str | None, preset_name: str | None = None) -> FilterConfig:
     """Filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
 

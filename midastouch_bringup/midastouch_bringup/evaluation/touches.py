@@ -15,7 +15,7 @@ from midastouch_perception.errors import InputError
 from midastouch_perception.files import atomic_path
 
 from ..datasets import Sequence
-from .setup import Networks, sequence_background
+from .setup import Networks, untouched_of
 from .trial import FRAME_TIME, TrialFrame
 
 _WARM_UP_FRAMES = 3
@@ -34,9 +34,9 @@ class Touches:
     @classmethod
     def perceive(cls, sequence: Sequence, networks: Networks) -> Touches:
         """Run the networks over a sequence; each frame once, timed."""
-        background, source = sequence_background(sequence)
+        free = untouched_of(sequence)
         images = [sequence.image(i) for i in range(sequence.n_frames)]
-        return cls.of_images(images, background, networks, made_from(sequence, networks) | {"background": source})
+        return cls.of_images(images, free.image, networks, made_from(sequence, networks) | {"background": free.source})
 
     @classmethod
     def of_images(cls, images: list[np.ndarray], background: np.ndarray, networks: Networks, origin: dict) -> Touches:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.evaluation.setup import load_filter_config, sequence_background, untouched_of
+from midastouch_bringup.evaluation.setup import load_filter_config, untouched_of
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.presets import PRESETS
 from midastouch_perception.errors import InputError
@@ -67,13 +67,13 @@ def test_bad_settings_are_refused_naming_the_file(tmp_path, text, message):
 
 def test_the_background_of_a_sequence_is_taken_or_estimated(simulated_sequence):
     sequence = simulated_sequence()
-    background, source = sequence_background(sequence)
-    assert source == "background.png"
-    assert (background == 90).all()
+    free = untouched_of(sequence)
+    assert free.source == "background.png"
+    assert (free.image == 90).all()
     object.__setattr__(sequence, "background_path", None)
-    estimated, source = sequence_background(sequence)
-    assert source == "estimated from 5 frames"
-    assert np.abs(estimated.astype(int) - sequence.image(2)).mean() < 5  # the median of the ramp of frames
+    free = untouched_of(sequence)
+    assert free.source == "estimated from 5 frames"
+    assert np.abs(free.image.astype(int) - sequence.image(2)).mean() < 5  # the median of the ramp of frames
 
 
 def test_a_background_that_shows_contacts_is_doubted(simulated_sequence):

@@ -27,7 +27,7 @@ from midastouch_perception.tdn.fit_check import FitCheck
 
 from ...datasets import Sequence
 from ...datasets.slide_simulation import no_contact_image
-from ..setup import Networks, sequence_background
+from ..setup import Networks, untouched_of
 from ..touches import Touches
 from .lookup import lookup_speed
 from .paper_networks import paper_network_times
@@ -52,7 +52,7 @@ class SpeedMeasurement:
         self._mesh, self._codebook, self._networks = mesh, codebook, networks
         self._measured, self._truth = sequence.poses_measured, sequence.poses_true
         self._images = [sequence.image(i) for i in range(sequence.n_frames)]
-        self._background = sequence_background(sequence)[0]
+        self._background = untouched_of(sequence).image
 
     def networks(self) -> dict:
         """tdn_ms, tcn_ms: one image, one penetration map; fit_check_ms: one frame looked at, every fifth is."""
