@@ -59,7 +59,7 @@ def require_new_folder(path: str | os.PathLike) -> Path:
 
 def next_new_folder(path: str | os.PathLike) -> Path:
     """`path`, or the first of PATH_2, PATH_3, ... that holds nothing yet; OSError if it cannot be read."""
-    path = Path(path)
+    path = Path(path).absolute()
     numbered = (path.with_name(f"{path.name}_{number}") for number in itertools.count(2))
     return next(folder for folder in itertools.chain([path], numbered) if _holds_nothing(folder))
 
@@ -73,12 +73,13 @@ def _holds_nothing(folder: Path) -> bool:
         return False
 
 
-def require_place(path: str | os.PathLike) -> None:
-    """InputError if no file can be written at `path`, not even after its folders are made; writes nothing."""
-    path = Path(path).expanduser().absolute()
-    above = next(folder for folder in path.parents if os.access(folder, os.F_OK))
+def require_place(path: str | os.PathLike) -> Path:
+    """`path`, ~ expanded; InputError if no file can be written there, not even after its folders are made."""
+    path = Path(path).expanduser()
+    above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
         raise InputError(f"{path}: no file can be written there; name another")
+    return path
 
 
 @contextlib.contextmanager

@@ -51,7 +51,7 @@ def scale_problem(sensor: SensorModel, pixel_size: float) -> str:
         return ""
     return (
         f"the calibration's scale is {1e-3 / pixel_size:.2f} px/mm, that of the sensor model {sensor.name} "
-        f"{1e-3 / sensor.pixel_size:.2f}; write a sensor model of your own (YAML) with focal "
+        f"{1e-3 / sensor.pixel_size:.2f}; write a sensor model of your own, a copy of its YAML file with focal "
         f"{sensor.gel_distance / pixel_size:.1f}, and give it to midastouch calibrate as --sensor, without "
         "--px-per-mm, and to all nodes as sensor_model"
     )

@@ -80,9 +80,11 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("calibrate live: needs a ball (--ball-diameter); with --object give a recorded slide")
     if args.optics and args.object:
         raise InputError("--optics: is measured with a ball; give --ball-diameter and a folder of presses")
-    for place in (path, args.optics, args.page and Path(args.page) / "index.html"):
-        if place:
-            require_place(place)
+    path = require_place(path)
+    if args.optics:
+        args.optics = require_place(args.optics)
+    if args.page:
+        args.page = require_place(Path(args.page) / "index.html").parent
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
         model, sensor = sensor, sensor.at_scale(1e3 * args.px_per_mm)
@@ -183,7 +185,7 @@ def _quoted(text: str | Path) -> str:
 def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
     """The command for the images that were taken live."""
     words = ["midastouch", "calibrate", str(folder), "--ball-diameter", f"{args.ball_diameter:g}"]
-    for name in ("serial", "out", "background_folder", "px_per_mm"):
+    for name in ("serial", "out", "background_folder", "px_per_mm", "optics", "page"):
         if value := getattr(args, name):
             words += [f"--{name.replace('_', '-')}", str(value)]
     if args.sensor != _SENSOR:
@@ -205,12 +207,12 @@ def _report(args: argparse.Namespace, result, images, sensor) -> None:
     for warning in result.warnings if args.source != "live" else ():  # where the guide has said so
         print(f"warning: {warning}")
     if args.page:
-        print(f"{calibration_page(result, images, sensor, Path(args.page))}: before and after")
+        print(f"{calibration_page(result, images, sensor, args.page)}: before and after")
 
 
 def _measure_optics(args: argparse.Namespace, images: dict, result) -> None:
     from midastouch_perception.simulation.optics_fit import fit_optics
 
-    optics = fit_optics(Path(args.optics).stem, args.command_line, images, result)
+    optics = fit_optics(args.optics.stem, args.command_line, images, result)
     optics.save(args.optics)
     print(f"{args.optics}: explains {100 * optics.explained:.0f} % of the change in touches that it has not seen")

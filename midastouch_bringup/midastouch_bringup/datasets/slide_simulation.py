@@ -128,7 +128,8 @@ def _write(
 
 def cached_slide(mesh: ObjectMesh, sensor: SensorModel, length: float, seed: int = 0) -> Path:
     """Folder of the slide with this seed from an earlier call, simulated if there is none."""
-    folder = _CACHE / mesh.name / f"{mesh.sha256[:8]}_{1e3 * length:.0f}mm_{seed}"
+    kind = f"{sensor.content_id}_{sensor.light}"
+    folder = _CACHE / mesh.name / f"{mesh.sha256[:8]}_{kind}_{1e3 * length:.0f}mm_{seed}"
     if not folder.is_dir():
         simulate_sequence(mesh, sensor, length, seed, folder, progress=True)
     return folder

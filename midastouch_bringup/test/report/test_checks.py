@@ -14,7 +14,7 @@ def test_every_table_is_on_the_page(tmp_path):
         "no_contact_image": {"upside down": 1.0},
         "cause_named": {"upside down": 0.83},
         "real_sensors": {"d20641": {"trials": 62, "right": 0.02, "touched": 0.97}},
-        "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46, "refused": 0.13}]},
+        "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46}]},
         "capture": {"a touch refused": 0.98},
         "contact": {
             "missed": {"wire": touches},

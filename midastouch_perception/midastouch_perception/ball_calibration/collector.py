@@ -60,7 +60,7 @@ class PressCollector:
         elif self._held < _LONG:
             what = "lift the ball"
         else:
-            what = "lift the ball; if it is lifted, capture the no-contact image anew"
+            what = "lift the ball; if it is lifted, capture the no-contact image anew and begin again"
         return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:

@@ -27,7 +27,12 @@ from ..tdn.background_store import store_of
 PARAMETERS = (
     Parameter("serial", "", "Serial number of the sensor, under which its no-contact image was captured"),
     Parameter("ball_diameter", 0.0, "Diameter of the ball", "m", minimum=0.0, maximum=0.1),
-    Parameter("diameter_is_right", False, "Believe that diameter, even if the ball feels like another one"),
+    Parameter(
+        "diameter_is_right",
+        False,
+        "Believe that diameter, even if the ball feels like another one",
+        read_only=False,
+    ),
     Parameter("presses", 10, "Presses to calibrate from", minimum=FEWEST, maximum=MOST),
     Parameter("sensor_model", "digit_real", "Geometry of the sensor: a shipped one by name, or a YAML file"),
     Parameter("px_per_mm", 0.0, "Scale of this very sensor; 0: the model's", minimum=0.0, maximum=1000.0),
@@ -65,7 +70,7 @@ class CalibrateNode(PipelineNode):
             # tdn, which has the model's scale, would not use it
             if not self._settings["out"] and (problem := scale_problem(model, self._sensor.pixel_size)):
                 raise InputError(f"calibrate: parameter 'px_per_mm': {problem}")
-        self._background, self._path = self._required()
+        self._required()  # what is missing is told before anything is started
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._arrived, self._silent = False, ""
@@ -95,10 +100,12 @@ class CalibrateNode(PipelineNode):
         return background, Path(self._settings["out"] or store.calibration_path).expanduser()
 
     def _begin(self) -> None:
+        """From no presses on, with the no-contact image as it is kept now. Raises InputError, and nothing is lost."""
+        self._background, self._path = self._required()
+        self.presses_folder = self._new_folder()
         self._collector = PressCollector(self._background, self._diameter, self._sensor, self._settings["presses"])
         self.result: Result | None = None
         self.failure = self._last = ""
-        self.presses_folder = self._new_folder()
         if self.presses_folder:
             self._tell(f"{self.presses_folder}: the images are kept here")
         self._tell(self._collector.next_step)
@@ -111,8 +118,9 @@ class CalibrateNode(PipelineNode):
         try:
             folder = next_new_folder(named)
             self._keep_image(folder / "background.png", self._background)
-        except OSError as error:
-            raise InputError(f"presses_folder: {named}: {error.strerror}; name another folder") from error
+        except (OSError, ValueError) as error:  # "/" has no name to number
+            why = getattr(error, "strerror", None) or error
+            raise InputError(f"presses_folder: {named}: {why}; name another folder") from error
         return folder
 
     def _listen(self) -> None:

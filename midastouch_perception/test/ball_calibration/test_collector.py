@@ -55,7 +55,9 @@ def test_a_change_that_stays_for_long_may_be_the_no_contact_images_fault(collect
     held(collector, pressed, 60)
     assert collector.next_step == "1 of 2: lift the ball"
     held(collector, pressed, 300)
-    assert collector.next_step.endswith("lift the ball; if it is lifted, capture the no-contact image anew")
+    assert collector.next_step.endswith(
+        "lift the ball; if it is lifted, capture the no-contact image anew and begin again"
+    )
     held(collector, digit.background)
     assert "press" in collector.next_step
 

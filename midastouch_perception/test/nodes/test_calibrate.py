@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -168,3 +169,12 @@ def test_presses_are_written_as_they_are_taken_beside_earlier_ones(graph, folder
     assert [path.name for path in kept.iterdir()] == ["press_09.png"]
     assert node.presses_folder == folder / "presses_2"
     assert sorted(path.name for path in node.presses_folder.iterdir()) == ["background.png", "press_00.png"]
+
+
+def test_begun_again_it_takes_the_no_contact_image_captured_since(graph, folder, digit):
+    node = graph.add(CalibrateNode, parameters(folder, presses_folder=str(folder / "presses")))
+    newer = np.clip(digit.background.astype(int) + 9, 0, 255).astype(np.uint8)
+    BackgroundStore(folder, SERIAL).save(newer)
+    assert graph.call(Trigger, "calibrate/restart", Trigger.Request()).success
+    kept = cv2.cvtColor(cv2.imread(str(node.presses_folder / "background.png")), cv2.COLOR_BGR2RGB)
+    np.testing.assert_array_equal(kept, newer)
