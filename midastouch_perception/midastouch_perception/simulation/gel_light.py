@@ -48,14 +48,14 @@ class LampDesign:
         return cls(angles, np.resize(rng.permutation(_COLOURS), lamps))
 
 
-DIGIT_LAMPS = LampDesign(np.radians([30.0, 150.0, 270.0]), np.arange(_COLOURS))
+DIGIT_DESIGN = LampDesign(np.radians([30.0, 150.0, 270.0]), np.arange(_COLOURS))
 
 
 class GelLight:
     """The lights of one imaginary sensor of relative light, a DIGIT or of another `design`, for one sensor model at its
     resolution."""
 
-    def __init__(self, sensor: SensorModel, rng: np.random.Generator, design: LampDesign = DIGIT_LAMPS):
+    def __init__(self, sensor: SensorModel, rng: np.random.Generator, design: LampDesign = DIGIT_DESIGN):
         self._pixel = sensor.pixel_size
         shape = sensor.height, sensor.width
         self._grid = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j].astype(np.float32)

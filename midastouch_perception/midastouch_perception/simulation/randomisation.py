@@ -17,7 +17,7 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from .colour_table import ColourTable
-from .gel_light import DIGIT_LAMPS, GelLight, LampDesign
+from .gel_light import DIGIT_DESIGN, GelLight, LampDesign
 from .gel_surface import sunk_in
 from .optics import Illumination, gel_normals, shade
 
@@ -80,7 +80,7 @@ class RandomSensor:
         self._gel = None
         if sensor.light == "relative":
             other = ranges.design_share and rng.random() < ranges.design_share
-            self._gel = GelLight(sensor, rng, LampDesign.random(rng) if other else DIGIT_LAMPS)
+            self._gel = GelLight(sensor, rng, LampDesign.random(rng) if other else DIGIT_DESIGN)
             self._noise *= _GEL_NOISE
             self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
             self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size

@@ -37,9 +37,10 @@ def usable_presses(presses: BallPresses, sensor: SensorModel) -> tuple[BallPress
 
 def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sensor: SensorModel) -> str:
     seen = light.difference(reduce_image(image))
-    # an image that is turned differs everywhere too; how it is turned says more
-    if problem := colour_layout.exposure_problem(image, 0.5) or colour_layout.turned_since(image, background):
-        return problem
-    if problem := ball_presses.image_problem(image, seen):
-        return problem
-    return "" if visible_contact(without_drift(seen), sensor.for_maps).any() else "nothing touches the gel"
+    return (
+        colour_layout.exposure_problem(image, ball_presses.MOST_SPOILED)
+        # an image that is turned differs everywhere too; how it is turned says more
+        or colour_layout.turned_since(image, background)
+        or ball_presses.image_problem(image, seen)
+        or ("" if visible_contact(without_drift(seen), sensor.for_maps).any() else "nothing touches the gel")
+    )
