@@ -18,13 +18,14 @@ from hypothesis import settings
 
 import digit_driver  # noqa: F401
 import midastouch_bringup  # noqa: F401
+import midastouch_common  # noqa: F401
 import midastouch_filter  # noqa: F401
 import midastouch_kernels  # noqa: F401
 import midastouch_perception  # noqa: F401
 from midastouch_bringup.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
-    from midastouch_perception.ros.testing import Graph
+    from midastouch_common.ros.testing import Graph
 
 # on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
@@ -49,7 +50,7 @@ def _heeding_signals() -> Iterator[None]:
 @pytest.fixture
 def graph() -> Iterator[Graph]:
     """A ROS graph for one test."""
-    from midastouch_perception.ros.testing import open_graph
+    from midastouch_common.ros.testing import open_graph
 
     with open_graph() as opened:
         yield opened
@@ -58,7 +59,7 @@ def graph() -> Iterator[Graph]:
 @pytest.fixture
 def brisk_health(monkeypatch) -> None:
     """Nodes tell their health ten times a second, for tests that wait to hear of it."""
-    monkeypatch.setattr("midastouch_perception.ros.diagnostics.PERIOD_S", 0.1)
+    monkeypatch.setattr("midastouch_common.ros.diagnostics.PERIOD_S", 0.1)
 
 
 @pytest.fixture(scope="session")

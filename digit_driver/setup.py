@@ -19,7 +19,12 @@ setup(
             for folder in ("config", "launch", "udev")
         ),
     ],
-    install_requires=["numpy", "opencv-contrib-python-headless", "PyYAML"],
+    install_requires=[
+        "midastouch_common",
+        "numpy",
+        "opencv-contrib-python-headless",
+        "PyYAML",
+    ],
     package_data={package: ["cameras/*.yaml"]},
     python_requires=">=3.10",
     maintainer="MidasTouch for ROS 2 maintainers",

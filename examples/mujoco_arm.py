@@ -11,7 +11,8 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 from simulated_finger import BASE_FROM_OBJECT, SPEED, STEP, along, run
 
-from midastouch_perception import ObjectMesh, bundled_objects, se3
+from midastouch_common import se3
+from midastouch_perception import ObjectMesh, bundled_objects
 
 CELL = 1e-3  # m
 HOME = [0.0, 0.7, 1.4, 1.0, 0.0, -1.6]  # rad

@@ -17,11 +17,12 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common import se3
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception import ObjectMesh, SensorModel, bundled_objects, se3
-from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_perception import ObjectMesh, SensorModel, bundled_objects
 from midastouch_perception.simulation.slide import simulate_slide
 
 BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.5, 0.0, 0.2]))

@@ -25,6 +25,7 @@ setup(
         "distributed",
         "matplotlib",
         "mcap",
+        "midastouch_common",
         "midastouch_filter",
         "midastouch_kernels",
         "midastouch_perception",

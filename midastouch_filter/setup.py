@@ -14,7 +14,7 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=[
-        "digit_driver",
+        "midastouch_common",
         "midastouch_kernels",
         "midastouch_perception",
         "numpy",

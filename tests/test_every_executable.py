@@ -6,12 +6,12 @@ import signal
 import subprocess
 import sys
 
+import packages
 import pytest
 
-PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 NODES = {
     script.name: script.value
-    for package in PACKAGES
+    for package in packages.PYTHON
     for script in importlib.metadata.distribution(package).entry_points.select(group="console_scripts")
     if script.name != "midastouch"
 }

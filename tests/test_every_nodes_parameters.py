@@ -4,9 +4,9 @@ import pytest
 from every_node import make_node
 from rclpy.parameter import Parameter
 
-from digit_driver.errors import InputError as DriverInputError
 from midastouch_bringup.ros.parameter_tables import TABLES
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
+from midastouch_common.errors import InputError as DriverInputError
 
 pytestmark = pytest.mark.dds
 

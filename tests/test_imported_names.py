@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from importlib.util import resolve_name
 from pathlib import Path
 
+import packages
+
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 
 
 def missing_names(folders: list[Path]) -> list[str]:
@@ -45,7 +46,7 @@ def _bound(tree: ast.Module, offers: bool) -> Iterator[str]:
 
 
 def test_what_is_imported_is_there():
-    assert missing_names([ROOT / package / package for package in PACKAGES]) == []
+    assert missing_names([ROOT / package / package for package in packages.PYTHON]) == []
 
 
 def test_what_is_not_there_is_found(tmp_path):

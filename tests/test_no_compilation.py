@@ -5,8 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import packages
+
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ["digit_driver", "midastouch_kernels", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+PACKAGES = ["midastouch_kernels", *packages.PYTHON]
 COMPILERS = {"cppyy", "llvmlite", "numba", "numexpr", "pyximport", "taichi"}
 # Extras, and parts of a system ROS, which not every install has.
 OPTIONAL = {"launch", "launch_ros", "onnx", "onnxscript", "openvino", "rerun", "rtde_receive", "safetensors"}

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import packages
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ["digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
 
 
 def import_graph(folders: list[Path]) -> dict[str, set[str]]:
@@ -45,7 +45,7 @@ def circle(graph: dict[str, set[str]]) -> list[str]:
 
 
 def test_no_module_imports_itself_by_way_of_others():
-    assert circle(import_graph([ROOT / package / package for package in PACKAGES])) == []
+    assert circle(import_graph([ROOT / package / package for package in packages.PYTHON])) == []
 
 
 @pytest.mark.parametrize("line", ["from .b import f", "def late():\n    from . import b", "import pack.b"])

@@ -20,6 +20,9 @@ from scipy.optimize import minimize
 
 from midastouch_bringup.evaluation.setup import Networks
 from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting, TouchSimulator
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
 from midastouch_filter.keyframes import KeyframeWindow
@@ -31,10 +34,7 @@ from midastouch_filter.replay import Followed, Race, Replay
 from midastouch_filter.rival_search import RivalSearch, Scored
 from midastouch_filter.touch import Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.procedural import random_probe, random_shape
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 

@@ -19,12 +19,12 @@ from scipy.optimize import minimize
 from training_scans import parser_of, scans_of, stock_of
 
 from midastouch_bringup.evaluation.stock import Stock
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import Contest, Identification
 from midastouch_filter.noise_model import NoiseModel
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

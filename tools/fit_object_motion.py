@@ -17,6 +17,9 @@ import numpy as np
 
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_bringup.evaluation.setup import Networks
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import jump_hypotheses
 from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
@@ -24,10 +27,7 @@ from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.odometry_correction import OdometryCorrection
 from midastouch_filter.stopwatch import Stopwatch
 from midastouch_filter.touch import MAP_SCALE, Measurement, reduced_penetration
-from midastouch_perception import se3
 from midastouch_perception.contact import ContactDetector
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.procedural import random_shape
 from midastouch_perception.simulation.randomisation import RandomSensor

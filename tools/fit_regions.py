@@ -23,6 +23,7 @@ from midastouch_bringup.evaluation.protocols import PAPER, PROTOCOLS
 from midastouch_bringup.evaluation.sequence_trials import start_filter
 from midastouch_bringup.evaluation.stock import Stock
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.credible_region import WHITE, WIDTH
 from midastouch_filter.estimate import Estimate
@@ -30,7 +31,6 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.policies import Policies, default_policies
 from midastouch_filter.state import CONVERGED
-from midastouch_perception.mesh import ObjectMesh
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)

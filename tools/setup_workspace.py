@@ -35,9 +35,7 @@ LOCK = ROOT / "tools" / "requirements" / "lock.txt"
 FIX_EXPORTS = ROOT / "tools" / "ros_wheels" / "fix_exports.py"
 INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/vision_msgs", ROOT / "midastouch_msgs"]
 KERNELS = ROOT / "midastouch_kernels"
-PACKAGES = [
-    ROOT / name for name in ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
-]
+PACKAGES = sorted(manifest.parent for manifest in ROOT.glob("*/setup.py"))
 
 # Read by Python at every start in the environment: the one place for the variables that ROS wants and the
 # wheels do not set. Fast DDS is the only middleware among the wheels.

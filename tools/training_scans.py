@@ -11,7 +11,7 @@ from pathlib import Path
 
 from midastouch_bringup.commands.campaigns import meshes_to_fit_on
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 
 LENGTH = 0.3  # m of a slide
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from report_tables.reports import ENOUGH, ROOT, report
 from report_tables.trust import PROMISED_WRONG, conditions, trusted
 
-from midastouch_perception.files import atomic_path
+from midastouch_common.files import atomic_path
 
 FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"

@@ -7,8 +7,8 @@ from urllib.parse import unquote, urlparse
 
 import yaml
 
-from .errors import InputError
-from .user_paths import expanded
+from midastouch_common.errors import InputError
+from midastouch_common.user_paths import expanded
 
 _MATRICES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
 

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 import yaml
 
-from .errors import InputError
-from .user_paths import expanded
+from midastouch_common.errors import InputError
+from midastouch_common.user_paths import expanded
+
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 
 _FOLDER = Path(__file__).parent / "cameras"

@@ -10,8 +10,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+
 from .camera_model import CameraModel
-from .errors import DeviceError, InputError
+from .errors import DeviceError
 
 SYSFS_VIDEO = Path("/sys/class/video4linux")
 DEV = Path("/dev")

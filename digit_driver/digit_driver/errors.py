@@ -1,13 +1,6 @@
 """What can go wrong between a camera and its user, by who has to act."""
 
 
-class InputError(ValueError):
-    """The user asked for something that cannot be had; trying again does not help.
-
-    The message names the file or parameter, says what is wrong and how to mend it.
-    """
-
-
 class DeviceError(RuntimeError):
     """The camera is absent, busy, unplugged or misbehaves; trying again may help."""
 

@@ -1,21 +1,5 @@
-"""The executable of this package. Importing what a node needs takes a second, in which it may be told to stop, too."""
+"""The executable of this package."""
 
-from __future__ import annotations
-
-import importlib
-from collections.abc import Callable
-
-from .stop_signals import end_at_once
-
-
-def executable(module: str) -> Callable[[], int]:
-    """The function of an executable: ``main`` of the module of that name, which is imported only then."""
-
-    def main() -> int:
-        end_at_once()
-        return importlib.import_module(module).main()
-
-    return main
-
+from midastouch_common.executables import executable
 
 digit_driver = executable("digit_driver.nodes.digit_driver")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from .clock_offset import ClockOffset
+from midastouch_common.clock_offset import ClockOffset
+
 from .frame_slot import ReaderState, ReaderStatus
 from .image_health import ImageReport
 

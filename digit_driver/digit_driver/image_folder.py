@@ -8,7 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from .errors import CorruptFrameError, InputError
+from midastouch_common.errors import InputError
+
+from .errors import CorruptFrameError
 from .frame_source import MonotonicClock
 from .pixels import recorded_portrait
 from .playback import Playback

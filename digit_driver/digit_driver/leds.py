@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .errors import InputError
+from midastouch_common.errors import InputError
 
 MAX_LEVEL = 15
 

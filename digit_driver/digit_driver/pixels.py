@@ -5,7 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .errors import CorruptFrameError, InputError
+from midastouch_common.errors import InputError
+
+from .errors import CorruptFrameError
 from .frame_source import PORTRAIT_SHAPE
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 

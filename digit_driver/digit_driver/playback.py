@@ -6,7 +6,9 @@ from abc import abstractmethod
 
 import numpy as np
 
-from .errors import CorruptFrameError, EndOfStreamError, InputError
+from midastouch_common.errors import InputError
+
+from .errors import CorruptFrameError, EndOfStreamError
 from .frame_source import PORTRAIT_SHAPE, Frame, FrameSource, MonotonicClock, SourceInfo
 
 

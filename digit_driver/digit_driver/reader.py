@@ -6,7 +6,9 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from .errors import CorruptFrameError, DeviceError, EndOfStreamError, InputError
+from midastouch_common.errors import InputError
+
+from .errors import CorruptFrameError, DeviceError, EndOfStreamError
 from .frame_slot import FrameSlot, ReaderState, ReaderStatus
 from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from .errors import InputError
+from midastouch_common.errors import InputError
+from midastouch_common.user_paths import expanded
+
 from .frame_source import FrameSource
 from .image_folder import ImageFolder
-from .user_paths import expanded
 from .v4l2_device import V4l2Camera, V4l2Settings
 from .video_file import VideoFile
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from .clock_offset import ClockOffset
+from midastouch_common.clock_offset import ClockOffset
+
 from .frame_slot import ReaderStatus
 from .frame_source import Frame, MonotonicClock, SourceInfo
 from .health_report import Evidence, HealthReport, assess

@@ -7,10 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+
 from . import videodev2 as v4l2
 from .camera_model import CameraMode, CameraModel
 from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
-from .errors import CorruptFrameError, DeviceError, InputError
+from .errors import CorruptFrameError, DeviceError
 from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
 from .leds import MAX_LEVEL, packed
 from .pixels import decode

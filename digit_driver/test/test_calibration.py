@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from digit_driver.calibration import load_calibration
-from digit_driver.errors import InputError
+from midastouch_common.errors import InputError
 
 CONTENT = {
     "image_width": 240,

@@ -6,8 +6,8 @@ import yaml
 
 from digit_driver import camera_model
 from digit_driver.camera_model import CameraModel
-from digit_driver.errors import InputError
 from digit_driver.videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
+from midastouch_common.errors import InputError
 
 OWN = {
     "label": "MyTouch",

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from digit_driver.clock_offset import ClockOffset
 from digit_driver.frame_slot import ReaderState, ReaderStatus
 from digit_driver.frame_source import Frame, MonotonicClock, SourceInfo
 from digit_driver.health_report import Evidence, Level, assess
 from digit_driver.image_health import ImageHealth, ImageReport
 from digit_driver.rate_monitor import RateMonitor
 from digit_driver.stream_monitor import StreamMonitor
+from midastouch_common.clock_offset import ClockOffset
 
 SECOND = 1_000_000_000
 INFO = SourceInfo("/dev/video0", "D20001", 240, 320, 60.0, live=True)

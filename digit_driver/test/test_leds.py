@@ -1,7 +1,7 @@
 import pytest
 
-from digit_driver.errors import InputError
 from digit_driver.leds import packed, scaled_levels
+from midastouch_common.errors import InputError
 
 
 @pytest.mark.parametrize(

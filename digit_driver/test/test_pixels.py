@@ -3,9 +3,10 @@ import numpy as np
 import pytest
 from fake_kernel import picture
 
-from digit_driver.errors import CorruptFrameError, InputError
+from digit_driver.errors import CorruptFrameError
 from digit_driver.pixels import decode, recorded_portrait
 from digit_driver.videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
+from midastouch_common.errors import InputError
 
 
 def jpeg(width: int = 320, height: int = 240) -> bytes:

@@ -6,11 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from digit_driver.errors import CorruptFrameError, InputError
+from digit_driver.errors import CorruptFrameError
 from digit_driver.image_folder import ImageFolder, list_images
 from digit_driver.sources import make_source
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 from digit_driver.video_file import VideoFile
+from midastouch_common.errors import InputError
 
 
 def write_images(folder: Path, names: list[str], shape=(320, 240, 3)) -> Path:

@@ -8,7 +8,7 @@ import shlex
 import sys
 from collections.abc import Mapping
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .commands import (
     bench,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from typing import Protocol, TypeVar
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 R = TypeVar("R")
 _AHEAD = 2  # tasks per worker that are handed over before they are needed

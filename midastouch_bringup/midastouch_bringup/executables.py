@@ -1,6 +1,6 @@
 """The executables of this package that are nodes."""
 
-from digit_driver.executables import executable
+from midastouch_common.executables import executable
 
 all_in_one = executable("midastouch_bringup.nodes.all_in_one")
 detection_prior = executable("midastouch_bringup.nodes.detection_prior")

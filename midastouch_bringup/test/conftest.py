@@ -13,7 +13,7 @@ import pytest
 
 from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
 from midastouch_bringup.evaluation.calibration import KINDS, LEVELS, WEIGHTS
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 # the stand-ins beside this file can be imported

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup.cluster import open_cluster
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def squares_of(folder: Path):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from midastouch_bringup import cli, codebooks
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CHUNK
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

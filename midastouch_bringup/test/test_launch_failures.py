@@ -21,7 +21,7 @@ from fake_launch import (
 )
 from launch_rig import AN_ARM, carry_out
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 @pytest.mark.usefixtures("stand_ins")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import load_sequence
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 PACKAGE = Path(__file__).parents[1]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .joint_alignment import adjoint, transform_covariance
 from .jump_hypotheses import POSE, JumpHypotheses

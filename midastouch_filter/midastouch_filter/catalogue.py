@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_poses import YAWS
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from . import memory

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 from .catalogue import Catalogue, Entry

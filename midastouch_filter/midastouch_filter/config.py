@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def _number(default: float, low: float, high: float, unit: str, doc: str):

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .alignment import Aligned
 from .noise_model import NoiseModel

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.codebook_poses import PRESS
 
 from .hypotheses import Hypothesis

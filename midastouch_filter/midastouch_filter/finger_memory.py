@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 from .localiser import LoadedObject

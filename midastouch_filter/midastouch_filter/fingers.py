@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 from .config import FilterConfig
 from .gates import Gates, RestGate

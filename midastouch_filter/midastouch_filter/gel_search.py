@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .lookup import PoseLookup
 from .motion_model import Odometry

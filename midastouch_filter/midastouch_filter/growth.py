@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.codebook import Codebook
-    from midastouch_perception.mesh import ObjectMesh
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import TactileCodeNet
 

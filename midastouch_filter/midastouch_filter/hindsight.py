@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .belief import Belief
 from .config import FilterConfig

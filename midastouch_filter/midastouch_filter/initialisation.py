@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 from .fingers import Finger
 from .lookup import PoseLookup

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .alignment import Aligned, PenetrationAlignment, without_jitter
 from .touch import Measurement

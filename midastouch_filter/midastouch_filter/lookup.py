@@ -16,9 +16,9 @@ import numpy as np
 from pykdtree.kdtree import KDTree
 
 import midastouch_kernels as kernels
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.pose_metric import ROTATION_SCALE
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.pose_metric import ROTATION_SCALE
 
 from .particles import Particles
 from .workers import Workers

@@ -16,7 +16,7 @@ import copy
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .config import FilterConfig
 from .particles import Particles

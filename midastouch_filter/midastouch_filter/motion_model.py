@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception.pose_metric import ROTATION_SCALE
+from midastouch_common.pose_metric import ROTATION_SCALE
 
 from .config import FilterConfig
 from .particles import Particles

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 from .config import FilterConfig
 from .lookup import PoseLookup, neighbours_and_links, space_filling_order

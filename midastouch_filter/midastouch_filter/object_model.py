@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pykdtree.kdtree import KDTree
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook_poses import PRESS
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from .alignment import PenetrationAlignment

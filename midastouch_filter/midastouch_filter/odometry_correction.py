@@ -12,7 +12,7 @@ from collections import deque
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .alignment import Aligned, PenetrationAlignment
 from .arm_errors import ArmErrors, Calibration, ObjectJump

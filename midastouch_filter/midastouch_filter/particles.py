@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 
 @dataclass

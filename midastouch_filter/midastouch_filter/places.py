@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.pose_metric import ROTATION_SCALE
+from midastouch_common import se3
+from midastouch_common.pose_metric import ROTATION_SCALE
 
 from .joint_alignment import transform_covariance
 

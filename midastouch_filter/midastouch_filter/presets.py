@@ -5,7 +5,7 @@ Launch files read this module, in a Python that need not have the filter's libra
 
 from __future__ import annotations
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 BALANCED = "balanced"
 PRESETS: dict[str, dict[str, int]] = {

@@ -7,8 +7,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 from .config import FilterConfig

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .alignment import Aligned, PenetrationAlignment, without_jitter
 from .config import FilterConfig

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .effort import Effort
 from .keyframes import Keyframe, independence

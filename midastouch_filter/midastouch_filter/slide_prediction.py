@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.codebook_poses import PRESS
 from midastouch_perception.simulation.surface_walk import MIN_PROGRESS
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 from .belief import Belief
 from .fingers import FIRST, Finger, count

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_perception.pose_metric import ROTATION_SCALE
+from midastouch_common.pose_metric import ROTATION_SCALE
 
 from .expected_evidence import by_model, carried_along, code_evidence, map_evidence
 from .hypotheses import Hypothesis

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 from .config import FilterConfig
 from .particles import Particles

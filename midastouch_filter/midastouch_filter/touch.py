@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 MAP_SCALE = 0.25
 """Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""

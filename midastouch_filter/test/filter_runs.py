@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter import state
-from midastouch_perception import se3
 
 
 def play(filter_, slide, frames=slice(None)):

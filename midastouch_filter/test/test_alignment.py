@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.noise_model import NoiseModel
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses

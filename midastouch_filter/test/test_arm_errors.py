@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.arm_errors import ArmErrors
-from midastouch_perception import se3
 
 FRAME = 0.05  # s
 

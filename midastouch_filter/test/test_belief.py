@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from midastouch_common import se3
 from midastouch_filter.belief import covariance_about
 from midastouch_filter.estimate import Mode
 from midastouch_filter.particles import Particles
-from midastouch_perception import se3
 
 
 def spread(n, rng):

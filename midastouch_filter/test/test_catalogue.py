@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.catalogue import FEWEST, Catalogue, poses_worth, read_catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 NOISE = NoiseModel.of(FilterConfig(threads=1))

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import UNKNOWN
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.suggestion import Wanted
-from midastouch_perception import se3
 
 CONFIG = FilterConfig(threads=1, max_particles=3000)
 

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.catalogue import Catalogue
 from midastouch_filter.compared import Compared
 from midastouch_filter.config import FilterConfig
@@ -10,10 +13,7 @@ from midastouch_filter.identity import UNKNOWN, Identification
 from midastouch_filter.keyframes import KeyframeWindow
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

@@ -2,8 +2,8 @@ import dataclasses
 
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
-from midastouch_perception.errors import InputError
 
 
 def test_every_field_says_what_it_means_and_its_default_is_in_range():

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.contact_odometry import ContactOdometry
 from midastouch_filter.noise_model import NoiseModel
-from midastouch_perception import se3
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.alignment import Aligned
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.credible_region import CredibleRegion
 from midastouch_filter.noise_model import NoiseModel
-from midastouch_perception import se3
 
 POSE = se3.exp(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]))
 SIGMA = np.repeat([1e-3, 0.02], 3)

@@ -7,13 +7,13 @@ import pytest
 import trimesh
 from filter_runs import assert_defined, error, play, skipped
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.fingers import Finger, Fingers, count
 from midastouch_filter.gates import Gates
@@ -15,7 +16,6 @@ from midastouch_filter.particles import Particles
 from midastouch_filter.surface import SurfaceConstraint, SurfaceGrid
 from midastouch_filter.touch import Measurement
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 MOVED = se3.exp(np.array([2e-3, 0, 0, 0, 0, 0.05]))

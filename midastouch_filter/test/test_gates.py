@@ -2,10 +2,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.gates import GATES, Gates, RestGate
 from midastouch_filter.motion_model import Odometry
-from midastouch_perception import se3
 
 
 def moved(x, yaw=0.0):

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import UNKNOWN, Contest, Identification
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.places import Place
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

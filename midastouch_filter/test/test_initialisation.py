@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter import initialisation
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.motion_model import MotionModel
 from midastouch_filter.places import Place
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 
 
 @pytest.mark.parametrize("n", [1, 99, 100, 101, 250])

@@ -1,8 +1,8 @@
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_filter.keyframes import KeyframeWindow, independence
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 
 STEP = se3.exp([0.01, 0, 0, 0, 0, 0.1])
 SILENT = [np.zeros(5)]

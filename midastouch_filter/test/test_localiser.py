@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter.localiser import LoadedObject, Localiser, Start
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).parent / "nodes"))
 

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.lookup import PoseLookup, space_filling_order
 from midastouch_filter.particles import Particles
 from midastouch_filter.touch import Measurement
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 from midastouch_perception.codebook_poses import codebook_poses
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.measurement_model import MeasurementModel
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
-from midastouch_perception.errors import InputError
 
 WORKERS = Workers(1)
 

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from midastouch_common import se3
 from midastouch_filter.mode_masses import impose_shares, pool_marginal_likelihoods
 from midastouch_filter.particles import Particles
-from midastouch_perception import se3
 
 
 def particles_at(n, rng):

@@ -3,13 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from midastouch_common import se3
 from midastouch_filter.estimate import modes_from_moments
 from midastouch_filter.lookup import PoseLookup
 from midastouch_filter.modes import ModeFinder
 from midastouch_filter.particles import Particles
 from midastouch_filter.regions import Regions
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 
 WORKERS = Workers(1)
 

@@ -4,11 +4,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.motion_model import Exploration, MotionModel, Odometry
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
 
 tangent = arrays(float, 6, elements=st.floats(-3, 3, allow_subnormal=False)).map(
     lambda xi: xi * [0.1, 0.1, 0.1, 1, 1, 1]

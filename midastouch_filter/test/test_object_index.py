@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.object_index import ObjectIndex, derived_arrays
 from midastouch_filter.particles import Particles
 from midastouch_filter.workers import Workers
 from midastouch_perception.codebook import FORMAT, Codebook
-from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig()
 

@@ -5,13 +5,13 @@ import pytest
 import trimesh
 from filter_runs import assert_defined, codes_along, some_book
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)
 

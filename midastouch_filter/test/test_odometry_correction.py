@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from midastouch_common import se3
 from midastouch_filter.alignment import Aligned
 from midastouch_filter.odometry_correction import without_prior
-from midastouch_perception import se3
 
 
 def play(world, slide, measured, **settings):

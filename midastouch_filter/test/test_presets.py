@@ -1,8 +1,8 @@
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter import FilterConfig, preset
 from midastouch_filter.presets import BALANCED, PRESETS, preset_in_words
-from midastouch_perception.errors import InputError
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -3,10 +3,10 @@ import threading
 import pytest
 import trimesh
 
+from midastouch_common.errors import InputError
 from midastouch_filter import growth, quick_start
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.localiser import load_object
-from midastouch_perception.errors import InputError
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

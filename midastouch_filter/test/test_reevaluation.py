@@ -3,6 +3,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.alignment import PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
@@ -13,8 +15,6 @@ from midastouch_filter.places import Prior, pose_distance
 from midastouch_filter.reevaluation import Reevaluation
 from midastouch_filter.touch import MAP_SCALE, Measurement
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.effort import Effort
@@ -10,8 +12,6 @@ from midastouch_filter.particles import Particles
 from midastouch_filter.refinement import Refinement, sharpened
 from midastouch_filter.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.particles import Particles
 from midastouch_filter.touch import Measurement, reduced_penetration
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 

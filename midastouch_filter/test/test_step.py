@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from filter_runs import assert_defined, play, skipped
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 
 
 def test_at_rest_nothing_changes(coded_slide):

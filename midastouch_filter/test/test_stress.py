@@ -15,6 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter import state
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
@@ -23,8 +25,6 @@ from midastouch_filter.particles import Particles
 from midastouch_filter.surface import SurfaceConstraint
 from midastouch_filter.touch import Measurement
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.expected_evidence import carried_along, map_evidence
 from midastouch_filter.hypotheses import Hypothesis
@@ -21,8 +23,6 @@ from midastouch_filter.suggestion import (
     touches_on_the_way,
 )
 from midastouch_filter.workers import Workers
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

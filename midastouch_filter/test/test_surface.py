@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.particles import Particles
 from midastouch_filter.surface import SurfaceConstraint, SurfaceGrid, signed_distance
 from midastouch_filter.workers import Workers
-from midastouch_perception.mesh import ObjectMesh
 
 WORKERS = Workers(1)
 

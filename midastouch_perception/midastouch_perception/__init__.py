@@ -1,22 +1,22 @@
 """From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training."""
 
-from .lazy_exports import lazy_exports
+from midastouch_common.lazy_exports import lazy_exports
 
 __getattr__, __all__ = lazy_exports(
     __name__,
     {
-        "Codebook": "codebook",
-        "DepthNet": "tdn",
-        "InputError": "errors",
-        "ObjectMesh": "mesh",
-        "SensorModel": "sensor_model",
-        "TactileCodeNet": "tcn",
-        "Touch": "pipeline",
-        "TouchPipeline": "pipeline",
-        "build_codebook": "codebook_build",
-        "bundled_objects": "objects",
-        "estimate_background": "tdn",
-        "load_tcn": "tcn",
-        "load_tdn": "tdn",
+        "Codebook": ".codebook",
+        "DepthNet": ".tdn",
+        "InputError": "midastouch_common.errors",
+        "ObjectMesh": "midastouch_common.mesh",
+        "SensorModel": ".sensor_model",
+        "TactileCodeNet": ".tcn",
+        "Touch": ".pipeline",
+        "TouchPipeline": ".pipeline",
+        "build_codebook": ".codebook_build",
+        "bundled_objects": ".objects",
+        "estimate_background": ".tdn",
+        "load_tcn": ".tcn",
+        "load_tdn": ".tdn",
     },
 )

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InputError
-from .files import require_file
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
+
 from .torch_checkpoint import read_tensors
 
 _SAFETENSORS_TYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "I64": "<i8", "I32": "<i4"}

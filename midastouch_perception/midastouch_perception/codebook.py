@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from . import se3
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file
+from midastouch_common.mesh import ObjectMesh
+
 from .codebook_poses import PRESS
-from .errors import InputError
-from .files import atomic_path, require_file
-from .mesh import ObjectMesh
 from .npz_map import mapped_npz
 
 FORMAT = 1

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file
+from midastouch_common.mesh import ObjectMesh
+
 from .codebook import FORMAT, Codebook
 from .codebook_poses import codebook_poses
-from .errors import InputError
-from .files import atomic_path, require_file
-from .mesh import ObjectMesh
 from .sensor_model import SensorModel
 from .simulation.renderer import PenetrationRenderer
 from .tcn.inference import TactileCodeNet

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
-from .errors import InputError
-from .mesh import ObjectMesh
 from .sensor_model import SensorModel
 from .simulation.contact_poses import Reachability, pose_from_contact, touch_points
 

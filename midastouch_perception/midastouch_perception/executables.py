@@ -1,6 +1,6 @@
 """The executables of this package."""
 
-from digit_driver.executables import executable
+from midastouch_common.executables import executable
 
 tdn = executable("midastouch_perception.nodes.tdn")
 tcn = executable("midastouch_perception.nodes.tcn")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from .errors import InputError
-from .files import atomic_path
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
 
 
 def read_card(network: Path) -> dict:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
+
 from .checkpoint import read_checkpoint
-from .errors import InputError
-from .files import sha256
 from .state_dict import matched, plain_names
 from .tcn import minkloc3d_network
 from .tcn.minkloc3d import save_minkloc3d

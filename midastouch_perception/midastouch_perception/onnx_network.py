@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from .errors import InputError
-from .files import sha256
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
+
 from .model_card import read_card
 
 WEIGHTS = Path(__file__).parent / "weights"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+
 from .contact import in_steps
-from .errors import InputError
 from .sensor_model import SensorModel
 
 

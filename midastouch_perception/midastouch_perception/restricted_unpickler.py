@@ -8,7 +8,7 @@ import pickletools
 from collections.abc import Mapping
 from typing import Any
 
-from .errors import InputError
+from midastouch_common.errors import InputError
 
 
 class RestrictedUnpickler(pickle.Unpickler):

@@ -15,9 +15,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file
+
 from .ball_calibration.response import ColourResponse
-from .errors import InputError
-from .files import atomic_path, require_file
 from .sensor_model import SensorModel
 
 _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import InputError
-from .files import read_yaml
+from midastouch_common.errors import InputError
+from midastouch_common.files import read_yaml
 
 MAP_SCALE = 0.5
 """Resolution of penetration maps as a share of the image's: that of the depth network."""

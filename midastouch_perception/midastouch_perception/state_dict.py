@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from .errors import InputError
+from midastouch_common.errors import InputError
 
 _WRAPPERS = re.compile(r"(module\.|model\.|net\.)+")  # what DataParallel and training frameworks put before names
 _COUNTER = "num_batches_tracked"  # of batch normalisation; not used after training

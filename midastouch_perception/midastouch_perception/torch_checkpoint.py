@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError
+from midastouch_common.errors import InputError
+
 from .restricted_unpickler import RestrictedUnpickler
 
 _BFLOAT16 = "bfloat16"

@@ -3,8 +3,8 @@ import json
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.checkpoint import read_checkpoint
-from midastouch_perception.errors import InputError
 
 STATE = {
     "weight": np.arange(6, dtype=np.float32).reshape(2, 3),

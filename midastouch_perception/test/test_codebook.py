@@ -3,11 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 
 @pytest.fixture(scope="module")

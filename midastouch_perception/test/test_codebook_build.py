@@ -4,9 +4,9 @@ import json
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 SIZE = 2 * CHUNK + 40  # three chunks, the last one short

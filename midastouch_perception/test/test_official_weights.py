@@ -3,9 +3,9 @@ import json
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
 from midastouch_perception import official_weights
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import sha256
 from midastouch_perception.official_weights import import_weights
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import fcrn_graph, load_tdn

@@ -2,7 +2,7 @@ import shutil
 
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.onnx_network import WEIGHTS, OnnxNetwork
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn

@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.contact import Contact, in_steps
-from midastouch_perception.errors import InputError
 from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from midastouch_common.errors import InputError
 from midastouch_perception.contact import in_steps
-from midastouch_perception.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel
 

@@ -3,7 +3,7 @@ import pickle
 
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.restricted_unpickler import RestrictedUnpickler
 
 

@@ -4,7 +4,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration import (
     SensorCalibration,
     background_colours,

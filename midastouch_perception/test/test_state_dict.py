@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.state_dict import matched, plain_names, random_state
 
 EXPECTED = {"conv.weight": (2, 3), "conv.bias": (2,)}

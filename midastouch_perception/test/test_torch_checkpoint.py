@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from midastouch_common.errors import InputError
 from midastouch_perception.checkpoint import read_checkpoint
-from midastouch_perception.errors import InputError
 
 BLOCK = np.arange(12, dtype="<f4")
 

@@ -11,13 +11,15 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
+from midastouch_common.errors import InputError
+from midastouch_common.ros.lifecycle import RobustLifecycleNode
+from midastouch_common.ros.spin import spin_nodes
+
 from ..calibration import Calibration, load_calibration
-from ..errors import DeviceError, InputError
+from ..errors import DeviceError
 from ..frame_slot import ReaderState, ReaderStatus
 from ..frame_source import FrameSource
 from ..reader import FrameReader
-from ..ros import spin
-from ..ros.lifecycle import RobustLifecycleNode
 from . import messages, settings
 from .image_publisher import ImagePublisher
 from .parameters import PARAMETERS, declare, refuse_unknown
@@ -171,7 +173,7 @@ class DigitDriver(RobustLifecycleNode):
 def main(args: list[str] | None = None) -> int:
     """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
     try:
-        return spin.run(lambda: [DigitDriver()], args)
+        return spin_nodes(lambda: [DigitDriver()], args)
     except InputError:  # which the node has logged
         return 2
 

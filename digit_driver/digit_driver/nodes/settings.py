@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from midastouch_common.errors import InputError
+
 from ..camera_model import CameraModel
-from ..errors import InputError
 from ..frame_source import PORTRAIT_SHAPE, FrameSource
 from ..leds import scaled_levels
 from ..reader import ReaderTiming

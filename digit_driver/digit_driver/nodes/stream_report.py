@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticArray
 
+from midastouch_common.ros.lifecycle import RobustLifecycleNode
+
 from ..frame_slot import ReaderState, ReaderStatus
 from ..frame_source import Frame
-from ..ros.lifecycle import RobustLifecycleNode
 from ..stream_monitor import StreamMonitor
 from . import messages
 from .parameters import Value

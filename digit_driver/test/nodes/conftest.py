@@ -19,9 +19,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
 from digit_driver import sources
-from digit_driver.errors import InputError
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
+from midastouch_common.errors import InputError
 
 PATIENCE = 120.0  # s; bounds a failing test only
 

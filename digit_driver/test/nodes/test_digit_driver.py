@@ -17,8 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import SetBool
 
-from digit_driver.errors import InputError
 from digit_driver.nodes import messages
+from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds
 

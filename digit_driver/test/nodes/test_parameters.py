@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from digit_driver.errors import InputError
 from digit_driver.nodes.parameters import PARAMETERS
+from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds
 README = Path(__file__).parents[2] / "README.md"

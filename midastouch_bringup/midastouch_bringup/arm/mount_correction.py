@@ -8,8 +8,8 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
-from midastouch_perception.files import atomic_path, read_yaml
+from midastouch_common import se3
+from midastouch_common.files import atomic_path, read_yaml
 
 from .mount_frames import read_mount
 

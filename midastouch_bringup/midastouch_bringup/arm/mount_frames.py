@@ -7,9 +7,9 @@ import os
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import read_yaml
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import read_yaml
 
 _ENTRIES = ("hand_eye", "gel", "optical")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .rtde_handshake import require_outputs
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 #: T_base_link_base, a constant of every UR arm (Universal_Robots_ROS2_Description, `ur_macro.xacro`).
 BASE_LINK_FROM_BASE = np.diag([-1.0, -1.0, 1.0, 1.0])

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from midastouch_common.errors import InputError
 from midastouch_filter.transforms import TransformBuffer, TransformError
-from midastouch_perception.errors import InputError
 
 from .images import decode_image, image_messages
 from .messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME, TRUTH_GEL_FRAME, header_stamp_ns

@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import rgb_from_msg
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import rgb_from_msg
 
 from .messages import COMPRESSED_TYPE, IMAGE_TYPE, Message, typestore
 from .reader import bag_messages, bag_topics, readable

@@ -19,8 +19,8 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 from ..datasets import Sequence

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.tdn import estimate_background
 from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_share
 

@@ -11,7 +11,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection, QosDurability
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .messages import Message, Topic
 

@@ -8,13 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import (
-    covariance_from_msg,
-    image_from_msg,
-    pose_from_msg,
-    poses_from_msgs,
-)
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import covariance_from_msg, image_from_msg, pose_from_msg, poses_from_msgs
 
 from ..report.snapshot import Hypothesis, Snapshot
 from .frames import read_bag

@@ -7,9 +7,9 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns, xyzquat_from_msg
 from midastouch_filter.transforms import Insertion, TransformBuffer, TransformError
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns, xyzquat_from_msg
 
 from .messages import TF_STATIC_TOPIC, TF_TOPIC, typestore
 from .reader import bag_messages, readable

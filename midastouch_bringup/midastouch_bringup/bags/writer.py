@@ -14,8 +14,8 @@ from pathlib import Path
 from rosbags.interfaces import Connection, Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import naming
+from midastouch_common.errors import InputError
+from midastouch_common.files import naming
 
 from ..datasets import Sequence
 from .messages import Message, sequence_messages, typestore

@@ -8,14 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from midastouch_common.errors import InputError
 from midastouch_filter.presets import PRESETS_IN_WORDS
-from midastouch_perception.errors import InputError
 
 from ..output_paths import SIMULATED, codebook_path
 
 if TYPE_CHECKING:
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.codebook import Codebook
-    from midastouch_perception.mesh import ObjectMesh
 
     from ..bags.frames import GelStream
     from ..evaluation.setup import Networks
@@ -126,7 +126,7 @@ def _checked(text: str, kind: type, holds: Callable, wanted: str):
 
 def load_mesh(name_or_path: str) -> ObjectMesh:
     """The mesh at a path, or a bundled object by its name."""
-    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
 
     bundled = bundled_objects()

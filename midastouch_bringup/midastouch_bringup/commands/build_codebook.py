@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from pathlib import Path
 
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import load_tcn
 

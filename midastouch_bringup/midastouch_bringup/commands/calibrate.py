@@ -7,8 +7,8 @@ import shlex
 import signal
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_new_folder, require_place
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_new_folder, require_place
 
 from . import arguments
 
@@ -138,8 +138,8 @@ def _live(args: argparse.Namespace, path: Path):
     """From the running sensor, kept at `path`: result, images of the presses, exit code; no result if the guide was
     ended before the last press, or the presses cannot be used."""
     try:
+        from midastouch_common.ros import spin
         from midastouch_perception.nodes.calibrate import CalibrateNode
-        from midastouch_perception.ros import spin
     except ImportError as error:
         raise InputError(f"{error}; run midastouch doctor to see what is missing") from error
 

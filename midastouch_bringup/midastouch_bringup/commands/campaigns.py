@@ -10,12 +10,12 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from . import arguments, outcome
 
 if TYPE_CHECKING:
-    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_common.mesh import ObjectMesh
 
     from ..evaluation.open_trials import Workforce
 
@@ -56,7 +56,7 @@ def meshes_to_fit_on(folder: Path) -> list[Path]:
 
 def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
     """The meshes asked for, by name; InputError for a name that fits none or several."""
-    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
     from midastouch_perception.training.objects import TEST_OBJECTS
 

@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     import webbrowser
     from pathlib import Path
 
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
     from midastouch_perception.objects import bundled_objects
 
     from ..processes.local_domain import claimed_domain

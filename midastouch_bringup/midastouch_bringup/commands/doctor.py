@@ -110,7 +110,7 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
 
 
 def _has_executable(name: str) -> bool:
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..processes.program import find_executable
 

@@ -30,7 +30,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     if args.what == "tactile-tracking":
         return _tactile_tracking()
@@ -67,7 +67,7 @@ def _meshes(args: argparse.Namespace) -> int:
 
 
 def _slides(args: argparse.Namespace) -> int:
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..download.ycb_slide import FOLDERS, download_part
 

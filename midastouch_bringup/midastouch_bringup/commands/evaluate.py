@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     import dataclasses
     import sys
 
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..datasets import load_sequence
     from ..evaluation.machine import machine_info
@@ -138,9 +138,9 @@ def _identify(
     """Which object is each sequence over?"""
     from pathlib import Path
 
+    from midastouch_common.errors import InputError
     from midastouch_filter.catalogue import read_catalogue
     from midastouch_filter.noise_model import NoiseModel
-    from midastouch_perception.errors import InputError
 
     from ..evaluation.identification import identify, right_answer
     from ..evaluation.machine import machine_info

@@ -116,7 +116,7 @@ def _notes(result: dict) -> list[str]:
 
 
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..evaluation.perception.label_check import FittedBall
     from ..evaluation.perception.press_quality import measure_presses

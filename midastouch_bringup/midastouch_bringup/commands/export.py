@@ -32,7 +32,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.files import atomic_path, require_new_folder
+    from midastouch_common.files import atomic_path, require_new_folder
 
     from ..export.recording import Recording
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
     """What writes recordings in that format into a folder; InputError with the mend without its library."""
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     try:
         if name == "lerobot":

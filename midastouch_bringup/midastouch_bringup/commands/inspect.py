@@ -35,8 +35,8 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from pathlib import Path
 
-    from midastouch_perception.errors import InputError
-    from midastouch_perception.files import atomic_path, require_new_folder
+    from midastouch_common.errors import InputError
+    from midastouch_common.files import atomic_path, require_new_folder
 
     from ..inspection import geometry, pictures, require_open3d, window
     from ..inspection.run import load

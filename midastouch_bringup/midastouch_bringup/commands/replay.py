@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import json
 
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..bags.reader import is_bag
     from ..datasets import load_sequence

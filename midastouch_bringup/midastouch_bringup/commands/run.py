@@ -29,7 +29,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     try:
         from ..ros.run import manual, prepare, run_setup, values

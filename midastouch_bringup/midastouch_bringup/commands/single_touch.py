@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..output_paths import codebook_path
 from . import arguments, outcome
 
 if TYPE_CHECKING:
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.codebook import Codebook
-    from midastouch_perception.mesh import ObjectMesh
 
     from ..evaluation.setup import Networks
 
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import numpy as np
 
-    from midastouch_perception.files import require_file
+    from midastouch_common.files import require_file
     from midastouch_perception.tcn import load_tcn
 
     from ..evaluation.machine import machine_info

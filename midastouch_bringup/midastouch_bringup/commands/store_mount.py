@@ -34,9 +34,9 @@ def run(args: argparse.Namespace) -> int:
 
     import numpy as np
 
-    from midastouch_perception import se3
-    from midastouch_perception.errors import InputError
-    from midastouch_perception.message_arrays import pose_from_msg
+    from midastouch_common import se3
+    from midastouch_common.errors import InputError
+    from midastouch_common.message_arrays import pose_from_msg
 
     from ..arm.mount_correction import correct_mount
     from ..ros.launch_arguments import SHARE

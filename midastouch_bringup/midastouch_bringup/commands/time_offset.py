@@ -24,7 +24,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.errors import InputError
+    from midastouch_common.errors import InputError
 
     from ..bags.frames import read_bag
     from ..bags.time_offset import estimate_time_offset

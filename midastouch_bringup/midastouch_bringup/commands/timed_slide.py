@@ -6,12 +6,12 @@ import argparse
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from . import arguments
 
 if TYPE_CHECKING:
-    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_common.mesh import ObjectMesh
 
     from ..datasets import Sequence
     from ..evaluation.setup import Networks

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from . import arguments
 

@@ -34,8 +34,8 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import contextlib
 
-    from midastouch_perception.errors import InputError
-    from midastouch_perception.files import atomic_path
+    from midastouch_common.errors import InputError
+    from midastouch_common.files import atomic_path
 
     from ..view import require_rerun
     from ..view.scene import Scene
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if args.save and Path(args.save).is_dir():
         raise InputError(f"--save {args.save}: is a folder; name a file, such as {Path(args.save) / 'run.rrd'}")
     try:
-        from midastouch_perception.ros import spin
+        from midastouch_common.ros import spin
 
         from ..nodes.view import View
     except ImportError as error:

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.tdn import estimate_background
 
 from .sequence import read_image

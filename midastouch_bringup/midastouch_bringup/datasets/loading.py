@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .sequence import Sequence
 from .tactile_tracking import POSE_FILE, load_trial

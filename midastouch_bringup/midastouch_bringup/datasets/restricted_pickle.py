@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_file
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
 from midastouch_perception.restricted_unpickler import RestrictedUnpickler
 
 _ONLY = "which is not data (only NumPy arrays and OmegaConf values are)"

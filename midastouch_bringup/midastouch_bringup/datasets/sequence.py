@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_file
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
 
 IMAGE_SHAPE = (320, 240, 3)
 _ASPECT_ERROR = 0.02

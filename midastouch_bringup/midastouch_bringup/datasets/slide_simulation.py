@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.grasp import simulate_grasps
 from midastouch_perception.simulation.optics import TactoOptics

@@ -15,9 +15,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_file
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
 
 from . import restricted_pickle
 from .sequence import VideoSequence, portrait

@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
 from midastouch_perception.sensor_model import SensorModel
 
 from .sequence import IMAGE_SHAPE

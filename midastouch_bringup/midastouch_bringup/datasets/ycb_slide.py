@@ -15,9 +15,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import require_file
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
 from midastouch_perception.sensor_model import SensorModel
 
 from . import restricted_pickle

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.ball_calibration.fit import Result, calibrate
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception.pose_metric import pose_errors
+from midastouch_common.pose_metric import pose_errors
 
 from ..bags.run_record import RunRecord
 from ..evaluation.metrics import closest_mode_error, particle_rmse

@@ -8,8 +8,8 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
 
 RESERVE = 32 << 20
 

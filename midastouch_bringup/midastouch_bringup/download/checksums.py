@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, sha256
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, sha256
 
 NAME = "SHA256SUMS"
 

@@ -13,8 +13,8 @@ import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, sha256
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, sha256
 
 _BLOCK = 1 << 18
 _TIMEOUT_S = 30.0

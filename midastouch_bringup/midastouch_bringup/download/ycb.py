@@ -10,8 +10,8 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, sha256
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, sha256
 
 from .checksums import check_or_record, recorded
 from .transfer import fetch

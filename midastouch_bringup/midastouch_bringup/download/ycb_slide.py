@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .archive import extract
 from .checksums import check_or_record

@@ -13,10 +13,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
 
 from .trial import FRAME_TIME, Event, TrialFrame
 

@@ -12,6 +12,10 @@ import numpy as np
 
 import midastouch_filter
 import midastouch_kernels
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.advisor import Advisor
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate
@@ -19,10 +23,6 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.suggestion import Wanted
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import pose_errors
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import STEP, measure_poses

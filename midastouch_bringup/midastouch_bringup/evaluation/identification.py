@@ -10,6 +10,9 @@ from pathlib import Path
 
 import midastouch_filter
 import midastouch_kernels
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.catalogue import Catalogue, read_catalogue
 from midastouch_filter.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.config import FilterConfig
@@ -19,9 +22,6 @@ from midastouch_filter.identity import UNKNOWN, Identification, Identity
 from midastouch_filter.motion_model import Odometry
 from midastouch_filter.noise_model import NoiseModel
 from midastouch_filter.state import CONVERGED
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import pose_errors
 
 from .open_trials import Workforce, make_books, run_open
 from .stock import Stock

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 from ..datasets import Sequence
 

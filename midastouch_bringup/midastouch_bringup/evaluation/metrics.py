@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception.pose_metric import geodesic_distances, pose_errors
+from midastouch_common.pose_metric import geodesic_distances, pose_errors
 
 
 def particle_rmse(poses: np.ndarray, truth: np.ndarray, weights: np.ndarray | None = None) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 
 from ..cluster import Cluster
 from .stock import Stock

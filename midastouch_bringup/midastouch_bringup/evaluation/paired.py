@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 _DRAWS = 4000
 _LEVEL = 0.95

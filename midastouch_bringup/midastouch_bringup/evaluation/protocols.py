@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances

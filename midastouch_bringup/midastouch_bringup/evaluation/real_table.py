@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..datasets import Sequence
 from .table import number

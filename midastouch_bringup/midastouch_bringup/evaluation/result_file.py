@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path, require_file
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file
 
 
 def to_json(value: object) -> object:

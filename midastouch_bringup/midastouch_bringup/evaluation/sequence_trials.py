@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 
 from ..datasets import Sequence
 from .setup import Networks, Untouched, untouched_of

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import read_yaml
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.presets import BALANCED, preset
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import read_yaml
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.catalogue import ROOM, Catalogue, read_catalogue
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.identity import UNKNOWN, Identification
 from midastouch_filter.noise_model import NoiseModel
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.procedural import random_shape
 
 from ..processes.process import resident_mb

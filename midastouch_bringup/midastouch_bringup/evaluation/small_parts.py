@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.simulation.procedural import (
     Sdf,
     at,

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import sha256
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.simulation.slide import Leap
 
 from ..codebooks import cached_codebook, cached_codebook_path

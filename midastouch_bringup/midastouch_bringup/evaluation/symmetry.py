@@ -16,11 +16,11 @@ import numpy as np
 from pykdtree.kdtree import KDTree
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import ROTATION_SCALE
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import ROTATION_SCALE
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
 _SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m, and of the diagonal of what is smaller: a nut is no ring

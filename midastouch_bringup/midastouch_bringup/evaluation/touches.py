@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
 from midastouch_filter.perceived import measurement_of
 from midastouch_filter.touch import Measurement
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
 
 from ..datasets import Sequence
 from .setup import Networks, untouched_of

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.estimate import Estimate
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.state import CONVERGED
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.pose_metric import pose_errors
 
 from .calibration import Coverage, WeightReliability
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 import time
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.presets import PRESETS, preset_in_words
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 from ..inspection import require_open3d
 from .peers.dead_reckoning import DeadReckoning, OdometryConfig

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 
 from ..report.figures import identity_figure, save
 from ..report.page import Page

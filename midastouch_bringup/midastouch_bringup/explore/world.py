@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.finger import SimulatedFinger
 

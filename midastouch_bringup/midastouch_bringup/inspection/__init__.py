@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 INSTALL = ".venv/bin/pip install -r tools/requirements/open3d.txt"
 SYSTEM = "libgl1, libegl1, libx11-6 and libusb-1.0-0 (the last also from PyPI: libusb-package)"

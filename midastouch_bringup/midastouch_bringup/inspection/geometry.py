@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 from . import require_open3d
 from .run import Run

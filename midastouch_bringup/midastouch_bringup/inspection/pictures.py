@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
 
 from ..progress import progress_bar
 from . import require_open3d

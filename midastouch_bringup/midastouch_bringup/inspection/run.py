@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.pose_metric import pose_errors
+from midastouch_common import se3
+from midastouch_common.pose_metric import pose_errors
 
 from ..report.object_view import ANGLE_COLOURS
 from ..report.snapshot import Hypothesis

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 
 from ..report.object_view import ObjectView
 from .run import Run

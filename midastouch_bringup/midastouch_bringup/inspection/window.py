@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import time
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 from . import require_open3d
 from .geometry import geometry_of, mesh_geometry

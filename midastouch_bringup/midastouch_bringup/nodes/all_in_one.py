@@ -14,15 +14,15 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import spin
 from midastouch_filter.localiser import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.perceived import measurement_of
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.pipeline import DepthStage, Touch
-from midastouch_perception.ros import spin
 from midastouch_perception.tcn import TactileCodeNet
 
 
@@ -53,8 +53,8 @@ def make_nodes(
 
 def make_driver() -> Node:
     """The sensor's driver; its errors as those of the other nodes."""
-    from digit_driver.errors import InputError as DriverInputError
     from digit_driver.nodes.digit_driver import DigitDriver
+    from midastouch_common.errors import InputError as DriverInputError
 
     try:
         return DigitDriver()

@@ -15,14 +15,14 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Trigger
 from vision_msgs.msg import Detection3DArray
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import covariance_from_msg, pose_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.diagnostics import OK, Diagnostics
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.spin import run
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import covariance_from_msg, pose_from_msg
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.diagnostics import OK, Diagnostics
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
-from midastouch_perception.ros.spin import run
 
 PARAMETERS = (
     Parameter("class_id", "", "Class that the detector gives the object; empty: any", read_only=False),

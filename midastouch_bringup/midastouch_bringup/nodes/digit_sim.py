@@ -11,18 +11,18 @@ from std_msgs.msg import Header
 
 from digit_driver.calibration import Calibration
 from digit_driver.nodes.image_publisher import ImagePublisher
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
+from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros.parameters import Parameter
 from midastouch_filter.nodes.resources import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
 from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros import diagnostics, qos, spin
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
-from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
-from midastouch_perception.ros.parameters import Parameter
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.motion_watch import MotionWatch, too_deep
 from midastouch_perception.simulation.shutter import Shutter

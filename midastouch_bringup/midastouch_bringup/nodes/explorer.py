@@ -10,15 +10,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from rclpy.clock import Clock, ClockType
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos, spin
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameters
 from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos, spin
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.sensor_model import SensorModel
 
 from ..explore.exploration import Exploration, Motion, Poses

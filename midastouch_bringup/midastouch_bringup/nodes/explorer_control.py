@@ -8,11 +8,11 @@ import numpy as np
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros import qos
 
 from ..explore.exploration import Exploration, Motion, Poses
 

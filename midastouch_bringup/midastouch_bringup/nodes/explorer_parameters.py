@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from midastouch_perception.ros.parameters import Parameter
+from midastouch_common.ros.parameters import Parameter
 
 from ..bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 

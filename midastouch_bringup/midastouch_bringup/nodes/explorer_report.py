@@ -9,10 +9,10 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common.ros import diagnostics, qos
+from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_filter.nodes.markers import object_mesh
 from midastouch_msgs.msg import ExplorerStatus
-from midastouch_perception.ros import diagnostics, qos
-from midastouch_perception.ros.conversions import stamp_from_ns
 
 from ..explore.exploration import Exploration
 

@@ -8,9 +8,9 @@ import numpy as np
 from geometry_msgs.msg import PointStamped
 from rclpy.node import Node
 
-from midastouch_perception import se3
-from midastouch_perception.message_arrays import point_from_msg
-from midastouch_perception.ros import qos
+from midastouch_common import se3
+from midastouch_common.message_arrays import point_from_msg
+from midastouch_common.ros import qos
 
 from ..explore.exploration import Exploration, Poses
 from .explorer_control import Order

@@ -20,9 +20,9 @@ from visualization_msgs.msg import (
 )
 from visualization_msgs.srv import GetInteractiveMarkers
 
-from midastouch_perception.message_arrays import point_from_msg
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import pose_to_msg
+from midastouch_common.message_arrays import point_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg
 
 from ..explore.world import World
 

@@ -12,9 +12,9 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
 from midastouch_filter.transforms import SECOND
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
 
 from ..bags.messages import TRUTH_GEL_FRAME
 from ..explore.world import World

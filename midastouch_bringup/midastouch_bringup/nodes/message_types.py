@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..bags.messages import TF_STATIC_TOPIC, TF_TOPIC
 

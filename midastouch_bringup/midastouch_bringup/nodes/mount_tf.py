@@ -10,11 +10,11 @@ from geometry_msgs.msg import TransformStamped
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import transform_to_msg
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
-from midastouch_perception.ros.spin import run
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import transform_to_msg
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.spin import run
 
 from ..arm.mount_frames import read_mount
 

@@ -12,12 +12,12 @@ from pathlib import Path
 from rclpy.clock import Clock, ClockType
 from rclpy.subscription import Subscription
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
-from midastouch_perception.ros.spin import run
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_common.ros.diagnostics import ERROR, OK, Diagnostics
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.spin import run
 
 from ..bags.messages import SEQUENCE_TOPICS, Message, Topic
 from ..bags.writer import BagWriter

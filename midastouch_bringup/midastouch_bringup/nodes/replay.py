@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameters
-from midastouch_perception.ros.spin import run, stop
+from midastouch_common.errors import InputError
+from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameters
+from midastouch_common.ros.spin import run, stop
 
 from ..replay.flow_control import FlowControl
 from ..replay.keyboard import Keyboard

@@ -9,10 +9,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.lifecycle_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 
 from ..bags.messages import TF_TOPIC
 from ..replay.flow_control import FlowControl

@@ -8,8 +8,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns
 
 from ..bags.messages import TF_TOPIC, Message, Topic
 from .message_types import live_name, message_class

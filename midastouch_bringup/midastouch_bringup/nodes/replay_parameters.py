@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from midastouch_perception.ros.parameters import Parameter
+from midastouch_common.ros.parameters import Parameter
 
 PARAMETERS = (
     Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),

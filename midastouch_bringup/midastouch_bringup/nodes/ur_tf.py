@@ -13,14 +13,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from digit_driver.clock_offset import ClockOffset
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
-from midastouch_perception.ros.diagnostics import ERROR, OK, Diagnostics
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
-from midastouch_perception.ros.spin import run
+from midastouch_common.clock_offset import ClockOffset
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_common.ros.diagnostics import ERROR, OK, Diagnostics
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_common.ros.spin import run
 
 from ..arm.robot_clock import RobotClock
 from ..arm.rtde_receiver import ArmState, RtdeReceiver, rtde_connector

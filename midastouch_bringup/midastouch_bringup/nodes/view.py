@@ -16,11 +16,9 @@ from sensor_msgs.msg import Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from midastouch_filter.nodes.resources import resolve
-from midastouch_msgs.msg import FilterStatus, PoseModes
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import (
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import (
     covariance_from_msg,
     points_from_msg,
     pose_from_msg,
@@ -28,9 +26,11 @@ from midastouch_perception.message_arrays import (
     stamp_ns,
     transform_from_msg,
 )
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.node import PipelineNode
-from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_common.ros import qos
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+from midastouch_filter.nodes.resources import resolve
+from midastouch_msgs.msg import FilterStatus, PoseModes
 
 from ..bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 

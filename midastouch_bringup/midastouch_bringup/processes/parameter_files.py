@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import yaml
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import read_yaml
+from midastouch_common.errors import InputError
+from midastouch_common.files import read_yaml
 
 
 def read_parameters(path: str | os.PathLike) -> dict[str, dict]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 _PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..bags.messages import Message, header_stamp_ns
 from .flow_control import FlowControl

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..bags.images import decode_image
 from ..bags.messages import (

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 from PIL import Image
 
-from midastouch_perception.files import atomic_path
+from midastouch_common.files import atomic_path
 
 from .figures import MODE_COLOUR, PARTICLE_COLOUR, PENETRATION_COLOURS, error_series, style_error_axes
 from .object_view import ObjectView

@@ -11,7 +11,7 @@ import copy
 import numpy as np
 
 import midastouch_kernels as kernels
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 
 from .camera import Camera
 

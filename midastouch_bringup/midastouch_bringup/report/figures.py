@@ -11,10 +11,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from midastouch_common.files import atomic_path
+from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.files import atomic_path
-from midastouch_perception.pose_metric import pose_errors
 
 from ..evaluation.metrics import particle_rmse
 from .object_view import ObjectView

@@ -8,9 +8,9 @@ from functools import cached_property
 import numpy as np
 from matplotlib import colormaps
 
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import pose_errors
 
 from .camera import Camera, best_direction
 from .canvas import Canvas

@@ -7,7 +7,7 @@ import os
 import re
 from pathlib import Path
 
-from midastouch_perception.files import atomic_path
+from midastouch_common.files import atomic_path
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1d2127; margin: 2.5rem auto; max-width: 76rem;

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 

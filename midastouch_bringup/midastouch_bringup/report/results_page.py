@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
 
 from ..evaluation.real_table import real_table
 from ..evaluation.table import number

@@ -9,9 +9,9 @@ import numpy as np
 from PIL import Image
 from tqdm import tqdm
 
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
 
 from ..progress import progress_bar
 from .animation import write_gif

@@ -11,10 +11,10 @@ from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 from ..evaluation.single_touch.per_object import BASELINES, OURS
 from ..evaluation.single_touch.summary import table_cells, table_notes

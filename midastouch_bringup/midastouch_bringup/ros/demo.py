@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 

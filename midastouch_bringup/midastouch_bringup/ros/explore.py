@@ -17,16 +17,16 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
 from midastouch_filter.nodes.resources import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import atomic_path
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros import qos
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run

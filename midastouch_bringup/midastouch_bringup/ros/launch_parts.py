@@ -34,7 +34,7 @@ from launch.substitutions import (
 from launch_ros.actions import LifecycleNode, Node
 from launch_ros.substitutions import ExecutableInPackage
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..processes.parameter_files import written
 from ..processes.process import bound_to_us

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import ArmCalibration
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
 
 from .local_context import node_for_once, spin_until
 

@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..processes.local_domain import local_environment
 

@@ -21,13 +21,13 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import PastExtrapolationError
 from midastouch_filter.transforms.queue import Wait
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns
 
 from ..processes.local_domain import local_environment, own_domain
 from .local_context import local_context

@@ -10,10 +10,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.lifecycle_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 
 from ..bags.messages import IMAGE_TYPE, Topic
 from ..bags.run_record import PENETRATION

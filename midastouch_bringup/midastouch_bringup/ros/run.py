@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..output_paths import demo_slide, exploration
 from ..processes.back_off import BackOff

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from std_srvs.srv import Trigger
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .local_context import node_for_once, spin_until
 

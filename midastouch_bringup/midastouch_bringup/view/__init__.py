@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 INSTALL = ".venv/bin/pip install -r tools/requirements/view.txt"
 

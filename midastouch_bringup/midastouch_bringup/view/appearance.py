@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_perception import se3
+from midastouch_common import se3
 
 # Dark blue over red to yellow: brighter is heavier, also in grey.
 _STOPS = np.array([[25, 10, 95], [150, 25, 125], [240, 90, 60], [255, 235, 90]], float)

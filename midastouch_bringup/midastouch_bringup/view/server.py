@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 from urllib.parse import quote
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ..processes.process import bound_to_us
 from . import require_rerun

@@ -5,8 +5,8 @@ import pytest
 
 from midastouch_bringup.arm.mount_correction import correct_mount
 from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "frames.yaml"
 

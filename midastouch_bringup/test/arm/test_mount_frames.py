@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 SHIPPED = Path(__file__).parents[2] / "config" / "frames.yaml"
 

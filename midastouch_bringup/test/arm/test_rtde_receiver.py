@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from rtde_server import serve
 
 from midastouch_bringup.arm import rtde_receiver
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 class FakeInterface:

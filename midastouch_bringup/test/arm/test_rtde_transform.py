@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.arm.rtde_transform import BASE_LINK_FROM_BASE, tool_from_tcp, transform_from_rtde
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 
 def test_rotation_vector_is_axis_times_angle():

@@ -10,7 +10,7 @@ import numpy as np
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter
 from midastouch_bringup.datasets import Sequence
-from midastouch_perception import se3
+from midastouch_common import se3
 
 
 class Results:

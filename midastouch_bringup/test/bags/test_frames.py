@@ -8,8 +8,8 @@ from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.messages import BASE_FROM_OBJECT, GEL_FRAME
 from midastouch_bringup.bags.reader import bag_metadata
 from midastouch_bringup.bags.writer import write_bag
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 
 @pytest.mark.parametrize("name", ["slide.mcap", "slide"])

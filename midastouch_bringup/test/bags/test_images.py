@@ -9,7 +9,7 @@ from recorded import SECOND, STILL, STORE, compressed, header, image, tf, write
 
 from midastouch_bringup.bags.frames import GelStream, read_bag
 from midastouch_bringup.bags.messages import COMPRESSED_TYPE, Message
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_bgr_padded_and_compressed_images(tmp_path):

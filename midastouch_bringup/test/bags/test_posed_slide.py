@@ -8,7 +8,7 @@ from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.bags.messages import SEQUENCE_TOPICS, sequence_messages
 from midastouch_bringup.bags.posed_slide import PosedSlide
 from midastouch_bringup.bags.writer import BagWriter, write_bag
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ from recorded import write
 from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.reader import bag_messages, bag_metadata, is_bag
 from midastouch_bringup.bags.writer import write_bag
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_damaged_and_foreign_bags(tmp_path, simulated_sequence):

@@ -12,7 +12,7 @@ from midastouch_bringup.bags.messages import typestore
 from midastouch_bringup.bags.reader import bag_messages
 from midastouch_bringup.bags.run_record import read_run
 from midastouch_bringup.bags.writer import BagWriter
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 FRAMES = 4
 

@@ -10,8 +10,8 @@ from midastouch_bringup.bags import frames as bag_frames
 from midastouch_bringup.bags.frames import BagFrame
 from midastouch_bringup.bags.time_offset import estimate_time_offset
 from midastouch_bringup.cli import main
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 PIXEL = 8e-5  # m
 TEXTURE = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 255, (320, 6000)).astype(np.float32), (0, 0), 4)

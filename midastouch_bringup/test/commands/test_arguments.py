@@ -9,9 +9,9 @@ from midastouch_bringup import cli
 from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import codebook_path
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import FORMAT, Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 NETWORKS = SimpleNamespace(
     tcn=SimpleNamespace(network_id="net-1"), sensor=SimpleNamespace(content_id="id-1", name="digit_tacto")

@@ -13,7 +13,7 @@ import pytest
 from midastouch_bringup import cli
 from midastouch_bringup.datasets import write_sequence
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from midastouch_bringup.commands import campaigns
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def options(*given: str) -> argparse.Namespace:

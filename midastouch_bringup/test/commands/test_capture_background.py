@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 
 from midastouch_bringup import cli
 from midastouch_bringup.ros.trigger import trigger
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds
 

@@ -6,7 +6,7 @@ import pytest
 
 from midastouch_bringup import cli
 from midastouch_bringup.commands import doctor
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 COMMANDS = cli.add_commands(argparse.ArgumentParser())
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup import cli
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 SCENE = {"object/particles", "object/modes", "object/gel", "object/estimate/here", "image", "status"}
 SCENE |= {"calibration", "image/next"}
@@ -85,10 +85,10 @@ def scene_sender(graph):
     from sensor_msgs.msg import Image, PointCloud2
     from std_msgs.msg import Header
 
+    from midastouch_common import se3
+    from midastouch_common.ros.conversions import image_to_msg
     from midastouch_filter.nodes.markers import particle_cloud
     from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
-    from midastouch_perception import se3
-    from midastouch_perception.ros.conversions import image_to_msg
 
     header = Header(frame_id="object")
     mode = PoseMode(weight=1.0)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 HEADER = "frame,center_x_px,center_y_px,radius_px\n"
 PLACES = [(60, 80), (180, 80), (120, 160), (60, 240), (180, 240)]

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import restricted_pickle
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 ARRAYS = [
     np.arange(12.0).reshape(3, 4),

@@ -3,8 +3,8 @@ import pytest
 
 from midastouch_bringup import cli
 from midastouch_bringup.datasets import load_sequence, slide_simulation
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -7,8 +7,8 @@ from scipy.spatial.transform import Rotation
 
 from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.evaluation.setup import untouched_of
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 FRAMES = 6
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import load_sequence, write_sequence
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 SENSOR = SensorModel.load("digit_tacto")

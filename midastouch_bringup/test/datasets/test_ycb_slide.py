@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import load_sequence
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 SHARED = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "ycb_slide_sim"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="the development slides are not beside the clone")

@@ -7,7 +7,7 @@ import pytest
 
 from midastouch_bringup.download import archive
 from midastouch_bringup.download.archive import extract
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def zipped(path, *members):

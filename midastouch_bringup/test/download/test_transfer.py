@@ -10,7 +10,7 @@ import pytest
 
 from midastouch_bringup.download import transfer
 from midastouch_bringup.download.transfer import fetch
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 DATA = np.random.default_rng(0).bytes(700_001)
 DIGEST = hashlib.sha256(DATA).hexdigest()

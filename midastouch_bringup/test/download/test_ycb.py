@@ -12,8 +12,8 @@ import trimesh
 from midastouch_bringup import cli
 from midastouch_bringup.download.ycb import download_mesh
 from midastouch_bringup.download.ycb_slide import FOLDERS, download_part
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 MESH = trimesh.creation.icosphere(radius=0.04).export(file_type="ply")
 

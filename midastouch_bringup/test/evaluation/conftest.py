@@ -10,10 +10,10 @@ import pytest
 import trimesh
 
 from midastouch_bringup.evaluation.trial import ERROR_KEYS
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.contact import Contact
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pipeline import Touch
 
 NETWORK = "pose-code"

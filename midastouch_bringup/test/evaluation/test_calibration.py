@@ -11,10 +11,10 @@ from midastouch_bringup.evaluation.calibration import (
     nees,
     observed_shares,
 )
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.state import Status
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 
 

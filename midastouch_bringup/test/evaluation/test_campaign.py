@@ -14,8 +14,8 @@ from midastouch_bringup.evaluation.symmetry import Symmetry
 from midastouch_bringup.evaluation.touches import Touches
 from midastouch_bringup.evaluation.trial_log import TrialLog
 from midastouch_bringup.evaluation.variants import INPUT, VARIANTS, Variant
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
-from midastouch_perception.mesh import ObjectMesh
 
 
 @dataclass(frozen=True)

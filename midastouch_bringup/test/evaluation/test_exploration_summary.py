@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_bringup.evaluation.exploration import chosen_policies
 from midastouch_bringup.evaluation.exploration_summary import exploration_table, summarise_exploration
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def trial(policy, seed, ending="converged", right=True, path=0.1, among=True, rivalled=False):

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import pytest
 
 from midastouch_bringup.evaluation.mesh_frame import mesh_doubt
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def moved(sequence, metres, layout="simulated"):

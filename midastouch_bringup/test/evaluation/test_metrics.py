@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation import metrics
-from midastouch_perception import se3
+from midastouch_common import se3
 
 
 def shifted(truth: np.ndarray, millimetres: float, degrees: float) -> np.ndarray:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.paired import error_ratio
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def trials(errors: np.ndarray) -> list[dict]:

@@ -2,7 +2,7 @@ import pytest
 
 from midastouch_bringup.cli import build_parser
 from midastouch_bringup.evaluation.protocols import PROTOCOLS, chosen_protocol
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_help_names_every_protocol(capsys):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import pytest
 
 from midastouch_bringup.evaluation.real_table import real_table, require_real
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_the_paper_s_figures_stand_beside_ours():

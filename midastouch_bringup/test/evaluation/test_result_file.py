@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.result_file import read_json, to_json, write_json
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_numpy_and_non_finite_values_become_plain_json(tmp_path):

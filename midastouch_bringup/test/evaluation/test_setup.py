@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.setup import load_filter_config, untouched_of
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.presets import PRESETS
-from midastouch_perception.errors import InputError
 
 
 def written(tmp_path, text: str) -> str:

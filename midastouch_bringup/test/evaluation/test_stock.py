@@ -3,7 +3,7 @@ import pytest
 from midastouch_bringup.evaluation import stock as module
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_bringup.evaluation.touches import Touches
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 

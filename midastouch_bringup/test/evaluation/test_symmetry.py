@@ -7,11 +7,11 @@ from scipy.spatial.transform import Rotation
 
 from midastouch_bringup.evaluation import symmetry as module
 from midastouch_bringup.evaluation.symmetry import Symmetry, cached_symmetry, find_symmetry
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.pose_metric import ROTATION_SCALE
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.touches import Touches, made_from
+from midastouch_common.errors import InputError
 from midastouch_filter.touch import Measurement
-from midastouch_perception.errors import InputError
 
 
 def test_touches_survive_a_file(tmp_path):

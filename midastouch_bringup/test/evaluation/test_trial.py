@@ -8,11 +8,11 @@ from midastouch_bringup.evaluation.sequence_trials import TrialPlan, run_sequenc
 from midastouch_bringup.evaluation.summary import summarise_trials, summary_table
 from midastouch_bringup.evaluation.symmetry import Symmetry
 from midastouch_bringup.evaluation.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial
+from midastouch_common import se3
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.state import CONVERGED, Status
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300)
 KEYS = {

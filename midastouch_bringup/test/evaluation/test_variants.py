@@ -3,11 +3,11 @@ import pytest
 
 from midastouch_bringup.evaluation.peers.paper_filter import PaperConfig
 from midastouch_bringup.evaluation.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.presets import BALANCED, PRESETS
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 
 
 @pytest.mark.parametrize("name", VARIANTS)

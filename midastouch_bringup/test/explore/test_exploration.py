@@ -5,8 +5,8 @@ import pytest
 
 from midastouch_bringup.explore.exploration import Exploration, Motion
 from midastouch_bringup.explore.world import PUSH, World
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.datasets import load_sequence, write_sequence
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "bags"))

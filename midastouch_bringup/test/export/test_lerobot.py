@@ -8,7 +8,7 @@ import pytest
 
 from midastouch_bringup.cli import main
 from midastouch_bringup.export.recording import Recording
-from midastouch_perception import se3
+from midastouch_common import se3
 
 FRAMES = 6
 

@@ -4,8 +4,8 @@ from recorded import SECOND, STILL, compressed, image, tf, write
 
 from midastouch_bringup.bags.frames import GelStream
 from midastouch_bringup.export.recording import FILTER_STATES, Recording
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 
 def test_every_frame_has_every_column(run):

@@ -11,8 +11,8 @@ import trimesh
 from midastouch_bringup.inspection import require_open3d
 from midastouch_bringup.inspection.run import Moment, Run
 from midastouch_bringup.report.snapshot import Hypothesis
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 
 MOMENTS = 4
 

@@ -13,7 +13,7 @@ from midastouch_bringup.inspection import require_open3d, window
 from midastouch_bringup.inspection.geometry import export, mesh_geometry
 from midastouch_bringup.inspection.pictures import Pictures, save
 from midastouch_bringup.inspection.shapes import shapes
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .conftest import MOMENTS
 

@@ -8,8 +8,8 @@ import pytest
 from midastouch_bringup.bags.messages import sequence_messages
 from midastouch_bringup.bags.writer import BagWriter
 from midastouch_bringup.inspection.run import load
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 POSES = [[0.01 * i, 0, 0.02, 0, 0, 0, 1] for i in range(3)]
 

@@ -8,9 +8,9 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns, transform_to_msg
-from midastouch_perception.ros.testing import Graph
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
+from midastouch_common.ros.testing import Graph
 
 BASE_FROM_OBJECT = np.eye(4)
 BASE_FROM_OBJECT[:3, 3] = 0.4, -0.1, 0.2

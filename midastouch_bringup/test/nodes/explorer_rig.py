@@ -6,11 +6,11 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import GEL_FRAME, TRUTH_FRAME
 from midastouch_bringup.nodes.explorer import Explorer
+from midastouch_common.message_arrays import transform_from_msg
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus
 from midastouch_msgs.srv import SuggestMotion
-from midastouch_perception.message_arrays import transform_from_msg
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros import qos
 
 BALL, TOOL = (str(bundled_objects()[name]) for name in ("ball", "handle_tool"))
 RADIUS = 0.03  # m

@@ -6,9 +6,9 @@ import yaml
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerUpdate
 from visualization_msgs.srv import GetInteractiveMarkers
 
-from midastouch_perception.message_arrays import pose_from_msg
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import pose_to_msg
+from midastouch_common.message_arrays import pose_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg
 
 FACTS = yaml.safe_load((Path(__file__).parents[3] / "tests" / "facts" / "interactive_markers.yaml").read_text())
 FINGER = "explorer/finger"

@@ -10,10 +10,10 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
 from midastouch_bringup.nodes.replay import Replay
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import stamp_from_ns
 
 PACED = {"ack_topic": "filter_status", "wait_for_subscribers": 1}
 

@@ -11,9 +11,9 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes
 
 from filter_fakes import DIAGONAL, MAP_SENSOR, FakeFilter
 
+from midastouch_common.ros import spin
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_perception.ros import spin
 
 STALL_S, BUSY_STEPS = 2.5, (1, 6)
 

@@ -27,18 +27,18 @@ from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, image_msg
 
 from midastouch_bringup.nodes import all_in_one
 from midastouch_bringup.nodes.all_in_one import main, make_nodes
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_common.ros import spin
+from midastouch_common.ros.lifecycle_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros import spin
-from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import simulate_slide

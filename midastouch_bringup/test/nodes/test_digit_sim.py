@@ -13,11 +13,11 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from digit_driver.nodes.image_publisher import IMAGE_QOS
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_bringup.nodes.digit_sim import DigitSim
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import ENCODINGS, rgb_from_msg, stamp_ns
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import ENCODINGS, rgb_from_msg, stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel

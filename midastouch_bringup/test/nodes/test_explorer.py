@@ -6,11 +6,11 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import TRUTH_FRAME
 from midastouch_bringup.nodes.explorer_parameters import PARAMETERS
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes import tdn
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 

@@ -10,7 +10,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerUpdate, MenuEntry
 
 from midastouch_bringup.bags.messages import BASE_FRAME, TRUTH_FRAME
-from midastouch_perception.ros import qos
+from midastouch_common.ros import qos
 
 pytestmark = pytest.mark.dds
 NEAR = 1.5e-3  # m: half a step of 50 mm/s at 30 Hz, and how deep the gel is pressed in

@@ -3,7 +3,7 @@ import pytest
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.nodes.mount_tf import MountTf
-from midastouch_perception.message_arrays import transform_from_msg
+from midastouch_common.message_arrays import transform_from_msg
 
 pytestmark = pytest.mark.dds
 

@@ -17,6 +17,9 @@ from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_sequence
 from midastouch_bringup.evaluation.setup import Networks
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate
 from midastouch_filter.filter import ParticleFilter
@@ -24,10 +27,7 @@ from midastouch_filter.perceived import measurement_of
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.conversions import pose_to_msg
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MESH = bundled_objects()["handle_tool"]

@@ -24,9 +24,9 @@ from midastouch_bringup.bags.messages import Topic
 from midastouch_bringup.bags.reader import bag_messages, bag_metadata, bag_topics
 from midastouch_bringup.nodes.recorder import TOPICS, Recorder
 from midastouch_bringup.nodes.replay import Replay
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 

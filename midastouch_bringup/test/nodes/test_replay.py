@@ -10,12 +10,12 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import BASE_FROM_OBJECT
 from midastouch_bringup.bags.writer import write_bag
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import image_from_msg, stamp_ns, transform_from_msg
+from midastouch_common.ros import qos
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.msg import TactileCode
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import image_from_msg, stamp_ns, transform_from_msg
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 

@@ -10,8 +10,8 @@ from tf2_msgs.msg import TFMessage
 from midastouch_bringup.bags.messages import sequence_messages
 from midastouch_bringup.bags.writer import BagWriter
 from midastouch_bringup.replay import player
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000

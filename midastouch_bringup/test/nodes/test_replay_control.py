@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.writer import write_bag
-from midastouch_perception.message_arrays import stamp_ns
+from midastouch_common.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 

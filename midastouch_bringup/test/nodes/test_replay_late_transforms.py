@@ -11,10 +11,10 @@ from std_srvs.srv import Trigger
 
 from midastouch_bringup.bags.messages import sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 MS = 1_000_000

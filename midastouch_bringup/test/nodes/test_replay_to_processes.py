@@ -15,11 +15,11 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.bags.messages import sequence_messages
 from midastouch_bringup.bags.writer import BagWriter
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MS = 1_000_000

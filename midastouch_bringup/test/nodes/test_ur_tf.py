@@ -13,13 +13,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from digit_driver.clock_offset import ClockOffset
 from midastouch_bringup.arm.rtde_receiver import ArmState
 from midastouch_bringup.arm.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
 from midastouch_bringup.nodes import ur_tf
 from midastouch_bringup.nodes.ur_tf import UrTf
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
+from midastouch_common.clock_offset import ClockOffset
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns, transform_from_msg
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 POSE = np.array([0.3, -0.2, 0.4, 0.1, np.pi - 0.5, -0.2])

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.arm.rtde_receiver import RTDE_PORT, rtde_connector
 from midastouch_bringup.nodes.ur_tf import UrTf
-from midastouch_perception.message_arrays import stamp_ns
+from midastouch_common.message_arrays import stamp_ns
 
 pytest.importorskip("rtde_receive", reason="needs ur-rtde: pip install ur-rtde")
 pytestmark = [pytest.mark.dds, pytest.mark.slow]

@@ -15,18 +15,12 @@ from visualization_msgs.msg import MarkerArray
 
 from midastouch_bringup.bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME
 from midastouch_bringup.nodes.view import View
+from midastouch_common import se3
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import image_to_msg, points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.nodes import markers
 from midastouch_msgs.msg import FilterStatus, PoseMode, PoseModes
-from midastouch_perception import se3
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import (
-    image_to_msg,
-    points_to_msg,
-    pose_to_msg,
-    stamp_from_ns,
-    transform_to_msg,
-)
 
 pytestmark = pytest.mark.dds
 SECOND = 1_000_000_000

@@ -2,7 +2,7 @@ import pytest
 import yaml
 
 from midastouch_bringup.processes.parameter_files import merged, read_parameters, written
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 @pytest.fixture

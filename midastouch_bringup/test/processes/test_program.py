@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup.processes.program import find_executable, node_program
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def test_a_node_gets_its_parameters_and_options():

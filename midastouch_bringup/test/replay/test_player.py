@@ -11,7 +11,7 @@ from midastouch_bringup.replay.flow_control import FlowControl
 from midastouch_bringup.replay.playback import Playback
 from midastouch_bringup.replay.player import Player
 from midastouch_bringup.replay.source import ReplaySource
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 def make_player(path, topics=(), send=None):

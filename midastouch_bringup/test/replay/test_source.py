@@ -9,7 +9,7 @@ from recorded import compressed
 from midastouch_bringup.bags.messages import Message, sequence_messages, typestore
 from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_bringup.replay.source import ReplaySource
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 STORE = typestore()
 

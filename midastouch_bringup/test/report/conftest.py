@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from midastouch_bringup.report.snapshot import Hypothesis, Snapshot
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 
 RADIUS = 0.03
 

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_bringup.report.camera import Camera
 from midastouch_bringup.report.canvas import Canvas, corner_normals
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 
 RED, GREEN = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
 

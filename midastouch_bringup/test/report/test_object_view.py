@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.report.object_view import ObjectView
-from midastouch_perception import se3
+from midastouch_common import se3
 
 
 @pytest.fixture(scope="module")

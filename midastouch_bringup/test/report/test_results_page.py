@@ -3,8 +3,8 @@ import pytest
 
 from midastouch_bringup.evaluation.summary import summarise_trials
 from midastouch_bringup.report.results_page import write_results_page
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 
 KEYS = [
     f"{prefix}_{unit}"

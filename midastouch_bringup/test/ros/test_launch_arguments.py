@@ -3,7 +3,7 @@ import re
 import pytest
 
 from midastouch_bringup.ros.launch_arguments import parameters
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 @pytest.mark.parametrize(

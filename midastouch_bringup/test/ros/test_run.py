@@ -16,9 +16,9 @@ from midastouch_bringup.ros import explore, run
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
 from midastouch_bringup.ros.setups import SETUPS
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
+from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.ros.testing import open_graph
 
 STARTED = [name for name, setup in SETUPS.items() if not setup.launch_only]
 

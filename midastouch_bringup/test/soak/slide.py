@@ -17,10 +17,10 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.renderer import PenetrationRenderer

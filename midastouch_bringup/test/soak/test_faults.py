@@ -21,9 +21,9 @@ from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
 from midastouch_bringup.nodes.all_in_one import make_nodes
 from midastouch_bringup.nodes.replay import Replay
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 

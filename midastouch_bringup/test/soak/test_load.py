@@ -19,11 +19,11 @@ from midastouch_bringup.processes.parameter_files import written
 from midastouch_bringup.processes.process import resident_mb
 from midastouch_bringup.processes.program import node_program
 from midastouch_bringup.processes.supervisor import Supervisor
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.testing import Graph, open_graph
 from midastouch_msgs.msg import FilterStatus, PoseModes
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
-from midastouch_perception.ros.testing import Graph, open_graph
 
 pytestmark = pytest.mark.dds
 NODES = ("tdn", "tcn", "particle_filter")

@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileCode
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.managed_node import ManagedNode
 
 from ..localiser import Localiser
 from ..perceived import measurement_from_msg

@@ -20,11 +20,11 @@ from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common import se3
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
+from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
-from midastouch_perception import se3
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import pose_to_msg, stamp_from_ns, transform_to_msg
-from midastouch_perception.ros.parameters import Parameters
 
 from ..arm_errors import Calibration
 from ..estimate import Estimate

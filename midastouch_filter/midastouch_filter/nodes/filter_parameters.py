@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from midastouch_perception import se3
-from midastouch_perception.ros.managed_node import AUTOSTART
-from midastouch_perception.ros.parameters import QUEUE, Parameter, Parameters
+from midastouch_common import se3
+from midastouch_common.ros.managed_node import AUTOSTART
+from midastouch_common.ros.parameters import QUEUE, Parameter, Parameters
 
 from ..config import FilterConfig
 from ..localiser import Start

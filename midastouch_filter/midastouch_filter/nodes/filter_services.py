@@ -7,8 +7,8 @@ from collections.abc import Callable
 from rclpy.node import Node
 from std_srvs.srv import Empty
 
+from midastouch_common.errors import InputError
 from midastouch_msgs.srv import SetObject
-from midastouch_perception.errors import InputError
 
 from ..localiser import Localiser
 

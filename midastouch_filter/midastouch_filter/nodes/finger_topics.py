@@ -9,11 +9,11 @@ from collections.abc import Callable
 import numpy as np
 from rclpy.node import Node
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import TactileCode
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.parameters import Parameters
 
 from ..finger_memory import FingerMemory
 from ..localiser import LoadedObject

@@ -9,10 +9,10 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import points_from_msg, stamp_ns
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import points_from_msg, stamp_ns
+from midastouch_common.ros import qos
 from midastouch_perception.pointcloud import penetration_from_cloud
-from midastouch_perception.ros import qos
 from midastouch_perception.sensor_model import SensorModel
 
 from ..touch import reduced_penetration

@@ -13,8 +13,8 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from midastouch_perception import se3
-from midastouch_perception.ros.conversions import points_to_msg, pose_to_msg, poses_to_msgs
+from midastouch_common import se3
+from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, poses_to_msgs
 
 MAX_POSES = 1000
 _LONGEST_LIFETIME = 2.0**31 - 1  # s; the message holds no more

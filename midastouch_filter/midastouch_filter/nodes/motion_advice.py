@@ -11,13 +11,13 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import poses_to_msgs, stamp_from_ns
+from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs import action
 from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SuggestMotion
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import poses_to_msgs, stamp_from_ns
-from midastouch_perception.ros.parameters import Parameters
 
 from ..localiser import Localiser
 from ..state import CONVERGED, NO_CONTACT

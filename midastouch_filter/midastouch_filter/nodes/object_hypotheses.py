@@ -7,8 +7,8 @@ from geometry_msgs.msg import PoseWithCovariance
 from std_msgs.msg import Header
 from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 
-from midastouch_perception import se3
-from midastouch_perception.ros.conversions import pose_to_msg
+from midastouch_common import se3
+from midastouch_common.ros.conversions import pose_to_msg
 
 from ..identity import UNKNOWN, Hypothesis, Identity
 from ..joint_alignment import transform_covariance

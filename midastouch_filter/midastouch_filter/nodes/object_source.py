@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.ros.parameters import Parameters
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.ros.parameters import Parameters
 from midastouch_perception.sensor_model import SensorModel
 
 from ..catalogue import Catalogue, read_catalogue

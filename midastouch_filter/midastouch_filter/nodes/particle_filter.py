@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from midastouch_perception.ros import diagnostics, spin
-from midastouch_perception.ros.managed_node import ManagedNode
-from midastouch_perception.ros.only_publisher import OnlyPublisher
+from midastouch_common.ros import diagnostics, spin
+from midastouch_common.ros.managed_node import ManagedNode
+from midastouch_common.ros.only_publisher import OnlyPublisher
 
 from ..catalogue import Catalogue
 from ..catalogue_localiser import CatalogueLocaliser

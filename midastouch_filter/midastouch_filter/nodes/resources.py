@@ -9,7 +9,7 @@ from urllib.parse import unquote, urlsplit
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 _PACKAGE = "package://"
 _FILE = "file://"

@@ -9,11 +9,11 @@ import numpy as np
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import covariance_from_msg, pose_from_msg
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.parameters import Parameters
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import covariance_from_msg, pose_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.parameters import Parameters
 
 from ..localiser import Localiser, Start
 from ..pose_prior import spread_of

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from midastouch_perception import se3
-from midastouch_perception.ros import diagnostics
+from midastouch_common import se3
+from midastouch_common.ros import diagnostics
 
 from ..arm_errors import Calibration
 from ..estimate import Estimate

@@ -7,8 +7,8 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from midastouch_perception.message_arrays import transform_from_msg
-from midastouch_perception.ros.conversions import stamp_from_ns
+from midastouch_common.message_arrays import transform_from_msg
+from midastouch_common.ros.conversions import stamp_from_ns
 
 from ..transforms import SECOND, FrameTree, Link, PastExtrapolationError, TransformBuffer, TransformError
 from ..transforms.scalar_pose import Pose

@@ -11,8 +11,8 @@ import numpy as np
 from rclpy.node import Node
 from tf2_msgs.msg import TFMessage
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
 
 from ..transforms import (
     JUMP_S,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from .errors import TransformError
 

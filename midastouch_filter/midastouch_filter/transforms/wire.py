@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 # The first four bytes, the encapsulation, name the order of bytes; alignment counts from behind them.
 _START = 4

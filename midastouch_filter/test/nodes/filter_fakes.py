@@ -11,21 +11,16 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
 from midastouch_filter.arm_errors import Calibration
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.state import AMBIGUOUS, Status
 from midastouch_filter.suggestion import Advice, Suggestion, Wanted
 from midastouch_msgs.msg import TactileCode
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration
-from midastouch_perception.ros.conversions import (
-    points_to_msg,
-    pose_to_msg,
-    stamp_from_ns,
-    transform_to_msg,
-)
 from midastouch_perception.sensor_model import SensorModel
 
 DIAGONAL = 0.3

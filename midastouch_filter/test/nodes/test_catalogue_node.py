@@ -12,13 +12,13 @@ from tf2_msgs.msg import TFMessage
 from vision_msgs.msg import Detection3DArray
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus
-from midastouch_perception import se3
 from midastouch_perception.codebook import FORMAT, Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -11,10 +11,10 @@ from sensor_msgs.msg import PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common.message_arrays import stamp_ns, transform_from_msg
 from midastouch_filter.arm_errors import Calibration
 from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes
-from midastouch_perception.message_arrays import stamp_ns, transform_from_msg
 
 pytestmark = pytest.mark.dds
 

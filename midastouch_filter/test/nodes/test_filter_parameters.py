@@ -2,10 +2,10 @@
 
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter.nodes.filter_parameters import config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.presets import PRESETS
-from midastouch_perception.errors import InputError
 
 pytestmark = pytest.mark.dds
 

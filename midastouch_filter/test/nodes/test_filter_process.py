@@ -19,11 +19,11 @@ from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import FORMAT, Codebook
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]

@@ -12,14 +12,14 @@ from filter_fakes import DIAGONAL, MAP_SENSOR, SECOND, cloud_msg, code_msg, load
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import PointCloud2
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_filter.touch import reduced_penetration
 from midastouch_msgs.msg import FilterStatus, TactileCode
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import pose_from_msg, stamp_ns
 
 pytestmark = pytest.mark.dds
 T_GEL_RIGHT = se3.exp(np.array([0.01, 0, -0.05, np.pi, 0, 0]))

@@ -11,7 +11,7 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import SECOND, code_msg, tf_msg, translation
 from rosgraph_msgs.msg import Clock
 
-from midastouch_perception.message_arrays import stamp_ns
+from midastouch_common.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 

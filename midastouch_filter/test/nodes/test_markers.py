@@ -5,10 +5,10 @@ import pytest
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from midastouch_common import se3
+from midastouch_common.message_arrays import points_from_msg
 from midastouch_filter.estimate import Mode
 from midastouch_filter.nodes import markers
-from midastouch_perception import se3
-from midastouch_perception.message_arrays import points_from_msg
 
 HEADER = Header(frame_id="object")
 

@@ -11,9 +11,9 @@ from filter_fakes import SECOND, all_finite, translation
 from rclpy.action import ActionClient
 from visualization_msgs.msg import Marker, MarkerArray
 
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_msgs import action
 from midastouch_msgs.srv import SuggestMotion
-from midastouch_perception.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_filter.nodes.resources import require_within, resolve
-from midastouch_perception.errors import InputError
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench
 from filter_fakes import DIAGONAL, SECOND, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
+from midastouch_common import se3
 from midastouch_filter.state import CONVERGED
-from midastouch_perception import se3
 
 pytestmark = pytest.mark.dds
 

@@ -9,9 +9,9 @@ import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Header, String
 
+from midastouch_common.ros import qos
 from midastouch_filter.nodes import topic_reader
 from midastouch_filter.nodes.topic_reader import TopicReader
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 PATIENCE_S = 30.0

@@ -13,6 +13,7 @@ import pytest
 from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 
+from midastouch_common import se3
 from midastouch_filter.nodes import tf2_buffer
 from midastouch_filter.nodes.tf2_buffer import Tf2Buffer, make_buffer
 from midastouch_filter.transforms import (
@@ -23,7 +24,6 @@ from midastouch_filter.transforms import (
     TransformBuffer,
     UnknownFrameError,
 )
-from midastouch_perception import se3
 
 FACTS = Path(__file__).parent.parent / "facts"
 RECORDED = json.loads((FACTS / "tf2_jazzy.json").read_text())

@@ -10,9 +10,9 @@ from filter_fakes import SECOND, tf_msg, translation
 from tf2_msgs.msg import TFMessage
 from transform_rig import FRAMES, Listening, stamped
 
+from midastouch_common.ros import qos
 from midastouch_filter.transforms import PastExtrapolationError, TransformError
 from midastouch_filter.transforms.queue import Wait
-from midastouch_perception.ros import qos
 
 pytestmark = pytest.mark.dds
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
+from midastouch_common.errors import InputError
 from midastouch_filter.transforms.wire import WireTransforms, frame_name
-from midastouch_perception.errors import InputError
 
 names = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
 numbers = st.lists(st.floats(allow_nan=False), min_size=7, max_size=7)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
+from midastouch_common import se3
 from midastouch_filter.transforms import (
     DisconnectedError,
     FutureExtrapolationError,
@@ -17,7 +18,6 @@ from midastouch_filter.transforms import (
     TransformBuffer,
     UnknownFrameError,
 )
-from midastouch_perception import se3
 
 SECOND = 1_000_000_000
 IDENTITY = np.eye(4)

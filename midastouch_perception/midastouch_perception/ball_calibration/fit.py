@@ -7,7 +7,8 @@ from datetime import datetime, timezone
 
 import numpy as np
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
+
 from ..sensor_calibration import SensorCalibration, background_colours
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image

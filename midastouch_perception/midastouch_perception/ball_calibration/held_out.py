@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
+
 from ..sensor_calibration import SensorCalibration, plain_slopes
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from .response import NormalEquations, height_slopes, press_equations, well_inside

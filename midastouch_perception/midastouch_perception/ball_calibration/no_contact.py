@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
+
 from ..sensor_model import SensorModel
 from ..tdn.background import estimate_background, shows_contact
 from ..tdn.colour_layout import image_problem

@@ -6,8 +6,9 @@ import dataclasses
 
 import numpy as np
 
-from ..errors import InputError
-from ..mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+
 from ..sensor_model import SensorModel
 from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from .. import se3
+from midastouch_common import se3
+
 from ..simulation.renderer import PenetrationRenderer
 from .refine import LEVELS, fit_light, lit, looked_at, slope_terms
 

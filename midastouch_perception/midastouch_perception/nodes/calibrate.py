@@ -11,15 +11,16 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, next_new_folder
+from midastouch_common.message_arrays import rgb_from_msg
+from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.node import PipelineNode
+from midastouch_common.ros.parameters import Parameter, Parameters
+
 from ..ball_calibration.collector import PressCollector
 from ..ball_calibration.fit import MOST, Result, calibrate
 from ..ball_calibration.held_out import FEWEST
-from ..errors import InputError
-from ..files import atomic_path, next_new_folder
-from ..message_arrays import rgb_from_msg
-from ..ros import diagnostics, qos, spin
-from ..ros.node import PipelineNode
-from ..ros.parameters import Parameter, Parameters
 from ..sensor_calibration import scale_problem
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of

@@ -10,7 +10,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from ..ros.managed_node import ManagedNode
+from midastouch_common.ros.managed_node import ManagedNode
+
 from ..tdn.background_capture import BackgroundCapture
 
 

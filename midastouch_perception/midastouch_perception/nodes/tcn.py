@@ -8,18 +8,18 @@ from collections.abc import Callable
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import points_from_msg
+from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.conversions import float32_to_msg
+from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros.only_publisher import OnlyPublisher
+from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileCode
 
 from ..contact import Contact
-from ..errors import InputError
-from ..message_arrays import points_from_msg
 from ..pipeline import CodeStage, Touch
 from ..pointcloud import penetration_from_cloud
-from ..ros import diagnostics, qos, spin
-from ..ros.conversions import float32_to_msg
-from ..ros.managed_node import AUTOSTART, ManagedNode
-from ..ros.only_publisher import OnlyPublisher
-from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tcn import load_tcn
 

@@ -9,18 +9,18 @@ import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import rgb_from_msg
+from midastouch_common.ros import diagnostics, qos, spin
+from midastouch_common.ros.conversions import image_to_msg, points_to_msg
+from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros.only_publisher import OnlyPublisher
+from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileContact
 
 from ..contact import Contact
-from ..errors import InputError
-from ..message_arrays import rgb_from_msg
 from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
-from ..ros import diagnostics, qos, spin
-from ..ros.conversions import image_to_msg, points_to_msg
-from ..ros.managed_node import AUTOSTART, ManagedNode
-from ..ros.only_publisher import OnlyPublisher
-from ..ros.parameters import QUEUE, Parameter
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
 from ..tdn.background_store import store_of

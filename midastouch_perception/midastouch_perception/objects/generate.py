@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
+
 from ..simulation.procedural import (
     at,
     box,

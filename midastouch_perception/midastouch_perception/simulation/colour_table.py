@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import midastouch_kernels as kernels
-
-from ..errors import InputError
-from ..files import require_file
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file
 
 _LIMIT = 130.0  # grey levels: the quadratics overshoot where no press of the fit has been
 

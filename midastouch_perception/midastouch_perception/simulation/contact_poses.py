@@ -6,8 +6,9 @@ import dataclasses
 
 import numpy as np
 
-from .. import se3
-from ..mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+
 from ..sensor_model import SensorModel
 from .renderer import PenetrationRenderer
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import InputError
-from ..mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+
 from ..sensor_model import SensorModel
 from .contact_poses import ContactSampling, sample_contact_poses
 

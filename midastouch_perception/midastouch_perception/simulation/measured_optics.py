@@ -18,9 +18,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file
+
 from ..ball_calibration.response import height_slopes, place_terms
-from ..errors import InputError
-from ..files import atomic_path, require_file
 from ..sensor_model import SensorModel
 from .gel_surface import GelShape
 

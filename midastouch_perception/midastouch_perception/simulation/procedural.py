@@ -10,8 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import se3
-from ..mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 
 _BLOCK = 6  # grid points a side that are sampled together
 _STEEPEST = 1.8  # change of distance a metre: ripples make more of it than 1

@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_common.mesh import ObjectMesh
 
-from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
 
 

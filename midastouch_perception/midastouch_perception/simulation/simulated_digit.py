@@ -7,8 +7,9 @@ import dataclasses
 import cv2
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
+
 from ..contact import Contact
-from ..mesh import ObjectMesh
 from ..sensor_model import SensorModel
 from .randomisation import RandomisationRange, RandomSensor
 from .renderer import PenetrationRenderer

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import se3
-from ..errors import InputError
-from ..mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+
 from ..sensor_model import SensorModel
 from .contact_poses import Reachability
 from .surface_walk import MIN_PROGRESS, Grip, place, random_tangent, somewhere, straight_on

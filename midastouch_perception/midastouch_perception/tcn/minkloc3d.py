@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..files import atomic_path, require_file, sha256
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, require_file, sha256
+
 from ..model_card import read_card, write_card
 from ..sensor_model import SensorModel
 from ..state_dict import matched

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 import midastouch_kernels as kernels
-
-from ..errors import InputError
+from midastouch_common.errors import InputError
 
 _MARGIN = 2  # voxels kept free around the cloud, so that no kernel up to 5 wide reaches into another row
 

@@ -16,12 +16,13 @@ import torch
 from scipy.optimize import minimize
 from torch import nn
 
-from .. import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import geodesic_distances
+
 from ..codebook_poses import PRESS, codebook_poses
 from ..contact import ContactDetector
-from ..mesh import ObjectMesh
 from ..onnx_network import network_path
-from ..pose_metric import geodesic_distances
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from midastouch_common.errors import InputError
+
 from ..contact import ContactDetector
-from ..errors import InputError
 from .drift import without_drift
 from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
+
 from .background import MOST_DOUBTFUL, doubtful_share, estimate_background
 
 _MOST_FILES = 200

@@ -9,8 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import InputError
-from ..files import atomic_path
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+
 from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .background_file import read_background

@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..files import atomic_path
+from midastouch_common.files import atomic_path
 
 _FILE = Path(__file__).parent / "no_contact_layout.npz"
 _GRID = (16, 12)  # rows, columns

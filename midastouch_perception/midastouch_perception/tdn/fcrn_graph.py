@@ -12,7 +12,8 @@ import numpy as np
 import onnx
 from onnx import helper, numpy_helper
 
-from ..files import atomic_path
+from midastouch_common.files import atomic_path
+
 from ..model_card import write_card
 from .fcrn_shapes import BLOCKS, NORM, QUARTERS
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_common.errors import InputError
 
-from ..errors import InputError
 from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0

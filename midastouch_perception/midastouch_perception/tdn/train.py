@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import nn
 
-from ..mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
+
 from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange

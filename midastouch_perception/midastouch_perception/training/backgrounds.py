@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
 
 HELD_OUT = 4  # the last ones by name only validate
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from ..files import atomic_path
+from midastouch_common.files import atomic_path
 
 
 def export_onnx(

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import se3
-from ..errors import InputError
-from ..mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+
 from ..simulation.procedural import random_probe, random_shape
 
 # the paper's ten test objects: never trained on

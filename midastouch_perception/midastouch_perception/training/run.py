@@ -13,8 +13,9 @@ import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
 
-from ..errors import InputError
-from ..files import atomic_path
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+
 from .setting import TrainingOptions
 
 

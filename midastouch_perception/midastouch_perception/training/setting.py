@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
+
 from ..onnx_network import network_path
 from ..sensor_model import SensorModel
 from ..simulation.colour_table import ColourTable

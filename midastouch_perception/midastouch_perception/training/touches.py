@@ -7,9 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
+
 from ..ball_calibration.ball import ball_centre, ball_penetration
 from ..ball_calibration.response import ColourResponse, NormalEquations, press_equations
-from ..mesh import ObjectMesh
 from ..sensor_calibration import standard_colours
 from ..sensor_model import SensorModel
 from ..simulation.contact_poses import ContactSampling, sample_contact_poses

@@ -9,7 +9,7 @@ import torch
 from onnx import numpy_helper
 from torch import nn
 
-from ..errors import InputError
+from midastouch_common.errors import InputError
 
 
 @torch.no_grad()

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.ball_calibration.collector import PressCollector
-from midastouch_perception.errors import InputError
 
 DIAMETER = 6e-3
 

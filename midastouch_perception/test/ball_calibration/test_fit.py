@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.ball_calibration.fit import calibrate
-from midastouch_perception.errors import InputError
 
 RADIUS = 3e-3  # m, of the ball that `digit` is pressed with
 DIAMETER = 2 * RADIUS

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from std_msgs.msg import Header
 
+from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.contact import Contact, in_steps
-from midastouch_perception.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 
 BACKGROUND = np.full((320, 240, 3), 100, np.uint8)

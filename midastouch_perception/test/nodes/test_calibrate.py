@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from press_camera import Camera
 from std_srvs.srv import Trigger
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.nodes.calibrate import CalibrateNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_calibration import SensorCalibration

@@ -13,11 +13,11 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 from tdn_rig import REPLAY
 
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import points_to_msg, stamp_from_ns
 from midastouch_msgs.msg import TactileCode, TactileContact
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.conversions import points_to_msg, stamp_from_ns
 
 pytestmark = pytest.mark.dds
 WAITING = {**REPLAY, "autostart": False}

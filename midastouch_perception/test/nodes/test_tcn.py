@@ -7,12 +7,12 @@ from perception_fakes import BACKGROUND, FakeDepthStage, FakeTcn, touched
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros.conversions import points_to_msg, stamp_from_ns
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.contact import Contact
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.pointcloud import cloud_from_penetration
-from midastouch_perception.ros.conversions import points_to_msg, stamp_from_ns
 from midastouch_perception.sensor_model import SensorModel
 
 pytestmark = pytest.mark.dds

@@ -10,9 +10,9 @@ from perception_fakes import BACKGROUND, image_msg, touched
 from sensor_msgs.msg import Image, PointCloud2
 from tdn_rig import REPLAY, start
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import image_from_msg, points_from_msg, stamp_ns
 from midastouch_msgs.msg import TactileContact
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import image_from_msg, points_from_msg, stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel

@@ -10,9 +10,9 @@ from perception_fakes import BACKGROUND, FakeDepthStage, image_msg
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_msgs.msg import TactileContact
-from midastouch_perception.errors import InputError
-from midastouch_perception.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 DIMMED = BACKGROUND - 20

@@ -8,8 +8,8 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from tdn_rig import start
 
+from midastouch_common.message_arrays import stamp_ns
 from midastouch_msgs.msg import TactileContact
-from midastouch_perception.message_arrays import stamp_ns
 
 pytestmark = pytest.mark.dds
 

@@ -12,10 +12,10 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 from tdn_rig import REPLAY, start, warnings_of
 
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
 from midastouch_msgs.msg import TactileContact
-from midastouch_perception.message_arrays import stamp_ns
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.ros import qos
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.simulation.colour_table import ColourTable
 
 SLOPES, DIRECTIONS = 9, 17  # a quarter turn is a whole number of bins

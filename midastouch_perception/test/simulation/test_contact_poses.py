@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import (
     MAX_PENETRATION,
     ContactSampling,
@@ -53,7 +53,7 @@ def test_press_pushes_along_the_gel_axis():
 
 
 def test_inside_of_a_ring_too_narrow_for_the_finger_is_out_of_reach(sensor):
-    from midastouch_perception.mesh import ObjectMesh
+    from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
 
     eyebolt = ObjectMesh.load(bundled_objects()["eyebolt"])

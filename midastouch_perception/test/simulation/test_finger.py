@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.renderer import PenetrationRenderer

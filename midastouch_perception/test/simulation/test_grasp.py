@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import MAX_PENETRATION
 from midastouch_perception.simulation.grasp import CONTACTS, simulate_grasps
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects, generate
 from midastouch_perception.simulation.procedural import (
     box,

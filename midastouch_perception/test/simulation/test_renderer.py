@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.errors import InputError
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tcn import load_tcn

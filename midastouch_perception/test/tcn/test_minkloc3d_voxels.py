@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.tcn.minkloc3d_voxels import Voxels, quantise
 
 coordinates = st.lists(st.tuples(*[st.integers(-5, 5)] * 3), min_size=1, max_size=40).map(np.array)

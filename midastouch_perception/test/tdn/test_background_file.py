@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.tdn.background_file import read_background
 
 GREY = np.full((320, 240, 3), 100, np.uint8)

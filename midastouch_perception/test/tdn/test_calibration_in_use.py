@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration import SensorCalibration, background_colours, standard_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn

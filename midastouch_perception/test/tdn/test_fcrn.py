@@ -7,7 +7,7 @@ import onnx
 import onnxruntime
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.fcrn import HEIGHT_UNIT, FcrnDepthNet
 from midastouch_perception.tdn.fcrn_graph import Graph, save_fcrn

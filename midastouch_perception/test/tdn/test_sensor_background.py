@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.background_store import BackgroundStore
 from midastouch_perception.tdn.sensor_background import SensorBackground

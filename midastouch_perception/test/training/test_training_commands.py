@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import sha256
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.training import setting
 from midastouch_perception.training.objects import stretched
 from midastouch_perception.training.setting import TrainingData, TrainingOptions

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 torch = pytest.importorskip("torch")
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import geodesic_distances
 from midastouch_filter import initialisation
 from midastouch_filter.estimate import Estimate, Mode
 from midastouch_filter.state import CONVERGED, UNINITIALISED, Status
 from midastouch_filter.stopwatch import Stopwatch
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import geodesic_distances
 
 if TYPE_CHECKING:
     from midastouch_filter.touch import Measurement

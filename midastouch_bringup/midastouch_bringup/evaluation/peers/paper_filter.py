@@ -15,6 +15,8 @@ from pykdtree.kdtree import KDTree
 from scipy.spatial.transform import Rotation
 from sklearn.cluster import DBSCAN
 
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_filter import initialisation, resampling
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.estimate import Estimate, Mode, modes_from_moments
@@ -24,8 +26,6 @@ from midastouch_filter.particles import Particles
 from midastouch_filter.state import Evidence, StateMachine, Status
 from midastouch_filter.stopwatch import Stopwatch
 from midastouch_filter.workers import Workers
-from midastouch_perception.mesh import ObjectMesh
-from midastouch_perception.pose_metric import ROTATION_SCALE
 
 if TYPE_CHECKING:
     from midastouch_filter.touch import Measurement

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.state import AMBIGUOUS, CONVERGED
 from midastouch_filter.touch import MAP_SCALE
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 

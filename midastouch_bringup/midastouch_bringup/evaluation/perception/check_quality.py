@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.sensor_model import SensorModel

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterator, Mapping
 import cv2
 import numpy as np
 
+from midastouch_common.errors import InputError
 from midastouch_perception.contact import TOUCHED, ContactDetector
-from midastouch_perception.errors import InputError
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel

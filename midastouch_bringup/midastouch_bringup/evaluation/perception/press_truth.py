@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 from ...datasets.ball_presses import BallPresses

@@ -24,7 +24,7 @@ import dataclasses
 import numpy as np
 from scipy.spatial import cKDTree
 
-from midastouch_perception.pose_metric import geodesic_distances, six_vectors
+from midastouch_common.pose_metric import geodesic_distances, six_vectors
 
 TOP = 25
 _QUERIES_A_BLOCK = 256  # 50 MB of scores against 50,000 entries

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.contact import ContactDetector
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.randomisation import RandomSensor

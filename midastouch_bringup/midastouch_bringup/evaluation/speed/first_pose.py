@@ -7,10 +7,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.localiser import Localiser
 from midastouch_filter.quick_start import build_object
-from midastouch_perception.mesh import ObjectMesh
 
 from ..intervals import ENOUGH, bootstrap_interval
 from ..stock import Stock

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 from ...processes.local_domain import local_environment, own_domain
 from ...processes.parameter_files import written

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 
 from ..table import number
 from .memory import peak_rss_mb

@@ -9,16 +9,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.config import FilterConfig
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.perceived import measurement_of
 from midastouch_filter.places import Place
 from midastouch_filter.refinement import is_narrow
 from midastouch_filter.touch import Measurement
-from midastouch_perception import se3
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 
 _APART = 0.03  # m, more than the gel is wide: a sensor on one copy does not see the next
 

@@ -10,8 +10,8 @@ from midastouch_bringup.evaluation.perception.ball_cap import (
     misfit,
     nearest_cap,
 )
-from midastouch_perception import se3
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -4,7 +4,7 @@ import pytest
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_bringup.evaluation.perception import held_out_calibrations as module
 from midastouch_bringup.evaluation.perception.held_out_calibrations import calibrations_of, held_out_calibrations
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 
 
 @pytest.fixture

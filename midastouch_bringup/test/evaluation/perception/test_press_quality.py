@@ -5,7 +5,7 @@ import pytest
 from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
 from midastouch_bringup.evaluation.perception.ball_cap import ball_penetration
 from midastouch_bringup.evaluation.perception.press_quality import measure_presses, visible_contact
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 RADIUS = 4e-3

@@ -9,7 +9,7 @@ from midastouch_bringup.evaluation.single_touch.matches import (
     mean_summary,
     single_touch_errors,
 )
-from midastouch_perception import se3
+from midastouch_common import se3
 
 
 def pose(x: float, yaw: float = 0.0) -> np.ndarray:

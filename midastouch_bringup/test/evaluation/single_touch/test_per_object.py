@@ -15,7 +15,7 @@ from midastouch_bringup.evaluation.single_touch.per_object import (
 )
 from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting
 from midastouch_bringup.evaluation.single_touch.summary import single_touch_table, summarise_objects
-from midastouch_perception import se3
+from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
 MISSED = 7

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting, TouchSimulator
-from midastouch_perception.errors import InputError
+from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.tdn.fcrn import FcrnDepthNet

@@ -4,10 +4,10 @@ import pytest
 import trimesh
 
 from midastouch_bringup.evaluation.speed.scaling import Slide, measure, scaling_table, sizes
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.touch import Measurement
 from midastouch_perception.codebook import FORMAT, Codebook
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
 from midastouch_perception.sensor_model import SensorModel
 
 

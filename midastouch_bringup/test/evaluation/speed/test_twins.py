@@ -3,9 +3,9 @@ import pytest
 import trimesh
 
 from midastouch_bringup.evaluation.speed.twins import Twins
-from midastouch_perception import se3
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.mesh import ObjectMesh
 
 COUNT = 3
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.nearest_points import WORTH_THREADS, NearestPoints
+from midastouch_common.nearest_points import WORTH_THREADS, NearestPoints
 
 
 @pytest.mark.parametrize("k", [1, 5])

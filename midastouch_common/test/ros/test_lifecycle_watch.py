@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from midastouch_perception.ros import diagnostics
-from midastouch_perception.ros.lifecycle_watch import LifecycleWatch
-from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros import diagnostics
+from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 
 pytestmark = pytest.mark.dds
 

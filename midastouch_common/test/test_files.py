@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.files import (
+from midastouch_common.errors import InputError
+from midastouch_common.files import (
     atomic_path,
     next_new_folder,
     read_yaml,

@@ -13,9 +13,9 @@ pytestmark = pytest.mark.dds
 PROGRAM = """
 import sys
 from std_msgs.msg import String
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos, spin
-from midastouch_perception.ros.node import PipelineNode
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos, spin
+from midastouch_common.ros.node import PipelineNode
 
 def stay(moment):
     print(moment, flush=True)

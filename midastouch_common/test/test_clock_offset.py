@@ -3,7 +3,7 @@ from collections.abc import Callable
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from digit_driver.clock_offset import PAIRS, ClockOffset
+from midastouch_common.clock_offset import PAIRS, ClockOffset
 
 SECOND = 1_000_000_000
 offsets = st.integers(-(10**18), 2 * 10**18)

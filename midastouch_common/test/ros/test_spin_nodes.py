@@ -14,7 +14,7 @@ PROGRAM = """
 import signal, sys, threading
 import cv2, numpy as np
 from rclpy.node import Node
-from digit_driver.ros import spin
+from midastouch_common.ros.spin import spin_nodes
 
 class Driver(Node):
     gave_up = False
@@ -49,7 +49,7 @@ class Driver(Node):
         self.thread.join()
         super().destroy_node()
 
-raise SystemExit(spin.run(lambda: [Driver()]))
+raise SystemExit(spin_nodes(lambda: [Driver()]))
 """
 
 

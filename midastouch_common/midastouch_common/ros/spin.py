@@ -1,21 +1,57 @@
-"""Run nodes until the process is told to stop, and leave cleanly."""
+"""Run nodes until the process is told to stop; bad input ends it with one line."""
 
 from __future__ import annotations
 
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from ..errors import InputError
 from ..stop_signals import end_at_once, stop_event
+from .managed_node import ManagedNode
+from .node import refuse_unused_overrides
 
 _MEND = "check what follows --ros-args, and that logs can be written: $ROS_LOG_DIR, or without it ~/.ros/log"
 
 
-def run(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
+def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = None) -> int:
+    """As `spin_nodes`; InputError while the nodes are made ends the process with one line and code 2.
+
+    Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made.
+    """
+    try:
+        return spin_nodes(lambda: _complete(make_nodes()), args)
+    except InputError as error:
+        print(error, file=sys.stderr)
+        return 2
+
+
+def _complete(nodes: Iterable[Node]) -> Sequence[Node]:
+    """The nodes, unless one is told of parameters that it does not have."""
+    made: list[Node] = []
+    try:
+        made.extend(nodes)
+        for node in made:
+            if not isinstance(node, ManagedNode):  # which are complete once active, and look themselves
+                refuse_unused_overrides(node)
+    except BaseException:
+        for node in made:
+            node.destroy_node()
+        raise
+    return made
+
+
+def stop() -> None:
+    """End `run` as a signal would; from any thread."""
+    signal.raise_signal(signal.SIGTERM)
+
+
+def spin_nodes(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
     """Spins the nodes that ``make_nodes`` returns in one executor; the exit code for the process, which then ends.
 
     ``args`` are the command line with its ROS arguments (None: the process' own). 0: told to stop by SIGINT, SIGTERM or

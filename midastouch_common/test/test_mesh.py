@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.mesh import ObjectMesh
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
 
 
 def brute_force_distance(mesh, points):

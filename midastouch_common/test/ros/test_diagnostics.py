@@ -4,7 +4,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from midastouch_perception.ros import diagnostics
+from midastouch_common.ros import diagnostics
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 

@@ -15,10 +15,10 @@ from rclpy.parameter import Parameter as RclpyParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import diagnostics, qos
-from midastouch_perception.ros.managed_node import AUTOSTART, ManagedNode
-from midastouch_perception.ros.parameters import Parameter
+from midastouch_common.errors import InputError
+from midastouch_common.ros import diagnostics, qos
+from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
+from midastouch_common.ros.parameters import Parameter
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 WAITING = {"autostart": False}

@@ -2,9 +2,9 @@ import pytest
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import String
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import qos
-from midastouch_perception.ros.node import PipelineNode
+from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_common.ros.node import PipelineNode
 
 pytestmark = pytest.mark.dds
 

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterable, Iterator
 
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from digit_driver.ros.lifecycle import RobustLifecycleNode
-
 from ..errors import InputError
 from . import diagnostics
 from .connections import Connections
+from .lifecycle import RobustLifecycleNode
 from .node import PipelineNode
 from .parameters import Parameter, Parameters
 

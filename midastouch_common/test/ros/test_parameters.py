@@ -5,8 +5,8 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros.parameters import Parameter, Parameters
+from midastouch_common.errors import InputError
+from midastouch_common.ros.parameters import Parameter, Parameters
 
 pytestmark = pytest.mark.dds
 

@@ -7,11 +7,14 @@ from collections.abc import Callable, Mapping
 
 
 def lazy_exports(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], object], list[str]]:
-    """`__getattr__` and `__all__` of a package (PEP 562); homes: the module of each public name, inside the package."""
+    """`__getattr__` and `__all__` of a package (PEP 562).
+
+    homes: the module of each public name, absolute or, with a leading dot, in the package.
+    """
 
     def get(name: str) -> object:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
+        return getattr(importlib.import_module(homes[name], package), name)
 
     return get, sorted(homes)

@@ -10,7 +10,7 @@ import pytest
 
 PROGRAM = """
 import sys
-from digit_driver.stop_signals import end_at_once, stop_event
+from midastouch_common.stop_signals import end_at_once, stop_event
 
 def stay(moment):
     print(moment, flush=True)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception import pose_metric, se3
+from midastouch_common import pose_metric, se3
 
 
 def test_errors_are_a_distance_and_the_angle_on_so3_of_all_pairs():

@@ -9,10 +9,10 @@ from geometry_msgs.msg import Pose
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header
 
-from midastouch_perception import message_arrays as arrays
-from midastouch_perception import se3
-from midastouch_perception.errors import InputError
-from midastouch_perception.ros import conversions as c
+from midastouch_common import message_arrays as arrays
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.ros import conversions as c
 
 HEADER = Header(frame_id="somewhere")
 

@@ -1,0 +1,7 @@
+"""The packages of the workspace, each after those that it may import."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+CMAKE = ["midastouch_msgs", "midastouch_kernels"]
+PYTHON = ["midastouch_common", "digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
