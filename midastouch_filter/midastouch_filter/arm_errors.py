@@ -22,6 +22,7 @@ import numpy as np
 
 from midastouch_common import se3
 
+from .estimate import Calibration
 from .joint_alignment import adjoint, transform_covariance
 from .jump_hypotheses import POSE, JumpHypotheses
 
@@ -29,33 +30,6 @@ _MOUNT, _CLOCK = slice(6, 12), 12
 _AROUND = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
 _RECENT = 4  # frames that the present velocity is the mean of
 _SIGNIFICANT = 3.0  # standard deviations by which an error must differ from none to be taken out
-_KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """What is known of mount and clock.
-
-    mount (4, 4), `T_true_gel_told`: the gel frame that the mount tells, in the true one; clock [s], by which the arm's
-    poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations before
-    anything was felt; touches that were used.
-    """
-
-    mount: np.ndarray
-    clock: float
-    covariance: np.ndarray
-    prior: np.ndarray
-    touches: int
-
-    @property
-    def sigma(self) -> np.ndarray:
-        """Standard deviations (7,): m, rad, s."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def known(self) -> np.ndarray:
-        """Which (7,) are known much better than before."""
-        return self.sigma < _KNOWN * self.prior
 
 
 @dataclass(frozen=True)

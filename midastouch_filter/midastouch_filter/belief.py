@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 import midastouch_kernels as kernels
+from midastouch_common import se3
 
 from .alignment import Aligned
 from .estimate import Mode, modes_from_moments
 from .lookup import PoseLookup
 from .modes import ModeFinder
 from .particles import Particles
-from .refinement import sharpened
 
 _SAMPLE = 4096  # particles that the other places are judged by
 
@@ -125,6 +126,15 @@ class Belief:
     def covariance(self) -> np.ndarray:
         """Covariance (6, 6) of the whole belief about the published pose."""
         return covariance_about(self.answers[0], self.members, self.particles, self.weights)
+
+
+def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
+    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included.
+
+    widening: factor on its covariance, by which it is as wide as the truth is far.
+    """
+    turn = se3.turn(aligned.pose[:3, :3])
+    return replace(mode, pose=aligned.pose, covariance=widening * turn @ aligned.covariance @ turn.T)
 
 
 def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weights: np.ndarray) -> np.ndarray:

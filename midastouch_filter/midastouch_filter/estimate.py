@@ -9,9 +9,10 @@ import numpy as np
 
 import midastouch_kernels as kernels
 
-from .arm_errors import Calibration
 from .modes import Moments
 from .state import Status
+
+_KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,32 @@ class Mode:
         """RMS angle [rad] of the mode's particles to its mean."""
         c = self.covariance
         return math.sqrt(c[3, 3] + c[4, 4] + c[5, 5])
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What is known of mount and clock.
+
+    mount (4, 4), `T_true_gel_told`: the gel frame that the mount tells, in the true one; clock [s], by which the arm's
+    poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations before
+    anything was felt; touches that were used.
+    """
+
+    mount: np.ndarray
+    clock: float
+    covariance: np.ndarray
+    prior: np.ndarray
+    touches: int
+
+    @property
+    def sigma(self) -> np.ndarray:
+        """Standard deviations (7,): m, rad, s."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def known(self) -> np.ndarray:
+        """Which (7,) are known much better than before."""
+        return self.sigma < _KNOWN * self.prior
 
 
 @dataclass(frozen=True)

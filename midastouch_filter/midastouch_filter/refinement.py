@@ -189,15 +189,6 @@ def is_narrow(mode: Mode, config: FilterConfig) -> bool:
     return mode.spread_translation < config.refine_translation and mode.spread_rotation < config.refine_rotation
 
 
-def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
-    """The mode with the pose of this very frame: where the map puts the sensor, the arm's jitter included.
-
-    widening: factor on its covariance, by which it is as wide as the truth is far.
-    """
-    turn = se3.turn(aligned.pose[:3, :3])
-    return replace(mode, pose=aligned.pose, covariance=widening * turn @ aligned.covariance @ turn.T)
-
-
 def _in_own_frame(mode: Mode) -> np.ndarray:
     """A mode's covariance (6, 6) in its pose's own axes instead of the object's."""
     turn = se3.turn(mode.pose[:3, :3])
