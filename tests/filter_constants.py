@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent / "midastouch_filter" / "midastouch_filter"
-CLASSES = {"noise_model.py": "NoiseModel", "effort.py": "Effort", "config.py": "FilterConfig"}
+CLASSES = {"core/noise_model.py": "NoiseModel", "refinement/effort.py": "Effort", "core/config.py": "FilterConfig"}
 _FIELDS = ("_number", "_switch")  # of FilterConfig: the default is the first argument
 _CALCULATION = (
     ast.Constant, ast.Tuple, ast.List, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name,

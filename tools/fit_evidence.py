@@ -4,7 +4,7 @@
 
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
 replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
-often as they claim is printed: constants of `midastouch_filter/noise_model.py`, with what they explain. The
+often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
 mathematics: docs/evidence.md. No test object is seen.
 """
 
@@ -23,17 +23,17 @@ from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting,
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.effort import Effort
-from midastouch_filter.keyframes import KeyframeWindow
-from midastouch_filter.motion_model import Odometry
-from midastouch_filter.noise_model import NoiseModel
-from midastouch_filter.object_model import ObjectModel
-from midastouch_filter.places import APART, pose_distance
-from midastouch_filter.replay import Followed, Race, Replay
-from midastouch_filter.rival_search import RivalSearch, Scored
-from midastouch_filter.touch import Measurement, reduced_penetration
-from midastouch_filter.workers import Workers
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.keyframes import KeyframeWindow
+from midastouch_filter.core.motion_model import Odometry
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.places import APART, pose_distance
+from midastouch_filter.core.touch import Measurement, reduced_penetration
+from midastouch_filter.core.workers import Workers
+from midastouch_filter.refinement.effort import Effort
+from midastouch_filter.smoothing.replay import Followed, Race, Replay
+from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_probe, random_shape
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide

@@ -4,7 +4,7 @@
 
 Training scans are shared out at random to catalogues of each size. Each object is slid over, once with its catalogue,
 once with the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often
-as they claim, after every comparison on the way, is printed: constants of `midastouch_filter/noise_model.py`. The
+as they claim, after every comparison on the way, is printed: constants of `midastouch_filter/core/noise_model.py`. The
 mathematics: docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
 """
 
@@ -21,10 +21,10 @@ from training_scans import parser_of, scans_of, stock_of
 from midastouch_bringup.evaluation.stock import Stock
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.catalogue import Catalogue
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.identity import Contest, Identification
-from midastouch_filter.noise_model import NoiseModel
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.identification.catalogue import Catalogue
+from midastouch_filter.identification.identity import Contest, Identification
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

@@ -20,13 +20,13 @@ from midastouch_bringup.evaluation.setup import Networks
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter import jump_hypotheses
-from midastouch_filter.alignment import PenetrationAlignment
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.noise_model import NoiseModel
-from midastouch_filter.odometry_correction import OdometryCorrection
-from midastouch_filter.stopwatch import Stopwatch
-from midastouch_filter.touch import MAP_SCALE, Measurement, reduced_penetration
+from midastouch_filter.arm_calibration import jump_hypotheses
+from midastouch_filter.arm_calibration.odometry_correction import OdometryCorrection
+from midastouch_filter.core.alignment import PenetrationAlignment
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.stopwatch import Stopwatch
+from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.procedural import random_shape

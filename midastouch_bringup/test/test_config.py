@@ -6,7 +6,7 @@ import pytest
 
 from midastouch_bringup.processes.parameter_files import merged, read_parameters
 from midastouch_bringup.ros.parameter_tables import TABLES
-from midastouch_filter.presets import PRESETS
+from midastouch_filter.core.presets import PRESETS
 
 CONFIG = Path(__file__).parents[1] / "config"
 

@@ -13,24 +13,24 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 
-from .belief import Belief
-from .config import FilterConfig
-from .estimate import Estimate
-from .fingers import Finger, by_name
-from .gates import Gates
-from .initialisation import checked_prior
-from .keyframes import KeyframeWindow
-from .noise_model import NoiseModel
-from .object_model import ObjectModel
-from .particles import Particles
-from .places import Place, Prior
+from .core.belief import Belief
+from .core.config import FilterConfig
+from .core.estimate import Estimate
+from .core.fingers import Finger, by_name
+from .core.gates import Gates
+from .core.initialisation import checked_prior
+from .core.keyframes import KeyframeWindow
+from .core.noise_model import NoiseModel
+from .core.object_model import ObjectModel
+from .core.particles import Particles
+from .core.places import Place, Prior
+from .core.state import CONVERGED
+from .core.stopwatch import Stopwatch
+from .core.touch import Measurement
+from .core.workers import Workers
 from .policies import Policies, default_policies
 from .reporting import Reporter
-from .state import CONVERGED
 from .step import Step
-from .stopwatch import Stopwatch
-from .touch import Measurement
-from .workers import Workers
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook

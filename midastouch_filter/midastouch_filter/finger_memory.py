@@ -16,9 +16,9 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
 
+from .core.touch import Measurement
 from .localiser import LoadedObject
 from .timeline import JUMP_NS
-from .touch import Measurement
 from .transforms.queue import Wait
 
 # Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tcn import TactileCodeNet
 
-    from .object_model import ObjectModel
+    from .core.object_model import ObjectModel
 
 LEVELS = (10_000, 20_000, 50_000)
 """Poses; the last is what `midastouch build-codebook` takes."""

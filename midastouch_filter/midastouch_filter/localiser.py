@@ -14,16 +14,16 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
-from . import memory
-from .advisor import Advisor
-from .config import FilterConfig
-from .estimate import Estimate
+from .active_touch.advisor import Advisor
+from .active_touch.suggestion import Advice, Wanted
+from .core import memory
+from .core.config import FilterConfig
+from .core.estimate import Estimate
+from .core.initialisation import checked_prior
+from .core.touch import Measurement
 from .filter import ParticleFilter
 from .growth import Growth
-from .initialisation import checked_prior
 from .pose_prior import spread_at_lever
-from .suggestion import Advice, Wanted
-from .touch import Measurement
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,26 +6,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .config import FilterConfig
-from .effort import Effort
-from .fine_stage import CoarseOnly, FineStage
-from .fingers import Fingers
-from .gates import Gates
-from .hindsight import Hindsight
-from .initialisation import ParticleSource
-from .motion_model import MotionModel
-from .noise_model import NoiseModel
-from .object_model import ObjectModel
-from .odometry_correction import AsMeasured, OdometryCorrection
-from .places import Prior
-from .propagation import Propagation
-from .recovery import Recovery
-from .reevaluation import Reevaluation
-from .refinement import Refinement
-from .resampler import Resampler
-from .reweighting import Reweighting
-from .stopwatch import Stopwatch
-from .workers import Workers
+from .arm_calibration.odometry_correction import AsMeasured, OdometryCorrection
+from .core.config import FilterConfig
+from .core.fingers import Fingers
+from .core.gates import Gates
+from .core.initialisation import ParticleSource
+from .core.motion_model import MotionModel
+from .core.noise_model import NoiseModel
+from .core.object_model import ObjectModel
+from .core.places import Prior
+from .core.propagation import Propagation
+from .core.recovery import Recovery
+from .core.resampler import Resampler
+from .core.reweighting import Reweighting
+from .core.stopwatch import Stopwatch
+from .core.workers import Workers
+from .refinement.effort import Effort
+from .refinement.fine_stage import CoarseOnly, FineStage
+from .refinement.refinement import Refinement
+from .smoothing.hindsight import Hindsight
+from .smoothing.reevaluation import Reevaluation
 
 
 @dataclass

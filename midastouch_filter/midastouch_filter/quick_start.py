@@ -11,7 +11,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
-from .config import FilterConfig
+from .core.config import FilterConfig
 from .growth import Growth, levels
 from .localiser import LoadedObject, object_of
 

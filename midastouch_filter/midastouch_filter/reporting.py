@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from .belief import Belief
-from .config import FilterConfig
-from .estimate import Estimate
-from .gates import Gates
+from .core.belief import Belief
+from .core.config import FilterConfig
+from .core.estimate import Estimate
+from .core.gates import Gates
+from .core.resampling import effective_size
+from .core.state import Evidence, StateMachine, Status
+from .core.stopwatch import Stopwatch
 from .policies import Policies
-from .resampling import effective_size
-from .state import Evidence, StateMachine, Status
 from .step import Outcome
-from .stopwatch import Stopwatch
 
 
 class Reporter:

@@ -14,15 +14,15 @@ import numpy as np
 
 from midastouch_common import se3
 
-from .belief import Belief
-from .fingers import FIRST, Finger, count
-from .gates import Gates
-from .motion_model import Odometry
-from .particles import Particles
+from .core.belief import Belief
+from .core.fingers import FIRST, Finger, count
+from .core.gates import Gates
+from .core.motion_model import Odometry
+from .core.particles import Particles
+from .core.propagation import OdometryJump
+from .core.stopwatch import Stopwatch
+from .core.touch import Measurement
 from .policies import Policies
-from .propagation import OdometryJump
-from .stopwatch import Stopwatch
-from .touch import Measurement
 
 
 class Outcome(NamedTuple):

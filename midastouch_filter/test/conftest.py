@@ -18,12 +18,12 @@ from hypothesis import settings
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.catalogue import Catalogue
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.object_index import derived_arrays
+from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.noise_model import NoiseModel
-from midastouch_filter.object_index import derived_arrays
-from midastouch_filter.touch import MAP_SCALE, Measurement
+from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_filter import state
+from midastouch_filter.core import state
 
 
 def play(filter_, slide, frames=slice(None)):

@@ -10,10 +10,10 @@ from filter_runs import assert_defined, error, play, skipped
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter import state
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core import state
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.touch import Measurement
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -8,10 +8,10 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import growth as module
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.growth import Growth, levels
-from midastouch_filter.touch import Measurement
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel

@@ -9,9 +9,9 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.localiser import LoadedObject, Localiser, Start
-from midastouch_filter.state import CONVERGED
-from midastouch_filter.touch import Measurement
 
 sys.path.insert(0, str(Path(__file__).parent / "nodes"))
 

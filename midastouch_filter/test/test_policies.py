@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_filter import state
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core import state
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.policies import default_policies
-from midastouch_filter.touch import Measurement
 
 CONFIG = FilterConfig(max_particles=2000, min_particles=300, threads=1, refinement=False)
 STEP = se3.exp([1e-3, 0, 0, 0, 0, 0.02])

@@ -5,7 +5,7 @@ import trimesh
 
 from midastouch_common.errors import InputError
 from midastouch_filter import growth, quick_start
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.localiser import load_object
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter import state
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core import state
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.particles import Particles
-from midastouch_filter.touch import Measurement, reduced_penetration
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300, threads=1, converged_translation=7e-3)
 

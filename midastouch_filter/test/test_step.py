@@ -8,10 +8,10 @@ from filter_runs import assert_defined, play, skipped
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter import state
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core import state
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.touch import Measurement
 
 
 def test_at_rest_nothing_changes(coded_slide):

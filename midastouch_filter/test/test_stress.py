@@ -17,14 +17,14 @@ from hypothesis.extra.numpy import arrays
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter import state
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core import state
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.lookup import PoseLookup
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.surface import SurfaceConstraint
+from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.lookup import PoseLookup
-from midastouch_filter.particles import Particles
-from midastouch_filter.surface import SurfaceConstraint
-from midastouch_filter.touch import Measurement
-from midastouch_filter.workers import Workers
 from midastouch_perception.sensor_model import SensorModel
 
 SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)

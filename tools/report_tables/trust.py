@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 from midastouch_bringup.evaluation.calibration import WEIGHTS
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 
 from .cells import between, frames_cell, percent, share_cell
 from .reports import (

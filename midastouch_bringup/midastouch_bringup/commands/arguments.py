@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from midastouch_common.errors import InputError
-from midastouch_filter.presets import PRESETS_IN_WORDS
+from midastouch_filter.core.presets import PRESETS_IN_WORDS
 
 from ..output_paths import SIMULATED, codebook_path
 

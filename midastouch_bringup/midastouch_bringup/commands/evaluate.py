@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from . import arguments, outcome
 
 if TYPE_CHECKING:
-    from midastouch_filter.config import FilterConfig
+    from midastouch_filter.core.config import FilterConfig
 
     from ..datasets import Sequence
     from ..evaluation.sequence_trials import TrialPlan
@@ -139,8 +139,8 @@ def _identify(
     from pathlib import Path
 
     from midastouch_common.errors import InputError
-    from midastouch_filter.catalogue import read_catalogue
-    from midastouch_filter.noise_model import NoiseModel
+    from midastouch_filter.core.noise_model import NoiseModel
+    from midastouch_filter.identification.catalogue import read_catalogue
 
     from ..evaluation.identification import identify, right_answer
     from ..evaluation.machine import machine_info

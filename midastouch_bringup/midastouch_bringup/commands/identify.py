@@ -87,7 +87,7 @@ def _of_meshes(args: argparse.Namespace, stock: Stock) -> tuple[IdentityPlan, di
 def _of_shapes(args: argparse.Namespace, stock: Stock) -> tuple[ShapePlan, dict, int, list[str]]:
     """Likewise."""
     from midastouch_common.errors import InputError
-    from midastouch_filter.catalogue import ROOM
+    from midastouch_filter.identification.catalogue import ROOM
 
     from ..evaluation.setup import load_filter_config
     from ..evaluation.shape_catalogues import ShapePlan, run_shapes

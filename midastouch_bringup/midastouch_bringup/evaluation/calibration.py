@@ -11,12 +11,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate
-from midastouch_filter.lookup import PoseLookup
-from midastouch_filter.measurement_model import MeasurementModel
-from midastouch_filter.state import CONVERGED
-from midastouch_filter.workers import Workers
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.lookup import PoseLookup
+from midastouch_filter.core.measurement_model import MeasurementModel
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.workers import Workers
 from midastouch_perception.codebook import Codebook
 
 LEVELS = np.array([*np.arange(0.05, 1.0, 0.05).round(2), 0.99, 0.999])

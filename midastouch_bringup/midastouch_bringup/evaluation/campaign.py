@@ -16,7 +16,7 @@ import midastouch_filter
 import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
 from .calibration import likelihood_counts

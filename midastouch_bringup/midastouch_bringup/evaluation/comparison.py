@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.core.state import CONVERGED
 
 from .intervals import ENOUGH, bootstrap_interval
 from .summary import final_errors, is_right

@@ -15,7 +15,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 from .trial import FRAME_TIME, Event, TrialFrame

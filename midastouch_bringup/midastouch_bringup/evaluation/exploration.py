@@ -16,13 +16,13 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.advisor import Advisor
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate
+from midastouch_filter.active_touch.advisor import Advisor
+from midastouch_filter.active_touch.suggestion import Wanted
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.perceived import measurement_of
-from midastouch_filter.state import CONVERGED
-from midastouch_filter.suggestion import Wanted
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import STEP, measure_poses

@@ -13,9 +13,9 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.estimate import Estimate
-from midastouch_filter.state import CONVERGED
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.simulation.grasp import CONTACTS
 
 from ..datasets.slide_simulation import simulate_grasp_sequence

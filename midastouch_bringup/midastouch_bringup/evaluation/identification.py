@@ -13,15 +13,15 @@ import midastouch_kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.catalogue import Catalogue, read_catalogue
-from midastouch_filter.catalogue_localiser import CatalogueLocaliser
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.motion_model import Odometry
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.identity import UNKNOWN, Identification, Identity
-from midastouch_filter.motion_model import Odometry
-from midastouch_filter.noise_model import NoiseModel
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
+from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
+from midastouch_filter.identification.identity import UNKNOWN, Identification, Identity
 
 from .open_trials import Workforce, make_books, run_open
 from .stock import Stock

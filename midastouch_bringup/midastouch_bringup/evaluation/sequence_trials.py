@@ -10,9 +10,9 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.perceived import measurement_of
 from midastouch_perception.codebook import Codebook
 
 from ..datasets import Sequence

@@ -11,8 +11,8 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.presets import BALANCED, preset
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import BALANCED, preset
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel

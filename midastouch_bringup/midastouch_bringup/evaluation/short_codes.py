@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 from .trial import TrialFrame

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.core.state import CONVERGED
 
 from .table import number, text_table
 from .trial import ERROR_KEYS, STAGES, SYMMETRIC_KEYS

@@ -11,8 +11,8 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
-from midastouch_filter.perceived import measurement_of
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.touch import Measurement
 
 from ..datasets import Sequence
 from .setup import Networks, untouched_of

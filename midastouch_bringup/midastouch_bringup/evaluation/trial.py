@@ -11,10 +11,10 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.estimate import Estimate
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.state import CONVERGED
-from midastouch_filter.touch import Measurement
 
 from .calibration import Coverage, WeightReliability
 from .metrics import closest_mode_error, min_cluster_error, particle_rmse

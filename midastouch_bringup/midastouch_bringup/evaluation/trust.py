@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_filter.state import AMBIGUOUS, CONVERGED
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
 from .calibration import LEVELS, WEIGHTS
 from .figures import Figures

@@ -7,9 +7,9 @@ import time
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import PRESETS, preset_in_words
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.presets import PRESETS, preset_in_words
 from midastouch_perception.codebook import Codebook
 
 from ..inspection import require_open3d

@@ -12,7 +12,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, pose_from_msg
-from midastouch_filter.state import STATES
+from midastouch_filter.core.state import STATES
 
 from ..bags.frames import OWN, BagFrame, GelStream, read_bag
 from ..bags.images import image_messages

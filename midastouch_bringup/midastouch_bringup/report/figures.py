@@ -13,7 +13,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from midastouch_common.files import atomic_path
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.identity import UNKNOWN
+from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 
 from ..evaluation.metrics import particle_rmse

@@ -18,7 +18,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_share_directory
 
 from midastouch_common.errors import InputError
-from midastouch_filter.presets import PRESETS, PRESETS_IN_WORDS
+from midastouch_filter.core.presets import PRESETS, PRESETS_IN_WORDS
 from midastouch_perception.objects import bundled_objects
 
 from ..output_paths import codebook_path, quick_codebook

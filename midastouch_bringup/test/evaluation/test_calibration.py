@@ -12,9 +12,9 @@ from midastouch_bringup.evaluation.calibration import (
     observed_shares,
 )
 from midastouch_common import se3
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate, Mode
-from midastouch_filter.state import Status
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate, Mode
+from midastouch_filter.core.state import Status
 from midastouch_perception.codebook import Codebook
 
 

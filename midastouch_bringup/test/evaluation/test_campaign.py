@@ -15,7 +15,7 @@ from midastouch_bringup.evaluation.touches import Touches
 from midastouch_bringup.evaluation.trial_log import TrialLog
 from midastouch_bringup.evaluation.variants import INPUT, VARIANTS, Variant
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from midastouch_bringup.evaluation.disturbances import Scene
 from midastouch_bringup.evaluation.trial import Event, TrialFrame
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 LEAP = se3.make(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.0]))

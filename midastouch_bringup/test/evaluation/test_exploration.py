@@ -8,7 +8,7 @@ from midastouch_bringup.evaluation.open_trials import Workforce
 from midastouch_bringup.evaluation.stock import Stock
 from midastouch_bringup.evaluation.trial_log import TrialLog
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
 

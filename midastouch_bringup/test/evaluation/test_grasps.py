@@ -9,9 +9,9 @@ from midastouch_bringup.evaluation.trial import TrialFrame, Yardstick, run_trial
 from midastouch_bringup.evaluation.variants import DEFAULT, SETS, VARIANTS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.touch import Measurement
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

@@ -5,7 +5,7 @@ from midastouch_bringup.evaluation.real_sensor import RealSensorStock
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.touch import reduced_penetration
+from midastouch_filter.core.touch import reduced_penetration
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.simulation.renderer import PenetrationRenderer
 

@@ -3,8 +3,8 @@ import pytest
 
 from midastouch_bringup.evaluation.setup import load_filter_config, untouched_of
 from midastouch_common.errors import InputError
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.presets import PRESETS
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import PRESETS
 
 
 def written(tmp_path, text: str) -> str:

@@ -7,7 +7,7 @@ from midastouch_bringup.evaluation.shape_catalogues import ShapePlan, run_shapes
 from midastouch_bringup.evaluation.shape_summary import shape_table, summarise_shapes
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_bringup.evaluation.trial_log import TrialLog
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_bringup.evaluation.short_codes import ShortCodes
 from midastouch_bringup.evaluation.trial import TrialFrame
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_bringup.evaluation.touches import Touches, made_from
 from midastouch_common.errors import InputError
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 
 
 def test_touches_survive_a_file(tmp_path):

@@ -9,10 +9,10 @@ from midastouch_bringup.evaluation.summary import summarise_trials, summary_tabl
 from midastouch_bringup.evaluation.symmetry import Symmetry
 from midastouch_bringup.evaluation.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial
 from midastouch_common import se3
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate, Mode
-from midastouch_filter.state import CONVERGED, Status
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate, Mode
+from midastouch_filter.core.state import CONVERGED, Status
+from midastouch_filter.core.touch import Measurement
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300)
 KEYS = {

@@ -5,9 +5,9 @@ from midastouch_bringup.evaluation.peers.paper_filter import PaperConfig
 from midastouch_bringup.evaluation.variants import DEFAULT, PAPER, SETS, VARIANTS, chosen_variants
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.presets import BALANCED, PRESETS
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import BALANCED, PRESETS
+from midastouch_filter.core.touch import Measurement
 
 
 @pytest.mark.parametrize("name", VARIANTS)

@@ -20,10 +20,10 @@ from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import pose_to_msg
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.perceived import measurement_of
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook

@@ -12,10 +12,10 @@ from slide import Slide
 from midastouch_bringup.processes.process import resident_mb
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.state import STATES
+from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.state import STATES
-from midastouch_filter.touch import Measurement, reduced_penetration
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.renderer import PenetrationRenderer

@@ -18,8 +18,8 @@ from midastouch_bringup.nodes.detection_prior import DetectionPrior
 from midastouch_bringup.nodes.replay import Replay
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import stamp_from_ns
+from midastouch_filter.core.state import STATES
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.state import STATES
 from midastouch_msgs.msg import FilterStatus, PoseModes
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode

@@ -13,11 +13,11 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileCode
 
+from ..core.perceived import measurement_from_msg
+from ..core.state import STALE, UNINITIALISED
+from ..core.touch import Measurement
 from ..localiser import Localiser
-from ..perceived import measurement_from_msg
-from ..state import STALE, UNINITIALISED
 from ..timeline import Judgement, Timeline
-from ..touch import Measurement
 from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait
 from .estimate_publisher import EstimatePublisher

@@ -26,11 +26,10 @@ from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transf
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
 
-from ..arm_errors import Calibration
-from ..estimate import Estimate
+from ..core.estimate import Calibration, Estimate
+from ..core.state import LOST, Status
 from ..filter import ParticleFilter
-from ..identity import Identity
-from ..state import LOST, Status
+from ..identification.identity import Identity
 from . import markers
 from .object_hypotheses import object_hypotheses
 

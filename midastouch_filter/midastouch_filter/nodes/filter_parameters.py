@@ -11,9 +11,9 @@ from midastouch_common import se3
 from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import QUEUE, Parameter, Parameters
 
-from ..config import FilterConfig
+from ..core.config import FilterConfig
+from ..core.presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 from ..localiser import Start
-from ..presets import BALANCED, PRESETS, PRESETS_IN_WORDS
 
 _INITIAL_POSE = tuple(
     Parameter(f"initial_pose.{name}", 0.0, text, unit=unit)

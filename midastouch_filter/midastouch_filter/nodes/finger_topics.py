@@ -15,10 +15,10 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import TactileCode
 
+from ..core.perceived import measurement_from_msg
+from ..core.touch import Measurement
 from ..finger_memory import FingerMemory
 from ..localiser import LoadedObject
-from ..perceived import measurement_from_msg
-from ..touch import Measurement
 from ..transforms import TransformError
 from ..transforms.queue import Wait
 from .map_source import MapSource

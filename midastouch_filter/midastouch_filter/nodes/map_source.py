@@ -15,7 +15,7 @@ from midastouch_common.ros import qos
 from midastouch_perception.pointcloud import penetration_from_cloud
 from midastouch_perception.sensor_model import SensorModel
 
-from ..touch import reduced_penetration
+from ..core.touch import reduced_penetration
 
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
 PATIENCE = 0.25

@@ -19,9 +19,9 @@ from midastouch_msgs import action
 from midastouch_msgs.msg import Suggestion as SuggestionMsg
 from midastouch_msgs.srv import SuggestMotion
 
+from ..active_touch.suggestion import Advice, Suggestion, Wanted
+from ..core.state import CONVERGED, NO_CONTACT
 from ..localiser import Localiser
-from ..state import CONVERGED, NO_CONTACT
-from ..suggestion import Advice, Suggestion, Wanted
 from . import markers
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"

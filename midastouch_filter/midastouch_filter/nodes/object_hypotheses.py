@@ -10,8 +10,8 @@ from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, Obj
 from midastouch_common import se3
 from midastouch_common.ros.conversions import pose_to_msg
 
-from ..identity import UNKNOWN, Hypothesis, Identity
-from ..joint_alignment import transform_covariance
+from ..core.joint_alignment import transform_covariance
+from ..identification.identity import UNKNOWN, Hypothesis, Identity
 
 
 def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header) -> Detection3DArray:

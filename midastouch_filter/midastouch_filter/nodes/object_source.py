@@ -12,10 +12,10 @@ from midastouch_common.ros.parameters import Parameters
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
-from ..catalogue import Catalogue, read_catalogue
-from ..config import FilterConfig
+from ..core.config import FilterConfig
+from ..core.noise_model import NoiseModel
+from ..identification.catalogue import Catalogue, read_catalogue
 from ..localiser import LoadedObject
-from ..noise_model import NoiseModel
 from ..quick_start import coarse_codebook
 from .resources import require_within, resolve
 

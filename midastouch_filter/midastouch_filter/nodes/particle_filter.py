@@ -8,12 +8,12 @@ from midastouch_common.ros import diagnostics, spin
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_common.ros.only_publisher import OnlyPublisher
 
-from ..catalogue import Catalogue
-from ..catalogue_localiser import CatalogueLocaliser
+from ..core.state import UNINITIALISED, Status
+from ..core.touch import Measurement
+from ..identification.catalogue import Catalogue
+from ..identification.catalogue_localiser import CatalogueLocaliser
 from ..localiser import LoadedObject, Localiser, load_object
 from ..quick_start import SIZE, build_object
-from ..state import UNINITIALISED, Status
-from ..touch import Measurement
 from .code_processor import CodeProcessor
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of

@@ -10,10 +10,9 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.ros import diagnostics
 
-from ..arm_errors import Calibration
-from ..estimate import Estimate
+from ..core.estimate import Calibration, Estimate
+from ..core.state import LOST, STALE, UNINITIALISED, WAITING, Status
 from ..filter import ParticleFilter
-from ..state import LOST, STALE, UNINITIALISED, WAITING, Status
 from .estimate_publisher import EstimatePublisher
 from .finger_topics import FingerTopics
 

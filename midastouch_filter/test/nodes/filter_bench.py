@@ -9,8 +9,8 @@ from filter_fakes import code_msg, loader_of, tf_msg, translation
 from tf2_msgs.msg import TFMessage
 
 from midastouch_common.message_arrays import stamp_ns
+from midastouch_filter.core.state import WAITING
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.state import WAITING
 from midastouch_msgs.msg import FilterStatus, TactileCode
 
 REPLAY = {"queue_depth": 100, "reliable": True, "view_rate": 0.0, "input_timeout": 1000.0, "transform_timeout": 300.0}

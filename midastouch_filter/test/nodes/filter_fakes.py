@@ -14,10 +14,10 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_from_ns, transform_to_msg
-from midastouch_filter.estimate import Calibration, Estimate, Mode
+from midastouch_filter.active_touch.suggestion import Advice, Suggestion, Wanted
+from midastouch_filter.core.estimate import Calibration, Estimate, Mode
+from midastouch_filter.core.state import AMBIGUOUS, Status
 from midastouch_filter.localiser import LoadedObject
-from midastouch_filter.state import AMBIGUOUS, Status
-from midastouch_filter.suggestion import Advice, Suggestion, Wanted
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel

@@ -16,10 +16,10 @@ from visualization_msgs.msg import MarkerArray
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
+from midastouch_filter.core.state import STATES
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.state import STATES
 from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.objects import bundled_objects

@@ -12,8 +12,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.message_arrays import stamp_ns, transform_from_msg
-from midastouch_filter.estimate import Calibration
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.core.estimate import Calibration
+from midastouch_filter.core.state import CONVERGED
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseModes
 
 pytestmark = pytest.mark.dds

@@ -3,9 +3,9 @@
 import pytest
 
 from midastouch_common.errors import InputError
+from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.nodes.filter_parameters import config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.presets import PRESETS
 
 pytestmark = pytest.mark.dds
 

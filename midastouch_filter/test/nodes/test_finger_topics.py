@@ -15,10 +15,10 @@ from sensor_msgs.msg import PointCloud2
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.localiser import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.touch import reduced_penetration
 from midastouch_msgs.msg import FilterStatus, TactileCode
 
 pytestmark = pytest.mark.dds

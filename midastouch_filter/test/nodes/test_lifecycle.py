@@ -22,8 +22,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common.errors import InputError
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.touch import Measurement
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_msgs.srv import SetObject
 

@@ -10,10 +10,10 @@ from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
 from filter_fakes import SECOND, cloud_msg, code_msg, loader_of, tf_msg
 from sensor_msgs.msg import PointCloud2
 
+from midastouch_filter.core.touch import reduced_penetration
 from midastouch_filter.nodes import map_source
 from midastouch_filter.nodes.map_source import MapSource
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.touch import reduced_penetration
 
 pytestmark = pytest.mark.dds
 

@@ -7,7 +7,7 @@ from visualization_msgs.msg import Marker
 
 from midastouch_common import se3
 from midastouch_common.message_arrays import points_from_msg
-from midastouch_filter.estimate import Mode
+from midastouch_filter.core.estimate import Mode
 from midastouch_filter.nodes import markers
 
 HEADER = Header(frame_id="object")

@@ -15,10 +15,10 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes import tf2_buffer
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
-from midastouch_filter.touch import Measurement
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
 pytestmark = pytest.mark.dds

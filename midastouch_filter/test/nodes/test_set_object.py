@@ -14,8 +14,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.localiser import LoadedObject
-from midastouch_filter.state import CONVERGED
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel

@@ -11,7 +11,7 @@ from filter_fakes import DIAGONAL, SECOND, pose_msg, tf_msg, translation
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from midastouch_common import se3
-from midastouch_filter.state import CONVERGED
+from midastouch_filter.core.state import CONVERGED
 
 pytestmark = pytest.mark.dds
 

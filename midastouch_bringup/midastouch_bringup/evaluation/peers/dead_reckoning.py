@@ -10,13 +10,13 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
-from midastouch_filter import initialisation
-from midastouch_filter.estimate import Estimate, Mode
-from midastouch_filter.state import CONVERGED, UNINITIALISED, Status
-from midastouch_filter.stopwatch import Stopwatch
+from midastouch_filter.core import initialisation
+from midastouch_filter.core.estimate import Estimate, Mode
+from midastouch_filter.core.state import CONVERGED, UNINITIALISED, Status
+from midastouch_filter.core.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
-    from midastouch_filter.touch import Measurement
+    from midastouch_filter.core.touch import Measurement
     from midastouch_perception.codebook import Codebook
 
 

@@ -17,18 +17,18 @@ from sklearn.cluster import DBSCAN
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import ROTATION_SCALE
-from midastouch_filter import initialisation, resampling
-from midastouch_filter.config import FilterConfig
-from midastouch_filter.estimate import Estimate, Mode, modes_from_moments
-from midastouch_filter.modes import Moments
-from midastouch_filter.motion_model import MotionModel, Odometry
-from midastouch_filter.particles import Particles
-from midastouch_filter.state import Evidence, StateMachine, Status
-from midastouch_filter.stopwatch import Stopwatch
-from midastouch_filter.workers import Workers
+from midastouch_filter.core import initialisation, resampling
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate, Mode, modes_from_moments
+from midastouch_filter.core.modes import Moments
+from midastouch_filter.core.motion_model import MotionModel, Odometry
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.state import Evidence, StateMachine, Status
+from midastouch_filter.core.stopwatch import Stopwatch
+from midastouch_filter.core.workers import Workers
 
 if TYPE_CHECKING:
-    from midastouch_filter.touch import Measurement
+    from midastouch_filter.core.touch import Measurement
     from midastouch_perception.codebook import Codebook
 
 _SURFACE_SPACING = 5e-4  # m, between the points that stand for the surface

@@ -14,8 +14,8 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.state import AMBIGUOUS, CONVERGED
-from midastouch_filter.touch import MAP_SCALE
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
+from midastouch_filter.core.touch import MAP_SCALE
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 
@@ -23,7 +23,7 @@ from ...inspection import require_open3d
 from .dead_reckoning import DeadReckoning
 
 if TYPE_CHECKING:
-    from midastouch_filter.touch import Measurement
+    from midastouch_filter.core.touch import Measurement
     from midastouch_perception.codebook import Codebook
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.localiser import Localiser
 from midastouch_filter.quick_start import build_object
 

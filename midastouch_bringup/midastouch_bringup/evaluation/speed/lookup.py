@@ -6,12 +6,12 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.lookup import PoseLookup, space_filling_order
+from midastouch_filter.core.motion_model import MotionModel, Odometry
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.lookup import PoseLookup, space_filling_order
-from midastouch_filter.motion_model import MotionModel, Odometry
-from midastouch_filter.particles import Particles
-from midastouch_filter.workers import Workers
 
 from .timing import Stopwatch, time_calls
 

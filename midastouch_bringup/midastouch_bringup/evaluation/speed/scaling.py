@@ -14,9 +14,9 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 from ..table import number

@@ -11,12 +11,12 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.places import Place
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.perceived import measurement_of
-from midastouch_filter.places import Place
-from midastouch_filter.refinement import is_narrow
-from midastouch_filter.touch import Measurement
+from midastouch_filter.refinement.refinement import is_narrow
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.sensor_model import SensorModel

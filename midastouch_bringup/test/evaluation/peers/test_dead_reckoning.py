@@ -6,7 +6,7 @@ import pytest
 from midastouch_bringup.evaluation.peers.dead_reckoning import DeadReckoning
 from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_common import se3
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 
 
 @pytest.fixture

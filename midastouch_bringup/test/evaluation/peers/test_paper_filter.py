@@ -6,7 +6,7 @@ import pytest
 
 from midastouch_bringup.evaluation.peers.paper_filter import PaperConfig, PaperFilter
 from midastouch_common import se3
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 
 SMALL = PaperConfig(n_start=2000, n_least=200)

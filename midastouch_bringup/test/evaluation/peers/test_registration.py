@@ -8,7 +8,7 @@ import pytest
 from midastouch_bringup.evaluation.variants import VARIANTS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel

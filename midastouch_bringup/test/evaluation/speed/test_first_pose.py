@@ -4,7 +4,7 @@ from midastouch_bringup.evaluation.speed.first_pose import first_poses, summaris
 from midastouch_bringup.evaluation.stock import SlideKind, Stock
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import growth, quick_start
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
 

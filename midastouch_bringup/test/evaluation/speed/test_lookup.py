@@ -3,9 +3,9 @@ import pytest
 
 from midastouch_bringup.evaluation.speed.lookup import lookup_speed
 from midastouch_common import se3
-from midastouch_filter.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.perceived import measurement_of
 
 
 @pytest.fixture

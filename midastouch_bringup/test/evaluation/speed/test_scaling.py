@@ -6,7 +6,7 @@ import trimesh
 from midastouch_bringup.evaluation.speed.scaling import Slide, measure, scaling_table, sizes
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.touch import Measurement
+from midastouch_filter.core.touch import Measurement
 from midastouch_perception.codebook import FORMAT, Codebook
 from midastouch_perception.sensor_model import SensorModel
 

@@ -1,0 +1,94 @@
+"""Where slides lead on the surface of an object: straightest geodesics, many at once.
+
+A finger that follows the surface turns with its normal and no further (parallel transport), so that a heading in its
+gel's plane stays one. As `straight_on` of the simulator, but in longer steps, by rougher normals, and what can be
+touched is told by the codebook.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_perception.codebook_poses import PRESS
+from midastouch_perception.simulation.surface_walk import MIN_PROGRESS
+
+from ..core.object_model import ObjectModel
+
+_STEP = 7.5e-3  # m; a gel is 19 mm wide
+
+
+def predict_slides(
+    model: ObjectModel, starts: np.ndarray, headings: np.ndarray, distances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gel poses (H, K, T + 1, 4, 4) along slides, and which (H, K, T + 1) of them the gel can touch at.
+
+    starts (H, 4, 4) `T_obj_gel`, headings (K,) [rad] in the gel's plane, from its x to its y axis; distances (T,) [m]
+    along the surface, ascending. The first pose of a slide is its start, laid flat onto the surface. Where a pose
+    cannot be touched at, as in a fold or below a rim, later ones may be again.
+    """
+    shape = len(starts), len(headings)
+    walk = _Walk(model, np.repeat(starts, shape[1], axis=0), np.tile(headings, shape[0]))
+    poses, alive, before = [walk.poses], [walk.alive.copy()], 0.0
+    for distance in distances:
+        walk.advance(distance - before)
+        poses.append(walk.poses)
+        alive.append(walk.alive.copy())
+        before = distance
+    every = np.stack(poses, axis=1).reshape(*shape, len(distances) + 1, 4, 4)
+    # farther from the codebook, the filter would rather take a touch for chance
+    _, log_weight = nearest_and_log_weight(model, every)
+    near = log_weight > np.log(model.measurement.outlier)
+    return every, np.stack(alive, axis=1).reshape(every.shape[:3]) & near
+
+
+def nearest_and_log_weight(model: ObjectModel, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Entries of the codebook nearest to poses (..., 4, 4) of a gel that touches, and nats (...) <= 0 that the filter
+    gives the poses by how far off they lie; any entry for one farther than matters."""
+    entries, distance = model.lookup.nearest(poses.reshape(-1, 4, 4), model.surface.reach)
+    log_weight = model.surface.bounded_log_weight(np.zeros(len(distance)), distance, True, model.config.surface_sigma)
+    return entries.reshape(poses.shape[:-2]), log_weight.reshape(poses.shape[:-2])
+
+
+class _Walk:
+    """N gels on their way over a surface."""
+
+    def __init__(self, model: ObjectModel, starts: np.ndarray, headings: np.ndarray):
+        self._mesh, self._normals = model.mesh, model.normals
+        self._position, _, face = self._mesh.closest_points(starts[:, :3, 3])
+        self._rotation = _laid_flat(starts[:, :3, :3], self._normals.at(self._position, face))
+        ahead = np.stack([np.cos(headings), np.sin(headings), np.zeros(len(headings))], axis=1)
+        self._heading = np.einsum("nij,nj->ni", self._rotation, ahead)
+        self.alive = np.ones(len(starts), bool)
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Gel poses (N, 4, 4), pressed as those of codebooks are."""
+        return se3.make(self._rotation, self._position - PRESS * self._rotation[:, :, 2])
+
+    def advance(self, distance: float) -> None:
+        """Go on by so many metres; who is in a fold, where the closest point falls back, stays there."""
+        steps = max(round(distance / _STEP), 1)
+        for _ in range(steps):
+            step, going = distance / steps, np.flatnonzero(self.alive)
+            here = self._position[going]
+            position, _, face = self._mesh.closest_points(here + step * self._heading[going])
+            moved = position - here
+            normal = self._normals.at(position, face)
+            tangent = moved - np.einsum("ni,ni->n", moved, normal)[:, None] * normal
+            length = np.linalg.norm(tangent, axis=1)
+            good = length > MIN_PROGRESS * step
+            self.alive[going[~good]] = False
+            going = going[good]
+            self._position[going] = position[good]
+            self._heading[going] = tangent[good] / length[good, None]
+            self._rotation[going] = _laid_flat(self._rotation[going], normal[good])
+
+
+def _laid_flat(rotations: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3) turned by the smallest angle after which their z axes are the normals (N, 3)."""
+    z = rotations[:, :, 2]
+    axis, cosine = np.cross(z, normals), np.einsum("ni,ni->n", z, normals)
+    sine = np.linalg.norm(axis, axis=1)
+    turn = axis * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-9))[:, None]
+    return se3.exp(np.concatenate([np.zeros_like(turn), turn], axis=1))[:, :3, :3] @ rotations

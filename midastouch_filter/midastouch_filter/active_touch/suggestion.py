@@ -1,0 +1,247 @@
+"""Where to touch next: slides ranked by what they are expected to tell about the place, for what they cost.
+
+The finger does not know where it is, so that it can only be told a motion relative to its gel: a heading, and how far.
+Each hypothesis says where that would lead (`slide_prediction.py`) and what the touches on the way would say for it
+(`expected_evidence.py`). With probabilities p and the evidence E(i, j) that speaks for i against j if i is right, the
+information of a slide about the place is that of a mixture (Kolchinsky and Tracey 2017),
+
+    I = - sum_i p_i log sum_j p_j exp(-E(i, j)),
+
+which lies between 0 and the entropy of p. Slides are ranked by information per metre, the best policy where more of
+them follow. Poses of several objects may compete: then it is information about the object, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from midastouch_common.pose_metric import ROTATION_SCALE
+
+from ..core.noise_model import NoiseModel
+from .expected_evidence import by_model, carried_along, code_evidence, map_evidence
+from .hypotheses import Hypothesis
+from .slide_prediction import predict_slides
+
+HEADINGS = 8
+_TOUCHES = 8  # of a slide, ever farther apart
+_PER_MOTION = 2  # touches on the shortest one: over an edge that it crosses there should be one
+CLEARANCE = 0.01
+"""m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """max_length [m] of a suggestion, None: the object's diagonal; lifts, whether they are allowed; count, at most."""
+
+    max_length: float | None = None
+    lifts: bool = False
+    count: int = 3
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift: not felt on the
+    way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on the object, by the
+    most probable hypothesis that can go this way, the first where it is now; n = 0 where none on that object can."""
+
+    heading: float
+    length: float
+    lift: bool
+    information: float
+    cost: float
+    reason: str
+    path: np.ndarray
+
+
+@dataclass(frozen=True)
+class Advice:
+    """suggestions, best first; indistinguishable: places remain that nothing within reach can tell apart; message."""
+
+    suggestions: list[Suggestion]
+    indistinguishable: bool
+    message: str
+
+
+def advise(
+    hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str = ""
+) -> Advice:
+    """What to do next, given what is possible: hypotheses, most probable first, probabilities of sum 1.
+
+    felt (F, 4, 4): gels that have touched since the last lift, in the frame of the present one. on: name of the object
+    in whose frame paths are wanted.
+    """
+    outlook = _Outlook(hypotheses, felt, wanted, noise, on)
+    suggestions = sorted(outlook.slides() + outlook.lifts(), key=lambda each: -each.information / each.cost)
+    chosen = [each for each in suggestions if each.information > 0][: wanted.count]
+    alike = outlook.alike()
+    return Advice(chosen, bool(alike), _message(hypotheses, chosen, alike))
+
+
+class _Outlook:
+    """What every heading leads to, for H hypotheses, K headings and T touches on the way."""
+
+    def __init__(self, hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str):
+        self._hypotheses, self._wanted, self._noise = hypotheses, wanted, noise
+        self._drawn = np.array([each.name == on for each in hypotheses])
+        self._probability = np.array([each.probability for each in hypotheses])
+        config = hypotheses[0].model.config
+        doubt = 1.0 - config.converged_probability
+        self._certain = math.log(config.converged_probability / doubt) if doubt else math.inf
+        self._headings = 2 * np.pi * np.arange(HEADINGS) / HEADINGS
+        length, shortest = wanted.max_length or hypotheses[0].model.mesh.diagonal, config.correlation_length
+        self._distances = touches_on_the_way(length, shortest / _PER_MOTION)
+        self._long_enough = self._distances >= min(shortest, length)
+        self._tracks, self._touchable = self._predicted()
+        self._slid = np.logical_and.accumulate(self._touchable, axis=2)
+        evidence = self._evidence()
+        news = independence_on_the_way(self._tracks, felt, config.correlation_length)
+        self._by_slide = np.maximum(np.cumsum(evidence * (news * self._slid)[..., None], axis=2), 0.0)
+        self._elsewhere = np.maximum(evidence, 0.0) * self._touchable[..., None]
+        moved = noise.change_lifted
+        self._by_lift = -np.log((1.0 - moved) * np.exp(-self._elsewhere) + moved)
+
+    def _predicted(self) -> tuple[np.ndarray, np.ndarray]:
+        shape = len(self._hypotheses), HEADINGS, len(self._distances) + 1
+        tracks, touchable = np.empty((*shape, 4, 4)), np.empty(shape, bool)
+        for model, group in by_model(self._hypotheses):
+            starts = np.stack([self._hypotheses[i].pose for i in group])
+            tracks[group], touchable[group] = predict_slides(model, starts, self._headings, self._distances)
+        return tracks, touchable[:, :, 1:]
+
+    def _evidence(self) -> np.ndarray:
+        """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow places by their maps."""
+        ways = self._tracks[:, :, 1:]
+        flat = ways.reshape(len(ways), -1, 4, 4)
+        poses = carried_along(self._tracks[:, 0, 0], flat)
+        evidence = code_evidence(self._hypotheses, poses)
+        places = self._with_maps()
+        for i in places:
+            rivals = [j for j in places if j != i]
+            evidence[i][:, rivals] = 0.0  # what tells two rivals apart does not tell which place is right
+            rivals = rivals if i == 0 else [0]
+            within_reach = self._touchable if self._wanted.lifts else self._slid
+            some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in rivals]
+            at = np.ix_([i], some, rivals)
+            evidence[at] = map_evidence(self._hypotheses[i], against, flat[i, some], poses[at][0], self._noise)
+        return evidence.reshape(*ways.shape[:3], -1)
+
+    def _with_maps(self) -> list[int]:
+        """Places whose maps can be compared, none if the most probable hypothesis is none of them, or the only one."""
+        able = [k for k, each in enumerate(self._hypotheses) if each.place and each.model.alignment is not None]
+        return able if able[:1] == [0] and len(able) > 1 else []
+
+    def slides(self) -> list[Suggestion]:
+        """The best one in each heading."""
+        return self._best(self._by_slide, self._slid, self._distances, lift=False)
+
+    def lifts(self) -> list[Suggestion]:
+        """The best one in each heading, to where no slide leads."""
+        if not self._wanted.lifts:
+            return []
+        beyond = self._touchable & ~self._slid
+        return self._best(self._by_lift, beyond, self._distances + 2 * CLEARANCE, lift=True)
+
+    def _best(self, evidence: np.ndarray, possible: np.ndarray, cost: np.ndarray, lift: bool) -> list[Suggestion]:
+        """possible (H, K, T); what most of the belief would not let happen is not suggested."""
+        likely = (np.tensordot(self._probability, possible, axes=1) > 0.5) & self._long_enough
+        information = np.where(likely, mixture_information(self._probability, evidence), -1.0)
+        out = []
+        for k, t in enumerate(np.argmax(information / cost, axis=1)):
+            if likely[k, t]:
+                able = np.flatnonzero(possible[:, k, t] & self._drawn)[:1]  # of these the most probable
+                stops = [0, t + 1] if lift else range(t + 2)
+                out.append(
+                    Suggestion(
+                        heading=math.remainder(self._headings[k], 2 * math.pi),
+                        length=float(self._distances[t]),
+                        lift=lift,
+                        information=max(float(information[k, t]), 0.0),
+                        cost=float(cost[t]),
+                        reason=self._reason(evidence[:, k, t], self._distances[t], lift),
+                        path=self._tracks[able, k][:, stops].reshape(-1, 4, 4),
+                    )
+                )
+        return out
+
+    def _reason(self, evidence: np.ndarray, distance: float, lift: bool) -> str:
+        """In words, by the two hypotheses that it tells apart best; evidence (H, H)."""
+        p = self._probability
+        places = [k for k, each in enumerate(self._hypotheses) if each.place]
+        how = f"{'touched again' if lift else 'after'} {1e3 * distance:.0f} mm"
+        if len(places) < 2:
+            what = f"it is seen whether {_called(self._hypotheses[0])} is right" if places else "the places felt differ"
+            return f"{how} {'away ' if lift else ''}{what}"
+        gain = np.outer(p, p) * (1.0 - np.exp(-evidence))
+        gain = (gain + gain.T)[np.ix_(places, places)]
+        a, b = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        pair = [_called(self._hypotheses[places[k]]) for k in sorted((a, b))]
+        return f"{how} {'away ' if lift else ''}{pair[0]} feels unlike {pair[1]}"
+
+    def alike(self) -> list[Hypothesis]:
+        """Places that compete with the most probable one and cannot be told from it; none if that is no hindrance."""
+        places = [k for k, each in enumerate(self._hypotheses) if each.place]
+        if len(places) < 2:
+            return []
+        most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is felt by two of them
+        if self._wanted.lifts:  # wherever the object is by then, touches there tell
+            most = np.maximum(most, self._elsewhere.max(axis=(1, 2)))
+        top = places[0]
+        odds = np.log(self._probability[top] / self._probability)
+        alike = [k for k in places if k == top or odds[k] + min(most[top, k], most[k, top]) < self._certain]
+        mass, named = (sum(self._probability[k] for k in some) for some in (alike, places))
+        sure = self._probability[top] / mass
+        certain = self._hypotheses[0].model.config.converged_probability
+        return [self._hypotheses[k] for k in alike] if sure < certain <= mass / named else []
+
+
+def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
+    """Distances (T,) [m] of touches on a way of `length` [m]: the first after `spacing`, then ever farther apart."""
+    count = int(np.clip(length / spacing, 1, _TOUCHES))
+    if count == 1:
+        return np.array([length])
+    power = max(math.log(length / spacing) / math.log(count), 1.0)
+    return length * (np.arange(1, count + 1) / count) ** power
+
+
+def independence_on_the_way(tracks: np.ndarray, felt: np.ndarray, correlation: float) -> np.ndarray:
+    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `keyframes.independence`.
+
+    tracks (H, K, T + 1, 4, 4); felt (F, 4, 4), in the frame of the start.
+    """
+    out = np.ones((*tracks.shape[:2], tracks.shape[2] - 1))
+    before = tracks[:, :, 0, None] @ felt
+    for t in range(out.shape[2]):
+        older = np.concatenate([before, tracks[:, :, : t + 1]], axis=2)
+        squared = np.square(older - tracks[:, :, t + 1, None])
+        distance = np.sqrt(
+            squared[..., :3, 3].sum(axis=-1) + 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
+        )
+        out[:, :, t] = np.minimum(distance.min(axis=2) / correlation, 1.0)
+    return out
+
+
+def mixture_information(probability: np.ndarray, evidence: np.ndarray) -> np.ndarray:
+    """Nats (...) about which of H hypotheses of a probability (H,) is right, by evidence (H, ..., H)."""
+    inner = np.log(np.exp(-evidence) @ probability)
+    return -np.tensordot(probability, inner, axes=1)
+
+
+def _called(hypothesis: Hypothesis) -> str:
+    x, y, z = 1e3 * hypothesis.pose[:3, 3]
+    where = f"({x:.0f}, {y:.0f}, {z:.0f}) mm"
+    return f"{hypothesis.name + ' at ' if hypothesis.name else ''}{where} ({hypothesis.probability:.0%})"
+
+
+def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], alike: list[Hypothesis]) -> str:
+    places = [each for each in hypotheses if each.place]
+    if alike:
+        return f"nothing within reach can tell these places apart: {', '.join(map(_called, alike))}"
+    if not suggestions:
+        return "no slide within reach tells anything; allow lifts, or a longer way"
+    if len(places) > 1:
+        return f"{len(places)} places compete: {', '.join(map(_called, places))}"
+    return f"one place is left to be confirmed: {_called(places[0])}" if places else "no place stands out yet"

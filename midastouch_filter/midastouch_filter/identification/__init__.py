@@ -1,0 +1,1 @@
+"""Which object of a catalogue is touched."""

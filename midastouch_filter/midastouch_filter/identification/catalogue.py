@@ -1,0 +1,253 @@
+"""The objects that may be touched: of each as much as it takes to tell whether it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_poses import YAWS
+from midastouch_perception.sensor_model import SensorModel
+
+from ..core import memory
+from ..core.alignment import PenetrationAlignment
+from ..core.config import FilterConfig
+from ..core.lookup import NearestEntry
+from ..core.noise_model import NoiseModel
+from ..core.touch import MAP_SCALE
+from ..localiser import LoadedObject, object_of
+from .coarse_index import typical_codes
+
+FEWEST = 5_000
+"""Poses of each codebook that are compared, at least."""
+
+ROOM = 2**20
+"""Poses that a touch is compared with at most: 40 ms of one core, a third more than all YCB scans take."""
+
+_SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_entries` of the noise model to either side
+
+_PARTS = ("mesh", "codebook", "lookup", "alignment")  # of an entry, as a comparison needs them
+
+_SAME = 1e-6  # share of its size within which one mesh is another one
+
+
+class Entry:
+    """One object of a catalogue. What was forgotten is read again when it is asked for, or InputError raised.
+
+    Attributes: name; path of the whole codebook, None if there is no more of it; meta, its description; size, poses of
+    it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; lookup among them; alignment to
+    the mesh; typical codes, (T, D).
+    """
+
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel):
+        if missing := [name for name in ("sensor", "tcn") if not codebook.meta.get(name)]:
+            unsaid = ", ".join(missing)
+            raise InputError(f"{path or mesh.name}: codebook that does not say its {unsaid}; build it again")
+        if path is not None and len(codebook.poses) > (worth := poses_worth(mesh)):
+            codebook = Codebook(codebook.poses[:worth], codebook.codes[:worth], codebook.meta)
+        self.mesh, self.codebook = mesh, codebook
+        self.name, self.path, self.meta, self.size = mesh.name, path, codebook.meta, len(codebook.poses)
+        self._noise, self._mesh_path, self._content = noise, mesh.path, mesh.sha256
+        self._form = (mesh.faces.shape, mesh.bounds, mesh.area)
+
+    @cached_property
+    def mesh(self) -> ObjectMesh:
+        mesh = ObjectMesh.load(self._mesh_path)
+        if mesh.sha256 != self._content:
+            raise InputError(f"{self._mesh_path}: the mesh has changed since it was read; start again")
+        return mesh
+
+    @cached_property
+    def codebook(self) -> Codebook:
+        codebook = Codebook.load(self.path, first=self.size)
+        if codebook.meta != self.meta:
+            raise InputError(f"{self.path}: the codebook has changed since it was read; start again")
+        return codebook
+
+    @cached_property
+    def lookup(self) -> NearestEntry:
+        return NearestEntry(self.codebook.poses)
+
+    @cached_property
+    def alignment(self) -> PenetrationAlignment:
+        sensor = SensorModel.of_codebook(self.meta).scaled(MAP_SCALE)
+        return PenetrationAlignment(self.mesh, sensor, self._noise)
+
+    @cached_property
+    def typical(self) -> np.ndarray:
+        return typical_codes(self.codebook.codes)
+
+    def prepare(self) -> None:
+        """Have all at hand that a comparison asks for."""
+        for part in _PARTS:
+            getattr(self, part)
+
+    @property
+    def prepared(self) -> bool:
+        """Whether that is so."""
+        return all(part in self.__dict__ for part in _PARTS)
+
+    def forget(self) -> None:
+        """Free the memory of all that files hold, but for the typical codes."""
+        if self.path is not None and self._mesh_path is not None:
+            kept = self.typical  # of codes that are still there
+            for part in _PARTS:
+                self.__dict__.pop(part, None)
+            self.typical = kept
+
+    def load(self, config: FilterConfig, seed: int) -> LoadedObject:
+        """The filter on this object, with its whole codebook; InputError as `localiser.object_of`."""
+        codebook = self.codebook if self.path is None else Codebook.load(self.path, mesh=self.mesh)
+        return object_of(self.mesh, codebook, config, seed)
+
+    def is_same_as(self, other: Entry) -> bool:
+        """Whether the two meshes are one, be it in other files."""
+        (faces, bounds, area), (their_faces, their_bounds, their_area) = self._form, other._form
+        close = _SAME * float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        return self._content == other._content or (
+            faces == their_faces
+            and np.allclose(bounds, their_bounds, rtol=0, atol=close)
+            and bool(np.isclose(area, their_area, rtol=_SAME))
+        )
+
+
+class Catalogue:
+    """Objects of one code network and sensor.
+
+    Attributes: entries; room, for so many poses that a touch is compared with; rows, of each entry among the poses of
+    all; calibration of the codes; sensor, at map resolution; network_id; twins, for each name that stands for the same
+    mesh as another one, that one's.
+    Raises InputError: no objects, two of one name, of different networks or sensors.
+    """
+
+    def __init__(self, entries: Sequence[Entry], twins: dict[str, str] | None = None, room: int = ROOM):
+        if not entries:
+            raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
+        self.entries, self.twins, self.room = list(entries), dict(twins or {}), room
+        first = self.entries[0].meta
+        for entry in self.entries[1:]:
+            _require_alike(self.entries[0], entry)
+        ends = np.cumsum([0, *(entry.size for entry in self.entries)])
+        self.rows = [slice(low, high) for low, high in pairwise(ends)]
+        self.calibration, self.network_id = first, str(first["tcn"])
+        self.sensor = SensorModel.of_codebook(first).for_maps
+
+    @classmethod
+    def of(
+        cls, objects: Iterable[tuple[ObjectMesh, Codebook, Path | None]], noise: NoiseModel, room: int = ROOM
+    ) -> Catalogue:
+        """Of meshes with their codebooks, and the files of these if an `Entry` is to read them again.
+
+        Meshes that are the same count once, under the first one's name. What has no room is forgotten until it is asked
+        for; all else is made ready, so that no touch has to wait for it.
+        """
+        entries: list[Entry] = []
+        twins: dict[str, str] = {}
+        poses = 0
+        for mesh, codebook, path in objects:
+            entry = Entry(mesh, codebook, path, noise)
+            twin = next((each.name for each in entries if each.is_same_as(entry)), None)
+            if twin is not None:
+                twins[mesh.name] = twin
+                continue
+            if mesh.name in (each.name for each in entries):
+                raise InputError(f"{mesh.path or mesh.name}: another object is called '{mesh.name}'; rename the file")
+            entries.append(entry)
+            poses += entry.size
+            if poses > room:
+                entry.forget()
+            else:
+                entry.prepare()
+        if poses > room:
+            memory.trim()
+        return cls(entries, twins, room)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def number(self, name: str) -> int:
+        """Of the object of that name."""
+        return [entry.name for entry in self.entries].index(name)
+
+    def only(self, numbers: Sequence[int]) -> Catalogue:
+        """The same with these objects only, in this order."""
+        return Catalogue([self.entries[number] for number in numbers], room=self.room)
+
+    def without(self, name: str) -> Catalogue:
+        """The same but for one object."""
+        return self.only([number for number, entry in enumerate(self.entries) if entry.name != name])
+
+    def with_room(self, ranked: Sequence[int]) -> list[int]:
+        """The first of `ranked` numbers, in their own order: as many as there is room for, one at least."""
+        poses = np.cumsum([self.entries[number].size for number in ranked])
+        return sorted(ranked[: max(int((poses <= self.room).sum()), 1)])
+
+
+def poses_worth(mesh: ObjectMesh) -> int:
+    """Poses that it takes to tell whether this object is touched: sites at an even distance, whatever its size."""
+    return max(FEWEST, YAWS * math.ceil(mesh.area / _SPACING**2))
+
+
+def read_catalogue(
+    sources: Sequence[Path],
+    build: Callable[[Path], tuple[ObjectMesh, Codebook]],
+    noise: NoiseModel,
+    room: int = ROOM,
+) -> Catalogue:
+    """From codebooks (.npz), whose meshes they name, folders of codebooks, and meshes.
+
+    build: makes the codebook of a mesh. Of a codebook only what is needed is read. Raises InputError that names the
+    file: missing, unreadable, too large or too small, and as `Catalogue`.
+    """
+    return Catalogue.of((_read(source, build) for source in _files(sources)), noise, room)
+
+
+def _files(sources: Sequence[Path]) -> list[Path]:
+    out: list[Path] = []
+    for source in sources:
+        if source.is_dir():
+            inside = sorted(source.glob("*.npz"))
+            if not inside:
+                raise InputError(f"{source}: folder without codebooks (*.npz); fill it with midastouch build-codebook")
+            out += inside
+        else:
+            out.append(source)
+    return out
+
+
+def _read(
+    source: Path, build: Callable[[Path], tuple[ObjectMesh, Codebook]]
+) -> tuple[ObjectMesh, Codebook, Path | None]:
+    if source.suffix != ".npz":
+        return (*build(source), None)
+    meta = Codebook.load(source, first=1).meta
+    mesh_path = Path(meta.get("mesh_path") or "")
+    if not mesh_path.is_file():
+        raise InputError(f"{source}: its mesh '{mesh_path}' is not there any more; build the codebook again")
+    mesh = ObjectMesh.load(mesh_path)
+    if mesh.sha256 != meta["mesh_sha256"]:
+        raise InputError(f"{source}: its mesh {mesh_path} has changed since; build the codebook again")
+    return mesh, Codebook.load(source, mesh=mesh, first=poses_worth(mesh)), source
+
+
+def _require_alike(first: Entry, other: Entry) -> None:
+    """Raise InputError unless codes of both can be compared."""
+    for key, what in (("tcn", "network"), ("sensor", "sensor")):
+        one, two = first.meta[key], other.meta[key]
+        if one != two:
+            raise InputError(
+                f"{other.path or other.name}: codebook of the {what} {two}, that of {first.name} is of {one}; "
+                "build one of them again"
+            )
+    if SensorModel.of_codebook(first.meta).content_id != SensorModel.of_codebook(other.meta).content_id:
+        raise InputError(
+            f"{other.path or other.name}: codebook of a sensor {other.meta['sensor']} with another geometry than "
+            f"that of {first.name}; build one of them again"
+        )

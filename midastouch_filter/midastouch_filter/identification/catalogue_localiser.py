@@ -1,0 +1,186 @@
+"""A localiser that does not know the object: it finds out which one of a catalogue, and localises on that meanwhile."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_perception.sensor_model import SensorModel
+
+from ..active_touch.hypotheses import MOST, Hypothesis
+from ..active_touch.suggestion import Advice, Wanted, advise
+from ..core.config import FilterConfig
+from ..core.estimate import Estimate
+from ..core.noise_model import NoiseModel
+from ..core.object_model import ObjectModel
+from ..core.state import AMBIGUOUS, CONVERGED
+from ..core.touch import Measurement
+from ..core.workers import Workers
+from ..localiser import LoadedObject, Localiser
+from .catalogue import Catalogue, Entry
+from .identity import Identification, Identity
+
+_KEPT = 2  # filters of objects that lead by turns; each has some 100 MiB
+_WORTH_A_MODEL = 0.02  # probability of a place
+
+
+@dataclasses.dataclass(frozen=True)
+class PossiblePlace:
+    """The sensor may touch the object of `model`, called `name`, at pose (4, 4) `T_obj_gel`, with this probability."""
+
+    model: ObjectModel
+    name: str
+    pose: np.ndarray
+    probability: float
+
+
+class CatalogueLocaliser(Localiser):
+    """Runs the filter of the most probable object only, started at that object's best places.
+
+    While another object may be touched, it does not call itself `converged`. As long as every object is less probable
+    than that it is none of them no filter runs.
+
+    Args: catalogue; config; seed; unknown, as of `Identification`; on_object: called with every entry that comes to
+    lead; on_identity: with what was found and the gel's pose T_base_gel (4, 4) and stamp [ns].
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        config: FilterConfig,
+        seed: int,
+        unknown: float = 0.5,
+        on_object: Callable[[Entry], object] = lambda entry: None,
+        on_identity: Callable[[Identity, np.ndarray, int | None], object] = lambda identity, T_base_gel, stamp: None,
+    ):
+        super().__init__(None, False)
+        self._catalogue, self._config, self._seed = catalogue, config, seed
+        self._on_object, self._on_identity = on_object, on_identity
+        self._noise = NoiseModel.of(config)
+        self._identification: Identification | None = Identification(catalogue, config, self._noise, unknown)
+        self._loaded: dict[str, LoadedObject] = {}
+        self._models: dict[str, ObjectModel] = {}
+        self._last: np.ndarray | None = None
+
+    @property
+    def identity(self) -> Identity | None:
+        """What is touched, as far as it is known; None once somebody has named the object."""
+        return self._identification.identity if self._identification else None
+
+    @property
+    def sensor(self) -> SensorModel | None:
+        return self._catalogue.sensor if self._identification else super().sensor
+
+    @property
+    def waiting_for(self) -> str:
+        if self._identification is None or self._object is not None:
+            return super().waiting_for
+        return (
+            f"which of {len(self._catalogue)} objects it is, is not known yet: {self._identification.found.in_words()}"
+        )
+
+    @property
+    def untouched(self) -> bool:
+        return super().untouched and self._last is None
+
+    def set_object(self, loaded: LoadedObject) -> None:
+        """Localise on this object, whatever the catalogue says."""
+        self._identification = None
+        self._loaded, self._models = {}, {}
+        super().set_object(loaded)
+
+    def restart(self) -> None:
+        self._last = None
+        if self._identification:
+            self._identification.restart()
+            if self._start is None and self._prior is None:
+                self._object = None
+        super().restart()
+
+    def process(
+        self,
+        T_base_gel: np.ndarray,
+        measurement: Measurement,
+        others: Mapping[str, Measurement] | None = None,
+        stamp: int | None = None,
+    ) -> Estimate | None:
+        if self._identification is None:
+            return super().process(T_base_gel, measurement, others, stamp)
+        moved = None if self._last is None else se3.inverse(self._last) @ T_base_gel
+        anew = self._identification.step(moved, measurement)
+        self._last = T_base_gel
+        if anew:
+            identity = self._identification.identity
+            self._follow(identity)
+            self._on_identity(identity, T_base_gel, stamp)
+        estimate = super().process(T_base_gel, measurement, others, stamp)
+        if estimate is not None:
+            self.estimate = self._qualified(estimate, self._identification.found)
+        return self.estimate
+
+    def _follow(self, identity: Identity) -> None:
+        """Let the filter run on the object that is the answer now, unless the last one is hardly less probable.
+
+        While `unknown` is the answer, nothing changes: to start a filter takes as long as some hundred steps of it.
+        """
+        leading = identity.leading
+        held = [each.probability for each in identity.hypotheses if self._object and each.name == self._object.name]
+        if identity.answer != leading.name or (held and leading.probability < self._config.hysteresis * held[0]):
+            return
+        entry = self._catalogue.entries[self._catalogue.number(leading.name)]
+        self._object = self._loaded.pop(entry.name, None) or entry.load(self._config, self._seed)
+        self._loaded[entry.name] = self._object
+        while len(self._loaded) > _KEPT:
+            del self._loaded[next(iter(self._loaded))]
+        self._start = self._prior = self._pending_prior = None
+        self._begin(None)
+        self._object.filter.initialise_places(leading.places, self._identification.window)
+        self._on_object(entry)
+
+    def _qualified(self, estimate: Estimate, identity: Identity) -> Estimate:
+        """The estimate with a status that names what competes, and that is sure of no place on one object of many."""
+        status, words = estimate.status, identity.in_words()
+        if status.state == CONVERGED and identity.leading.probability < self._config.converged_probability:
+            status = dataclasses.replace(status, state=AMBIGUOUS, reason=f"not sure which object it is: {words}")
+        else:
+            status = dataclasses.replace(status, reason=f"{status.reason}; {words}")
+        return dataclasses.replace(estimate, status=status)
+
+    def possible_places(self) -> list[PossiblePlace]:
+        """Places on all objects that may be, most probable first: what a next touch is to decide between.
+
+        An object's model is made when it is first asked for, in about a second.
+        """
+        found = (
+            [(each.name, place) for each in self.identity.hypotheses for place in each.places] if self.identity else []
+        )
+        worth = [each for each in found if each[1].probability >= _WORTH_A_MODEL]
+        self._models = {name: self._models[name] for name in self._models.keys() & {name for name, _ in worth}}
+        return [
+            PossiblePlace(self._model(name), name, place.pose, place.probability)
+            for name, place in sorted(worth, key=lambda each: -each[1].probability)
+        ]
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """As a filter's on one object; while several may be, what tells them apart counts as much."""
+        places = self.possible_places()[:MOST]
+        if len({place.name for place in places}) < 2:
+            return super().advise(wanted)
+        total = sum(place.probability for place in places)
+        hypotheses = [Hypothesis(each.model, each.pose, each.probability / total, True, each.name) for each in places]
+        on = self._object.name if self._object else ""
+        return advise(hypotheses, self.felt, wanted, self._noise, on)
+
+    @property
+    def felt(self) -> np.ndarray:
+        """(F, 4, 4) of the gels that have felt this since the last lift, in the frame of the present one."""
+        return self._identification.felt if self._identification else np.empty((0, 4, 4))
+
+    def _model(self, name: str) -> ObjectModel:
+        if name not in self._models:
+            entry, workers = self._catalogue.entries[self._catalogue.number(name)], Workers(self._config.threads)
+            self._models[name] = ObjectModel(entry.mesh, entry.codebook, self._config, self._noise, workers)
+        return self._models[name]

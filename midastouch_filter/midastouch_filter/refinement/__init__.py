@@ -1,0 +1,1 @@
+"""Alignment of narrow modes to the penetration maps of the present frame."""

@@ -1,0 +1,1 @@
+"""Comparison of pose hypotheses over the last touches."""

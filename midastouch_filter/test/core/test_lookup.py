@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.lookup import PoseLookup, space_filling_order
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.workers import Workers
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook_poses import codebook_poses
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_model import SensorModel
+
+
+def distance(a, b):
+    """Pose distance of the module's definition, from matrices."""
+    angle = se3.rotation_angle(np.swapaxes(a[:, :3, :3], 1, 2) @ b[:, :3, :3])
+    return np.hypot(np.linalg.norm(a[:, :3, 3] - b[:, :3, 3], axis=1), 0.02 * np.sin(angle / 2))
+
+
+@pytest.fixture(scope="module")
+def lookup(world):
+    return PoseLookup(world.poses, Workers(1))
+
+
+def test_exact_is_the_nearest_in_the_stated_distance(world, lookup):
+    queries = world.random_poses(world.mesh, 50, np.random.default_rng(2))
+    brute = [distance(np.repeat(q[None], len(world.poses), axis=0), world.poses).argmin() for q in queries]
+    np.testing.assert_array_equal(lookup.exact(queries), brute)
+
+
+def test_nothing_beyond_a_bound_is_found(world, lookup):
+    queries = world.with_pose_noise(world.poses[:200], np.random.default_rng(2), 3e-3, 0.2)
+    exact = lookup.exact(queries)
+    near = distance(queries, world.poses[exact]) < 4e-3
+    assert 0.1 < near.mean() < 0.9
+    np.testing.assert_array_equal(lookup.exact(queries, within=4e-3), np.where(near, exact, len(lookup)))
+
+
+def test_continuous_where_the_log_map_jumps(world):
+    half_turn = se3.exp([[0, 0, 0, 0, 0, np.pi - 0.01], [0, 0, 0, 0, 0, 0.5]])
+    lookup = PoseLookup(half_turn, Workers(1))
+    beyond = se3.exp([[0, 0, 0, 0, 0, np.pi + 0.01]])
+    assert lookup.exact(beyond)[0] == 0
+
+
+def test_following_agrees_with_the_exact_search(world, lookup):
+    rng = np.random.default_rng(4)
+    entries = rng.integers(0, len(world.poses), 20_000)
+    particles = Particles.from_poses(world.poses[entries], entries)
+    # a cloud that has drifted away from the codebook's own poses, in steps of a slide
+    for _ in range(10):
+        step = se3.exp([1e-3, 1e-3, 0, 0, 0, 0.02]) @ se3.exp(
+            rng.normal(size=(20_000, 6)) * np.repeat([5e-4, 0.0175], 3)
+        )
+        particles = Particles.from_poses(particles.poses @ step, particles.entries)
+        found = lookup.follow(particles)
+    poses = particles.poses
+    exact = lookup.exact(poses)
+    nearest = distance(poses, world.poses[exact])
+    agrees = (particles.entries == exact) | (found <= 1.01 * nearest + 1e-6)
+    assert agrees.mean() >= 0.99
+    np.testing.assert_allclose(found, distance(poses, world.poses[particles.entries]), atol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def tool(world):
+    """A bundled object and the codebook poses that the builder lays on it, with codes of the test's encoder."""
+    mesh = ObjectMesh.load(bundled_objects()["handle_tool"])
+    poses = codebook_poses(mesh, 6000, SensorModel.load("digit_tacto"), np.random.default_rng(0))
+    return mesh, world.make_codebook(poses, world.encode(poses))
+
+
+@pytest.mark.parametrize("spread", [True, False])
+def test_a_running_filter_knows_the_nearest_entries(world, tool, spread):
+    """99 % of its particles, after every step of a slide over an object with even, builder-made poses."""
+    mesh, codebook = tool
+    slide = world.make_slide(mesh, 12, np.random.default_rng(1))
+    particle_filter = ParticleFilter(mesh, codebook, FilterConfig(min_particles=10_000, max_particles=10_000))
+    if spread:
+        particle_filter.initialise_uniform()
+    else:
+        particle_filter.initialise_gaussian(slide[0], 0.003, np.radians(6))
+    lookup = PoseLookup(codebook.poses, Workers(1))
+    for odometry, code in zip(world.odometry_of(slide), world.encode(slide), strict=True):
+        particle_filter.step(odometry, Measurement(True, code))
+        poses, entries = particle_filter.poses, particle_filter.codebook_indices
+        found = distance(poses, codebook.poses[entries])
+        nearest = distance(poses, codebook.poses[lookup.exact(poses)])
+        assert (found <= 1.01 * nearest + 1e-6).mean() >= 0.99
+
+
+def test_relocation_finds_particles_that_jumped(world, lookup):
+    queries = world.random_poses(world.mesh, 500, np.random.default_rng(6))
+    particles = Particles.from_poses(queries, np.zeros(500, np.int32))
+    lookup.relocate(particles)
+    np.testing.assert_array_equal(particles.entries, lookup.exact(queries))
+
+
+def test_threads_change_nothing(world):
+    rng = np.random.default_rng(8)
+    entries = rng.integers(0, len(world.poses), 20_000)
+    results = []
+    for threads in (1, 3):
+        particles = Particles.from_poses(world.poses[entries], np.roll(entries, 1))
+        found = PoseLookup(world.poses, Workers(threads)).follow(particles)
+        results.append((particles.entries.tobytes(), found.tobytes()))
+    assert results[0] == results[1]
+
+
+def test_repeated_poses_are_no_trouble():
+    poses = np.repeat(se3.exp([[0.01 * i, 0, 0, 0, 0, 0] for i in range(4)]), 5, axis=0)
+    lookup = PoseLookup(poses, Workers(1))
+    assert lookup.neighbours.shape == (20, 19)
+    assert (lookup.neighbours != np.arange(20)[:, None]).all()
+
+
+def test_a_book_of_one_pose_is_refused():
+    with pytest.raises(InputError, match="1 poses"):
+        PoseLookup(np.eye(4)[None], Workers(1))
+
+
+def test_order_along_the_curve_brings_neighbours_together(world):
+    order = space_filling_order(world.poses)
+    np.testing.assert_array_equal(np.sort(order), np.arange(len(world.poses)))
+    jump = np.linalg.norm(np.diff(world.poses[order, :3, 3], axis=0), axis=1)
+    assert np.median(jump) < 0.2 * np.median(np.linalg.norm(np.diff(world.poses[:, :3, 3], axis=0), axis=1))

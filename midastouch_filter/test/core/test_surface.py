@@ -1,0 +1,123 @@
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.particles import Particles
+from midastouch_filter.core.surface import SurfaceConstraint, SurfaceGrid, signed_distance
+from midastouch_filter.core.workers import Workers
+
+WORKERS = Workers(1)
+
+
+def mesh_of(shape, name="shape"):
+    return ObjectMesh.from_arrays(shape.vertices, shape.faces, name)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    mesh = mesh_of(trimesh.creation.icosphere(subdivisions=4, radius=0.03))
+    return mesh, SurfaceGrid(mesh, 0.006)
+
+
+def particles_at(points):
+    poses = np.repeat(np.eye(4)[None], len(points), axis=0)
+    poses[:, :3, 3] = points
+    return Particles.from_poses(poses, np.zeros(len(points), np.int32))
+
+
+def test_signed_distance_of_a_ball(ball):
+    grid = ball[1]
+    directions = np.random.default_rng(0).standard_normal((2000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    radius = np.random.default_rng(1).uniform(0.0, 0.05, 2000)
+    points = radius[:, None] * directions
+    exact = np.clip(radius - 0.03, -0.006, 0.006)
+    got = np.clip(grid.distance(points.astype(np.float32), WORKERS), -0.006, 0.006)
+    np.testing.assert_allclose(got, exact, atol=1.5e-4)
+
+
+def test_signed_beyond_the_edges_of_a_box():
+    mesh = mesh_of(trimesh.creation.box([0.04, 0.03, 0.02]))
+    grid = SurfaceGrid(mesh, 0.006)
+    points = np.random.default_rng(0).uniform(-0.03, 0.03, (5000, 3))
+    excess = np.abs(points) - [0.02, 0.015, 0.01]
+    outside = np.linalg.norm(np.maximum(excess, 0), axis=1)
+    exact = np.where(outside > 0, outside, excess.max(axis=1))
+    np.testing.assert_allclose(signed_distance(mesh, points), exact, atol=1e-9)
+    near = np.abs(exact) < 0.005
+    error = grid.distance(points[near].astype(np.float32), WORKERS) - exact[near]
+    assert np.abs(error).mean() < 1e-4
+    assert np.abs(error).max() < 1e-3  # in the rounded corners
+
+
+def test_far_away_and_absurd_positions_saturate(ball):
+    points = np.array([[1, 0, 0], [0, -1e6, 0], [1e30, 0, 0], [np.inf, 0, 0], [0, 0, 0]], np.float32)
+    distance = ball[1].distance(points, WORKERS)
+    np.testing.assert_allclose(distance[:4], ball[1].limit)
+    np.testing.assert_allclose(distance[4], -ball[1].limit, rtol=1e-3)
+    assert ball[1].limit > 0.006
+
+
+def test_constraint_is_free_where_touches_lie_and_quadratic_beyond(ball):
+    config = FilterConfig(max_penetration=2e-3, max_hover=1e-3, surface_sigma=1e-3, dead_distance=5e-3)
+    constraint = SurfaceConstraint(ball[1], 1.0, config, WORKERS)
+    heights = np.array([-0.0018, -0.0005, 0.0008, 0.003, -0.004, 0.0055])
+    points = np.stack([0.03 + heights, 0 * heights, 0 * heights], axis=1)
+    got = constraint.log_weight(particles_at(points), np.zeros(6, np.float32))
+    np.testing.assert_allclose(got[:3], 0, atol=0.01)
+    np.testing.assert_allclose(got[3:5], -0.5 * np.array([2.0, 2.0]) ** 2, atol=0.4)
+    assert got[5] == -np.inf
+
+
+def test_poses_far_from_the_book_are_weighed_down(ball):
+    constraint = SurfaceConstraint(ball[1], 3e-3, FilterConfig(surface_sigma=1e-3), WORKERS)
+    at = particles_at([[0.029, 0, 0]] * 3)
+    got = constraint.log_weight(at, np.array([0.002, 0.003, 0.005], np.float32))
+    np.testing.assert_allclose(got, [0, 0, -2], atol=1e-3)
+
+
+def test_gels_known_less_well_are_weighed_softly_and_never_dead(ball):
+    config = FilterConfig(max_penetration=2e-3, max_hover=1e-3, dead_distance=5e-3)
+    constraint = SurfaceConstraint(ball[1], 3e-3, config, WORKERS)
+    heights = np.array([-0.02, -0.004, -0.0005, 0.003, 0.05])
+    points = np.stack([0.03 + heights, 0 * heights, 0 * heights], axis=1)
+    distance = constraint.distance(particles_at(points))
+    touching = constraint.bounded_log_weight(distance, np.full(5, 2e-3), True, 2e-3)
+    np.testing.assert_allclose(touching[1:4], [-0.5, 0, -0.5], atol=0.1)
+    assert (touching[[0, 4]] > -9).all()
+    free = constraint.bounded_log_weight(distance, np.full(5, 1.0), False, 2e-3)
+    np.testing.assert_allclose(free[1:], [-0.5, 0, 0, 0], atol=0.1)
+    assert free[0] < -4
+    tilted = constraint.bounded_log_weight(distance, np.full(5, 0.005), True, 2e-3)
+    np.testing.assert_allclose(tilted - touching, -0.5, atol=1e-3)
+    beyond = [constraint.bounded_log_weight(distance, np.full(5, d), True, 2e-3) for d in (constraint.reach, 1.0)]
+    np.testing.assert_allclose(*beyond)
+
+
+@pytest.mark.parametrize("broken", ["open", "inverted", "two shells"])
+def test_meshes_that_are_no_solids_work(broken):
+    shape = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    if broken == "open":
+        shape.update_faces(shape.triangles_center[:, 2] < 0.025)
+    elif broken == "inverted":
+        shape.invert()
+    else:
+        shape = trimesh.util.concatenate([shape, shape.copy().apply_translation([0.02, 0, 0])])
+    mesh = mesh_of(shape)
+    grid = SurfaceGrid(mesh, 0.006)
+    points, normals, _ = mesh.sample_surface(500, np.random.default_rng(0))
+    inside = grid.distance((points - 1e-3 * normals).astype(np.float32), WORKERS)
+    assert np.isfinite(inside).all()
+    assert (np.abs(inside) < 2.5e-3).mean() > 0.99
+    assert (inside < 0).mean() > (0.85 if broken == "two shells" else 0.99)
+
+
+def test_random_meshes_give_exact_distances_near_the_surface(world):
+    grid = SurfaceGrid(world.mesh, 0.006)
+    rng = np.random.default_rng(3)
+    points = world.mesh.sample_surface(2000, rng)[0] + rng.normal(0, 2e-3, (2000, 3))
+    exact = signed_distance(world.mesh, points)
+    error = grid.distance(points.astype(np.float32), WORKERS) - np.clip(exact, -grid.limit, grid.limit)
+    assert np.quantile(np.abs(error), 0.99) < 3e-4

@@ -1,0 +1,179 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.identification.catalogue import FEWEST, Catalogue, poses_worth, read_catalogue
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.sensor_model import SensorModel
+
+NOISE = NoiseModel.of(FilterConfig(threads=1))
+OTHER_GEL = SensorModel.load("digit_tacto").at_scale(15e3).as_json()
+
+
+def described(mesh, poses, codes, derived=None, **other):
+    meta = {
+        "format": 1,
+        "mesh_name": mesh.name,
+        "mesh_sha256": mesh.sha256,
+        "mesh_path": str(mesh.path or ""),
+        "sensor": "digit_tacto",
+        "sensor_id": "",
+        "tcn": "fourier-test",
+        "temperature": 0.1,
+        "outlier": 0.05,
+    }
+    return Codebook(poses, codes, meta | other, derived)
+
+
+@pytest.fixture(scope="module")
+def shelf(world, tmp_path_factory):
+    """Meshes and codebooks of two objects as files, and functions that add more."""
+    folder = tmp_path_factory.mktemp("shelf")
+
+    def add(name, scale=1.0, **meta):
+        path = folder / f"{name}.ply"
+        ObjectMesh.from_arrays(scale * world.mesh.vertices, world.mesh.faces, name).save(path)
+        mesh = ObjectMesh.load(path)
+        poses = world.poses.copy()
+        poses[:, :3, 3] *= scale
+        book = folder / f"{name}.npz"
+        derived = world.codebook.derived if scale == 1.0 else None
+        described(mesh, poses, world.encode(poses), derived, **meta).save(book)
+        return book
+
+    return SimpleNamespace(folder=folder, add=add, books=[add("bumpy"), add("small", 0.8)])
+
+
+def read(*sources, **room):
+    def build(path):
+        raise AssertionError(f"{path}: nothing is to be built")
+
+    return read_catalogue(sources, build, NOISE, **room)
+
+
+def test_codebooks_name_their_meshes_and_are_read_in_part(shelf):
+    catalogue = read(*shelf.books)
+    assert [entry.name for entry in catalogue.entries] == ["bumpy", "small"]
+    assert len(catalogue) == 2
+    assert all(len(entry.codebook.poses) == FEWEST for entry in catalogue.entries)
+    assert catalogue.rows[1] == slice(FEWEST, 2 * FEWEST)
+    assert catalogue.entries[1].typical.shape == (128, 64)
+    whole = catalogue.entries[0].load(FilterConfig(threads=1), seed=0)
+    assert whole.name == "bumpy"
+    assert "8,000" in whole.density
+
+
+def test_what_has_no_room_is_read_again_when_it_is_asked_for(shelf):
+    there = read(*shelf.books).entries[1]
+    first, entry = read(*shelf.books, room=FEWEST).entries
+    assert first.prepared
+    assert not entry.prepared
+    assert np.array_equal(entry.typical, there.typical)
+    assert np.array_equal(entry.codebook.codes, there.codebook.codes)
+    assert np.array_equal(entry.codebook.poses, there.codebook.poses)
+    assert entry.alignment.map_shape == there.alignment.map_shape
+    entry.prepare()
+    assert entry.prepared
+    entry.forget()
+    assert not entry.prepared
+
+
+@pytest.mark.parametrize(
+    ("change", "part", "said"),
+    [
+        (lambda mesh, book: book.unlink(), "codebook", "fleeting.npz: no such codebook"),
+        (lambda mesh, book: mesh.unlink(), "mesh", "fleeting.ply: no such mesh"),
+        (lambda mesh, book: mesh.write_bytes(mesh.with_stem("small").read_bytes()), "mesh", "fleeting.ply: .* changed"),
+        (
+            lambda mesh, book: book.write_bytes(book.with_stem("small").read_bytes()),
+            "codebook",
+            "fleeting.npz: .* changed",
+        ),
+    ],
+)
+def test_what_is_not_the_same_any_more_is_named(shelf, change, part, said):
+    book = shelf.add("fleeting", 0.9)
+    entry = read(*shelf.books, book, room=FEWEST).entries[-1]
+    change(book.with_suffix(".ply"), book)
+    with pytest.raises(InputError, match=said):
+        getattr(entry, part)
+
+
+def test_large_objects_are_worth_more_poses(world):
+    large = [ObjectMesh.from_arrays(k * world.mesh.vertices, world.mesh.faces, "large") for k in (3, 6)]
+    assert poses_worth(world.mesh) == FEWEST
+    assert poses_worth(large[1]) == pytest.approx(4 * poses_worth(large[0]), rel=1e-2)
+
+
+def test_a_mesh_without_codebook_gets_one(world, shelf):
+    mesh = ObjectMesh.load(shelf.folder / "bumpy.ply")
+    book = described(mesh, world.poses[:100], world.encode(world.poses[:100]), world.of_surface)
+    catalogue = read_catalogue([shelf.folder / "bumpy.ply"], lambda path: (mesh, book), NOISE)
+    assert catalogue.entries[0].size == 100
+    assert "100 poses" in catalogue.entries[0].load(FilterConfig(threads=1), 0).density
+
+
+def test_a_folder_stands_for_its_codebooks(shelf, tmp_path):
+    for book in shelf.books:
+        (tmp_path / book.name).symlink_to(book)
+    assert len(read(tmp_path)) == 2
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="without codebooks"):
+        read(tmp_path / "empty")
+
+
+def test_the_same_mesh_under_another_name_counts_once(shelf):
+    catalogue = read(*shelf.books, shelf.add("twin"))
+    assert catalogue.twins == {"twin": "bumpy"}
+    assert len(catalogue) == 2
+
+
+def test_an_object_can_be_left_out(shelf):
+    assert [entry.name for entry in read(*shelf.books).without("bumpy").entries] == ["small"]
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda shelf: shelf.folder / "missing.npz", "missing.npz: no such codebook file"),
+        (lambda shelf: shelf.add("other_network", 0.7, tcn="another"), "other_network.npz.*network another"),
+        (lambda shelf: shelf.add("other_sensor", 0.7, sensor="digit_real"), "other_sensor.npz.*sensor digit_real"),
+        (
+            lambda shelf: shelf.add("other_gel", 0.7, sensor_model=OTHER_GEL),
+            "other_gel.npz.*sensor digit_tacto with another",
+        ),
+        (lambda shelf: shelf.add("moved", 0.7, mesh_path="/nowhere/moved.ply"), "moved.npz: its mesh '/nowhere"),
+        (lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"), "changed.npz: its mesh .* has changed"),
+    ],
+)
+def test_what_cannot_be_used_is_named(shelf, make, said):
+    with pytest.raises(InputError, match=said):
+        read(*shelf.books, make(shelf))
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1000.0, "looks like millimetres"), (5e-3, "too small to be felt")])
+def test_an_object_of_no_size_to_be_touched_is_refused(world, shelf, factor, said):
+    path = shelf.folder / "of_no_size.ply"
+    trimesh.Trimesh(factor * world.mesh.vertices, world.mesh.faces, process=False).export(path)
+    with pytest.raises(InputError, match=rf"of_no_size\.ply: .*{said}"):
+        read(shelf.add("of_size", 0.7, mesh_path=str(path)))
+
+
+def test_two_objects_of_one_name_are_refused(shelf, tmp_path):
+    mesh = ObjectMesh.load(shelf.folder / "small.ply")
+    mesh.name = "bumpy"
+    first = ObjectMesh.load(shelf.folder / "bumpy.ply")
+    books = [Codebook.load(book) for book in shelf.books]
+    with pytest.raises(InputError, match=r"small\.ply: another object is called 'bumpy'"):
+        Catalogue.of([(first, books[0], None), (mesh, books[1], None)], NOISE)
+
+
+def test_an_empty_catalogue_is_refused():
+    with pytest.raises(InputError, match="none given"):
+        read()
