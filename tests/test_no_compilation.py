@@ -34,7 +34,7 @@ def test_no_module_names_a_compiler():
         if isinstance(node, ast.Import | ast.ImportFrom)
         for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
     }
-    assert ("midastouch_perception/midastouch_perception/simulation/renderer.py", "midastouch_kernels") in imported
+    assert ("midastouch_perception/midastouch_perception/rendering/renderer.py", "midastouch_kernels") in imported
     assert [(path, name) for path, name in sorted(imported) if name in COMPILERS] == []
 
 

@@ -2,7 +2,7 @@
 
 .venv/bin/python tools/fit_diameter.py --backgrounds ../shared/data/digit_backgrounds [--sensors 400] [--seed 1]
 
-`FELT` and `DOUBT` of `midastouch_perception/ball_calibration/diameter.py`. Each sensor is another one than
+`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/diameter.py`. Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 

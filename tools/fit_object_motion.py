@@ -28,10 +28,10 @@ from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.stopwatch import Stopwatch
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_perception.contact import ContactDetector
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.procedural import random_shape
 from midastouch_perception.simulation.randomisation import RandomSensor
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 
 LENGTH, FRAME_TIME = 0.3, 0.05  # m; s

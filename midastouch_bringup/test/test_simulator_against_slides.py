@@ -5,9 +5,9 @@ import pytest
 
 from midastouch_bringup.datasets import load_sequence
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 OBJECTS = ["005_tomato_soup_can", "025_mug", "035_power_drill"]
 

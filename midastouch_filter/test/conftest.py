@@ -25,8 +25,8 @@ from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 sys.path.insert(0, str(Path(__file__).parent))
 

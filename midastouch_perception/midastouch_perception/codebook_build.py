@@ -17,8 +17,8 @@ from midastouch_common.mesh import ObjectMesh
 
 from .codebook import FORMAT, Codebook
 from .codebook_poses import codebook_poses
+from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
-from .simulation.renderer import PenetrationRenderer
 from .tcn.inference import TactileCodeNet
 
 CHUNK = 256

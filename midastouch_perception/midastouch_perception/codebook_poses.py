@@ -10,8 +10,8 @@ import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
+from .rendering.contact_poses import Reachability, pose_from_contact, touch_points
 from .sensor_model import SensorModel
-from .simulation.contact_poses import Reachability, pose_from_contact, touch_points
 
 PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
 YAWS = 16  # entries a site; 22.5 deg apart turn the rim of the contact by about as much as sites are apart

@@ -1,4 +1,4 @@
-"""Meshes and networks shared by the perception tests."""
+"""Meshes, networks and a real sensor shared by the perception tests."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
 from midastouch_perception.state_dict import random_state
@@ -38,3 +39,15 @@ def minkloc_state() -> dict[str, np.ndarray]:
 @pytest.fixture(scope="session")
 def tcn() -> TactileCodeNet:
     return load_tcn("fast")
+
+
+@pytest.fixture(scope="session")
+def real():
+    """At half resolution."""
+    return SensorModel.load("digit_real").scaled(0.5)
+
+
+@pytest.fixture(scope="session")
+def cap(real):
+    """Penetration map (160, 120) m of a ball of 4 mm radius that touches in a circle of 2 mm."""
+    return np.maximum(ball_penetration(ball_centre(60, 80, 2e-3, 4e-3, real), 4e-3, real), 0)

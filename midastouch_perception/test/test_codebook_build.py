@@ -7,7 +7,7 @@ import pytest
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook_build import CHUNK, CodebookBuild, build_codebook
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 SIZE = 2 * CHUNK + 40  # three chunks, the last one short
 

@@ -8,8 +8,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook_poses import PRESS, YAWS, codebook_poses
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.simulation.contact_poses import Reachability
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.contact_poses import Reachability
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 
 def sites_of(poses):

@@ -7,9 +7,9 @@ from midastouch_common.errors import InputError
 from midastouch_perception.contact import Contact, in_steps
 from midastouch_perception.pipeline import CodeStage, DepthStage, TouchPipeline
 from midastouch_perception.pointcloud import cloud_from_penetration, penetration_from_cloud
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import load_tdn
 

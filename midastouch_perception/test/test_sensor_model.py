@@ -8,10 +8,10 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception import sensor_model
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.gel_light import GelLight
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import load_tdn
 
 

@@ -15,7 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.ros.lifecycle import RobustLifecycleNode
 from midastouch_common.ros.spin import spin_nodes
 
-from ..calibration import Calibration, load_calibration
+from ..camera_info import Calibration, load_calibration
 from ..errors import DeviceError
 from ..frame_slot import ReaderState, ReaderStatus
 from ..frame_source import FrameSource

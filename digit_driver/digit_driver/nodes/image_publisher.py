@@ -9,7 +9,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
-from ..calibration import Calibration
+from ..camera_info import Calibration
 from . import messages
 
 IMAGE_QOS = QoSProfile(depth=2)

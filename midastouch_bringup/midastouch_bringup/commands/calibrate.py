@@ -68,7 +68,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_perception.sensor_calibration import scale_problem
+    from midastouch_perception.sensor_calibration.calibration import scale_problem
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn.background_store import store_of
 
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _of_presses(args: argparse.Namespace, store, sensor):
-    from midastouch_perception.ball_calibration.fit import calibrate
+    from midastouch_perception.sensor_calibration.fit import calibrate
 
     from ..datasets.ball_presses import read_presses
 
@@ -122,7 +122,7 @@ def _of_presses(args: argparse.Namespace, store, sensor):
 
 
 def _of_object(args: argparse.Namespace, store, sensor):
-    from midastouch_perception.ball_calibration.object_fit import calibrate_on_object, choose_touches
+    from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
 
     from ..bags.posed_slide import PosedSlide
 

@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from midastouch_common.errors import InputError
-    from midastouch_perception.sensor_calibration import SensorCalibration
+    from midastouch_perception.sensor_calibration.calibration import SensorCalibration
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.grasp import simulate_grasps
 from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.simulated_digit import SimulatedCamera
 from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.ball_calibration.fit import Result, calibrate
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.fit import Result, calibrate
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets.slide_simulation import no_contact_image

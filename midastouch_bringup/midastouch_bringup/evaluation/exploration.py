@@ -23,8 +23,8 @@ from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
 from ..datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera

@@ -13,12 +13,12 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.ball_calibration.fit import calibrate
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.fit import calibrate
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets import Sequence

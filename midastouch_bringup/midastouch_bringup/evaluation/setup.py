@@ -14,7 +14,7 @@ from midastouch_common.files import read_yaml
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import BALANCED, preset
 from midastouch_perception.pipeline import TouchPipeline
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn

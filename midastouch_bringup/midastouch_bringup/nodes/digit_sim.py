@@ -9,7 +9,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from digit_driver.calibration import Calibration
+from digit_driver.camera_info import Calibration
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_perception.ball_calibration.fit import Result
+from midastouch_perception.sensor_calibration.fit import Result
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from midastouch_perception.ball_calibration.collector import REGIONS
+from midastouch_perception.sensor_calibration.collector import REGIONS
 
 from ..datasets.sequence import IMAGE_SHAPE
 

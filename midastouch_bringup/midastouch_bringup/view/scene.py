@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from midastouch_perception.ball_calibration.collector import REGIONS
+from midastouch_perception.sensor_calibration.collector import REGIONS
 
 from . import require_rerun
 from .appearance import Trail, ellipsoids, weight_colours

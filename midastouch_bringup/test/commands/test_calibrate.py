@@ -15,10 +15,10 @@ from midastouch_bringup.datasets import write_sequence
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 from midastouch_perception.tdn.background_store import BackgroundStore
 
@@ -144,7 +144,7 @@ def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
 
 
 def test_a_diameter_that_is_doubted_has_to_be_said_to_be_right(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.diameter_doubt", lambda *_: "feels like 9 mm")
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.diameter_doubt", lambda *_: "feels like 9 mm")
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]
     assert cli.main(arguments) == 2
     assert "feels like 9 mm; measure its diameter" in capsys.readouterr().err

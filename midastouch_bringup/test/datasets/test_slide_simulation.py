@@ -6,8 +6,8 @@ from midastouch_bringup.datasets import load_sequence, slide_simulation
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import load_tdn
 
 LENGTH = "0.012"

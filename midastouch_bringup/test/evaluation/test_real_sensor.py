@@ -7,7 +7,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import reduced_penetration
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 SETTINGS = {"sensor": "digit_real", "slides": SlideKind(0.03)}
 

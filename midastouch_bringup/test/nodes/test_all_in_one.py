@@ -39,8 +39,8 @@ from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import simulate_slide
 
 pytestmark = pytest.mark.dds

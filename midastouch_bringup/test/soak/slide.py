@@ -21,9 +21,9 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import simulate_slide
 from midastouch_perception.tcn import load_tcn
 

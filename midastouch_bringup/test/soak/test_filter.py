@@ -17,8 +17,8 @@ from midastouch_filter.core.state import STATES
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import measure_poses
 from midastouch_perception.tcn import load_tcn
 

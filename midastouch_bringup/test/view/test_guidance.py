@@ -1,7 +1,7 @@
 import pytest
 
 from midastouch_bringup.view.guidance import guidance_text, region_box
-from midastouch_perception.ball_calibration.collector import REGIONS
+from midastouch_perception.sensor_calibration.collector import REGIONS
 
 
 def test_step_progress_and_what_was_thrown_away_are_told():

@@ -15,8 +15,8 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 from .noise_model import NoiseModel
 

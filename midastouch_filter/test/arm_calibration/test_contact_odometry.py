@@ -5,8 +5,8 @@ from midastouch_common import se3
 from midastouch_filter.arm_calibration.contact_odometry import ContactOdometry
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 SENSOR = SensorModel.load("digit_tacto").scaled(0.25)
 CONFIG = FilterConfig()

@@ -7,9 +7,9 @@ from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 NOISE = NoiseModel.of(FilterConfig(relief_noise=1e-4, relief_correlation=3e-3))
 PRIOR = np.diag([2e-3, 2e-3, 1e-3, 0.05, 0.05, 0.1]) ** 2

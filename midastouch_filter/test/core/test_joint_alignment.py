@@ -9,9 +9,9 @@ from midastouch_filter.core.joint_alignment import align_in_turn, transform_cova
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 CONFIG = FilterConfig()
 PRIOR = np.repeat([2e-3, np.radians(3.0)], 3) ** 2

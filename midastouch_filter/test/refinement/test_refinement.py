@@ -14,9 +14,9 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.refinement.refinement import Refinement
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 CONFIG = FilterConfig()
 NOISE = NoiseModel.of(CONFIG)

@@ -15,8 +15,8 @@ from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.smoothing.reevaluation import Reevaluation
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)

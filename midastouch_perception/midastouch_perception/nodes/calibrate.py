@@ -18,10 +18,10 @@ from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 
-from ..ball_calibration.collector import PressCollector
-from ..ball_calibration.fit import MOST, Result, calibrate
-from ..ball_calibration.held_out import FEWEST
-from ..sensor_calibration import scale_problem
+from ..sensor_calibration.calibration import scale_problem
+from ..sensor_calibration.collector import PressCollector
+from ..sensor_calibration.fit import MOST, Result, calibrate
+from ..sensor_calibration.held_out import FEWEST
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..ball_calibration.ball import ball_centre, ball_penetration
+from ..sensor_calibration.ball import ball_centre, ball_penetration
 from ..sensor_model import SensorModel
 from .randomisation import RandomSensor
 

@@ -10,8 +10,8 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
+from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
-from .contact_poses import Reachability
 from .surface_walk import MIN_PROGRESS, Ahead, Grip, place, somewhere, straight_on
 
 _PRESS, _MAX_TILT = (0.5e-3, 1e-3), np.radians(5.0)  # of simulated slides

@@ -7,8 +7,8 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
+from ..rendering.contact_poses import ContactSampling, sample_contact_poses
 from ..sensor_model import SensorModel
-from .contact_poses import ContactSampling, sample_contact_poses
 
 CONTACTS = 4
 """Fingers of the hand: a thumb and three others."""

@@ -21,9 +21,9 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
-from ..ball_calibration.response import height_slopes, place_terms
+from ..rendering.gel_surface import GelShape
+from ..sensor_calibration.response import height_slopes, place_terms
 from ..sensor_model import SensorModel
-from .gel_surface import GelShape
 
 _FOLDER = Path(__file__).parents[1] / "measured_sensors"
 _NORMAL_TERMS = 7

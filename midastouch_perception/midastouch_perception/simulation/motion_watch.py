@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .contact_poses import MAX_PENETRATION
+from ..rendering.contact_poses import MAX_PENETRATION
 
 _FASTEST = 5.0  # m/s: no arm slides a finger, and none throws an object past it, that fast
 _DEEPEST = 2 * MAX_PENETRATION  # m: gel gives way by half as much

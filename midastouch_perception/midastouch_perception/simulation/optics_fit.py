@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..ball_calibration.fit import Result
-from ..ball_calibration.response import place_terms
-from ..sensor_calibration import background_colours
+from ..rendering.gel_surface import GelShape
+from ..sensor_calibration.calibration import background_colours
+from ..sensor_calibration.fit import Result
+from ..sensor_calibration.response import place_terms
 from ..tdn.inputs import RELATIVE_LEVEL, ContactLight, reduce_image
-from .gel_surface import GelShape
 from .measured_optics import SIDE_TERMS, MeasuredOptics, normal_terms, places_within, side_terms
 
 _SHAPES = [GelShape(reach, share, 1.5e-4) for reach in (0.2e-3, 0.35e-3, 0.5e-3, 0.8e-3) for share in (0.6, 1.0)]

@@ -15,10 +15,10 @@ import dataclasses
 import cv2
 import numpy as np
 
+from ..rendering.gel_surface import sunk_in
 from ..sensor_model import SensorModel
 from .colour_table import ColourTable
 from .gel_light import DIGIT_DESIGN, GelLight, LampDesign
-from .gel_surface import sunk_in
 from .optics import Illumination, gel_normals, shade
 
 _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up

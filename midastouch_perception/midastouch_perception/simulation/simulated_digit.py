@@ -10,9 +10,9 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 
 from ..contact import Contact
+from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
 from .randomisation import RandomisationRange, RandomSensor
-from .renderer import PenetrationRenderer
 
 # No region of the image is to lose a light for one frame: those of a stream belong together.
 _STEADY = RandomisationRange(dark_share=0.0)

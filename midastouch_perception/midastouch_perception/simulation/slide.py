@@ -10,8 +10,8 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
+from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
-from .contact_poses import Reachability
 from .surface_walk import MIN_PROGRESS, Grip, place, random_tangent, somewhere, straight_on
 
 STEP = 1.5e-3

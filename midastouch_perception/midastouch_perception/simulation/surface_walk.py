@@ -9,7 +9,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
-from .contact_poses import Reachability, pose_from_contact
+from ..rendering.contact_poses import Reachability, pose_from_contact
 
 MIN_PROGRESS = 0.3
 """Of a step. A fold or rim can make the closest point fall back to where the sensor already is."""

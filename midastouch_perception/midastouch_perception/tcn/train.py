@@ -23,10 +23,10 @@ from midastouch_common.pose_metric import geodesic_distances
 from ..codebook_poses import PRESS, codebook_poses
 from ..contact import ContactDetector
 from ..onnx_network import network_path
+from ..rendering.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
+from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
-from ..simulation.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor
-from ..simulation.renderer import PenetrationRenderer
 from ..tdn.inference import TactileDepthNet
 from ..training.export import export_onnx
 from ..training.loading import rendered_batches, rendering_process

@@ -12,7 +12,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
-from ..sensor_calibration import SensorCalibration
+from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .background_file import read_background
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..sensor_calibration import SensorCalibration, scale_problem
+from ..sensor_calibration.calibration import SensorCalibration, scale_problem
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..onnx_network import OnnxNetwork
-from ..sensor_calibration import SensorCalibration
+from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .inputs import ContactLight, check_image, reduce_image
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ..ball_calibration.response import place_terms
+from ..sensor_calibration.response import place_terms
 
 _GRID = (5, 4)  # rows, columns: far coarser than a contact, whose bright and dark sides cancel
 _RATE = 0.1  # per frame without contact

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..sensor_calibration import SensorCalibration
+from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .inputs import check_image

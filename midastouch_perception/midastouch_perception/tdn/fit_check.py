@@ -19,9 +19,9 @@ import collections
 import cv2
 import numpy as np
 
-from ..ball_calibration.response import height_slopes, place_terms
+from ..rendering.gel_surface import GelShape
+from ..sensor_calibration.response import height_slopes, place_terms
 from ..sensor_model import SensorModel
-from ..simulation.gel_surface import GelShape
 
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
 _FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain

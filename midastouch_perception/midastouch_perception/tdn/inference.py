@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model_card import read_card
 from ..onnx_network import WEIGHTS, network_path
-from ..sensor_calibration import SensorCalibration
+from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet
 from .fcrn import FcrnDepthNet

@@ -9,13 +9,13 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 
-from ..ball_calibration.ball import ball_centre, ball_penetration
-from ..ball_calibration.response import ColourResponse, NormalEquations, press_equations
-from ..sensor_calibration import standard_colours
+from ..rendering.contact_poses import ContactSampling, sample_contact_poses
+from ..rendering.renderer import PenetrationRenderer
+from ..sensor_calibration.ball import ball_centre, ball_penetration
+from ..sensor_calibration.calibration import standard_colours
+from ..sensor_calibration.response import ColourResponse, NormalEquations, press_equations
 from ..sensor_model import SensorModel
-from ..simulation.contact_poses import ContactSampling, sample_contact_poses
 from ..simulation.randomisation import RandomisationRange, RandomSensor
-from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight
 

@@ -19,7 +19,7 @@ from std_srvs.srv import Trigger
 from midastouch_common.errors import InputError
 from midastouch_perception.nodes.calibrate import CalibrateNode
 from midastouch_perception.nodes.tdn import TdnNode
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore

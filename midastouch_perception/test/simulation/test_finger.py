@@ -5,8 +5,8 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 STEP = 1.5e-3
 

@@ -4,9 +4,9 @@ import trimesh
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.contact_poses import MAX_PENETRATION
+from midastouch_perception.rendering.contact_poses import MAX_PENETRATION
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.grasp import CONTACTS, simulate_grasps
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")

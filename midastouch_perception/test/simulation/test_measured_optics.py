@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.ball_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.fit import calibrate
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.simulation.optics_fit import fit_optics

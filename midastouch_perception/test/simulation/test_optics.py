@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.optics import Illumination, TactoOptics, gel_normals, render_gel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")
 def pressed(tool, sensor):
-    from midastouch_perception.simulation.contact_poses import sample_contact_poses
+    from midastouch_perception.rendering.contact_poses import sample_contact_poses
 
     renderer = PenetrationRenderer(tool, sensor)
     penetration, normals = renderer.render_with_normals(sample_contact_poses(tool, 1, np.random.default_rng(5), sensor))

@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from midastouch_perception.rendering.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.colour_table import ColourTable
-from midastouch_perception.simulation.contact_poses import sample_contact_poses
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from midastouch_perception.contact import ContactDetector
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.tdn import load_tdn
 

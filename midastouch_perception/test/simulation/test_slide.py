@@ -5,7 +5,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.slide import Leap, measure_poses, simulate_slide
 
 

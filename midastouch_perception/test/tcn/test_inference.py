@@ -1,7 +1,7 @@
 import numpy as np
 
-from midastouch_perception.simulation.contact_poses import sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 
 def test_single_and_batch_agree(tcn, tool):

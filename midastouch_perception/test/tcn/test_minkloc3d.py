@@ -4,8 +4,8 @@ import pytest
 from midastouch_common.errors import InputError
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
-from midastouch_perception.simulation.contact_poses import sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tcn.minkloc3d import save_minkloc3d
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn.misreading import misread
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_calibration import SensorCalibration, background_colours, standard_colours
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours, standard_colours
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.background_store import BackgroundStore

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.tdn import DepthNet
 
 from ...datasets.ball_presses import BallPresses

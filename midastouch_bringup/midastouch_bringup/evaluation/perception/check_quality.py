@@ -14,11 +14,11 @@ import numpy as np
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import shows_contact
 from midastouch_perception.tdn.colour_layout import (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from midastouch_perception.ball_calibration.diameter import diameter_doubt, felt_radius
+from midastouch_perception.sensor_calibration.diameter import diameter_doubt, felt_radius
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration.fit import calibrate
-from midastouch_perception.ball_calibration.held_out import FEWEST
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.held_out import FEWEST
 from midastouch_perception.sensor_model import SensorModel
 
 from ...datasets.ball_presses import BallPresses

@@ -11,8 +11,8 @@ import dataclasses
 
 import numpy as np
 
-from midastouch_perception.ball_calibration.fit import MOST, calibrate
-from midastouch_perception.ball_calibration.presses import Press
+from midastouch_perception.sensor_calibration.fit import MOST, calibrate
+from midastouch_perception.sensor_calibration.presses import Press
 from midastouch_perception.sensor_model import SensorModel
 
 from ...datasets.ball_presses import IMAGES, BallPresses

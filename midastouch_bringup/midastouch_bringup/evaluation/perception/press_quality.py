@@ -20,7 +20,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_perception.contact import TOUCHED, ContactDetector
 from midastouch_perception.pointcloud import cloud_from_penetration
-from midastouch_perception.sensor_calibration import SensorCalibration
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration import presses as ball_presses
+from midastouch_perception.sensor_calibration import presses as ball_presses
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import colour_layout
 from midastouch_perception.tdn.drift import without_drift

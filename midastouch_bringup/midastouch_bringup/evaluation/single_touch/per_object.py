@@ -14,7 +14,7 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.tcn import TactileCodeNet
 
 from ..setup import Networks

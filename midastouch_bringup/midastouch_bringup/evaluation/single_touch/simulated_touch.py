@@ -16,10 +16,10 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.contact import ContactDetector
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.randomisation import RandomSensor
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
 from midastouch_perception.training.backgrounds import load_backgrounds
 

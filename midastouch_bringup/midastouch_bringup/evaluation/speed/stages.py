@@ -19,9 +19,9 @@ from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.refinement.refinement import is_narrow
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.rendering.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import sample_contact_poses
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.tdn.fit_check import FitCheck
 

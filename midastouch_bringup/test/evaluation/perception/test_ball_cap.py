@@ -12,8 +12,8 @@ from midastouch_bringup.evaluation.perception.ball_cap import (
 )
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 RADIUS = 4.4e-3
 

@@ -4,7 +4,7 @@ import pytest
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_bringup.evaluation.perception.label_check import FittedBall
 from midastouch_bringup.evaluation.perception.press_quality import measure_presses
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor
 

@@ -6,7 +6,7 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_bringup.evaluation.perception import diameter_checks as diameters
 from midastouch_bringup.evaluation.perception.diameter_checks import FACTORS, diameter_checks
 from midastouch_bringup.evaluation.perception.real_checks import real_checks
-from midastouch_perception.ball_calibration.diameter import FELT
+from midastouch_perception.sensor_calibration.diameter import FELT
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.tdn import load_tdn

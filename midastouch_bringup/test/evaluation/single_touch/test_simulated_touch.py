@@ -5,8 +5,8 @@ import pytest
 
 from midastouch_bringup.evaluation.single_touch.simulated_touch import Lighting, TouchSimulator
 from midastouch_common.errors import InputError
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
 
 

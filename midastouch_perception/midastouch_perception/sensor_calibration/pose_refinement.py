@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from midastouch_common import se3
 
-from ..simulation.renderer import PenetrationRenderer
+from ..rendering.renderer import PenetrationRenderer
 from .refine import LEVELS, fit_light, lit, looked_at, slope_terms
 
 _ROUNDS = 2

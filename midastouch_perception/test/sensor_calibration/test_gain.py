@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_perception.ball_calibration.fit import calibrate
-from midastouch_perception.ball_calibration.gain import felt_errors, gain_doubt
+from midastouch_perception.sensor_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.gain import felt_errors, gain_doubt
 
 RADIUS = 3e-3  # m, of the ball
 

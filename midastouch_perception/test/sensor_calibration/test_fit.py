@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.fit import calibrate
 
 RADIUS = 3e-3  # m, of the ball that `digit` is pressed with
 DIAMETER = 2 * RADIUS
@@ -100,7 +100,7 @@ def test_another_ball_is_refused(digit, presses, real):
 
 
 def test_a_diameter_that_feels_like_another_is_refused_unless_it_is_said_to_be_right(digit, presses, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
     with pytest.raises(InputError, match=r"feels like one of about 4 mm; measure.*--diameter-is-right"):
         calibrate(presses, digit.background, DIAMETER, real)
     made = calibrate(presses, digit.background, DIAMETER, real, diameter_is_right=True)
@@ -108,7 +108,7 @@ def test_a_diameter_that_feels_like_another_is_refused_unless_it_is_said_to_be_r
 
 
 def test_under_other_lamps_than_a_digits_the_diameter_is_not_doubted(digit, presses, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.ball_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
     made = calibrate(presses, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
     assert not made.doubt
 

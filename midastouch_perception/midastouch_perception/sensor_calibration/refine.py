@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..rendering.gel_surface import sunk_in
 from ..sensor_model import SensorModel
-from ..simulation.gel_surface import sunk_in
 from .ball import ball_centre, ball_penetration
 from .response import height_slopes, place_terms
 from .search import Contact

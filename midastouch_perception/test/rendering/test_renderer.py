@@ -3,9 +3,9 @@ import pytest
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.contact_poses import sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.procedural import box, mesh_from_sdf
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
 def ray_cast(mesh, pose, sensor):

@@ -9,8 +9,8 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
+from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
-from ..simulation.renderer import PenetrationRenderer
 from ..tdn.drift import without_drift
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .fit import Result, made_of

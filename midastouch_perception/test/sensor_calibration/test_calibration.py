@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_calibration import (
+from midastouch_perception.sensor_calibration.calibration import (
     SensorCalibration,
     background_colours,
     plain_slopes,

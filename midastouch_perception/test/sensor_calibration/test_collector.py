@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration.collector import PressCollector
+from midastouch_perception.sensor_calibration.collector import PressCollector
 
 DIAMETER = 6e-3
 

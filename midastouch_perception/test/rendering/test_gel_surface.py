@@ -1,6 +1,6 @@
 import numpy as np
 
-from midastouch_perception.simulation.gel_surface import sunk_in
+from midastouch_perception.rendering.gel_surface import sunk_in
 
 REACH = 0.5e-3
 

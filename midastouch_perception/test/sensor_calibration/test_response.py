@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.ball_calibration.response import (
+from midastouch_perception.sensor_calibration.response import (
     ColourResponse,
     NormalEquations,
     height_slopes,

@@ -18,8 +18,8 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
-from .ball_calibration.response import ColourResponse
-from .sensor_model import SensorModel
+from ..sensor_model import SensorModel
+from .response import ColourResponse
 
 _ANGLES = np.radians([30.0, 150.0, 270.0])  # where red, green and blue come from; y up
 # change of the colours by a slope to the right and a slope downwards, as rows: bright where it falls towards the lamp
@@ -65,7 +65,7 @@ class SensorCalibration:
     Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m], 0 without a ball; object_name, of
     what was slid over instead, empty with a ball; sensor, name of the sensor model;
     pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
-    (`ball_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
+    (`sensor_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
     ISO 8601.
     """
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from digit_driver.calibration import load_calibration
+from digit_driver.camera_info import load_calibration
 from midastouch_common.errors import InputError
 
 CONTENT = {

@@ -9,10 +9,10 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-from ..sensor_calibration import SensorCalibration, background_colours
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
+from .calibration import SensorCalibration, background_colours
 from .diameter import diameter_doubt, felt_radius
 from .gain import felt_errors, gain_doubt
 from .held_out import FEWEST, cross_validation, fitted, require_upright

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..sensor_calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from ..tdn.inference import load_tdn
+from .calibration import SensorCalibration
 
 
 def felt_errors(

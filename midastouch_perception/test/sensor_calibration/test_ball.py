@@ -4,9 +4,9 @@ import trimesh
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-from ..sensor_calibration import SensorCalibration, plain_slopes
 from ..sensor_model import DIGIT_LAMPS, SensorModel
+from .calibration import SensorCalibration, plain_slopes
 from .response import NormalEquations, height_slopes, press_equations, well_inside
 
 FEWEST = 5

@@ -3,14 +3,14 @@ import pytest
 import trimesh
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.simulation.contact_poses import (
+from midastouch_perception.rendering.contact_poses import (
     MAX_PENETRATION,
     ContactSampling,
     Reachability,
     pose_from_contact,
     sample_contact_poses,
 )
-from midastouch_perception.simulation.renderer import PenetrationRenderer
+from midastouch_perception.rendering.renderer import PenetrationRenderer
 
 
 @pytest.fixture(scope="module")

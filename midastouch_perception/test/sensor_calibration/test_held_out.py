@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.ball_calibration.ball import ball_centre, ball_penetration
-from midastouch_perception.ball_calibration.held_out import require_upright
-from midastouch_perception.ball_calibration.response import height_slopes
-from midastouch_perception.sensor_calibration import standard_colours
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.calibration import standard_colours
+from midastouch_perception.sensor_calibration.held_out import require_upright
+from midastouch_perception.sensor_calibration.response import height_slopes
 from midastouch_perception.sensor_model import SensorModel
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.ball_calibration.diameter import DOUBT, FELT, diameter_doubt, felt_radius
+from midastouch_perception.sensor_calibration.diameter import DOUBT, FELT, diameter_doubt, felt_radius
 from midastouch_perception.simulation.ball_presses import PressedSensor
 
 
