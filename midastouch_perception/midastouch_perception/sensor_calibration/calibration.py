@@ -65,8 +65,7 @@ class SensorCalibration:
     Attributes: serial, of the sensor, empty if it was not given; ball_diameter [m], 0 without a ball; object_name, of
     what was slid over instead, empty with a ball; sensor, name of the sensor model;
     pixel_size [m] that it was made with; coefficients (12, 6, 2), the gel's slopes of changes in colour
-    (`sensor_calibration/response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date,
-    ISO 8601.
+    (`response.py`); background (16, 12, 3), its no-contact colours; presses, how many were used; date, ISO 8601.
     """
 
     serial: str
