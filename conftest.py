@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import settings
 
 import digit_driver  # noqa: F401
+import midastouch_benchmark  # noqa: F401
 import midastouch_bringup  # noqa: F401
 import midastouch_common  # noqa: F401
 import midastouch_filter  # noqa: F401
@@ -31,6 +33,10 @@ if TYPE_CHECKING:
 settings.register_profile("workspace", deadline=None, derandomize=True)
 settings.load_profile("workspace")
 
+
+# what tests of several packages share
+sys.path.insert(0, str(Path(__file__).parent / "tests"))
+pytest_plugins = ["sequences", "pictured_run"]
 
 # Programs that tests start inherit both. Only this machine hears them.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

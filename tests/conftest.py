@@ -6,10 +6,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# what several tests share is in modules beside them
-sys.path.insert(0, str(Path(__file__).parent))
-
-
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The workspace."""

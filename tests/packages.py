@@ -4,4 +4,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 CMAKE = ["midastouch_msgs", "midastouch_kernels"]
-PYTHON = ["midastouch_common", "digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup"]
+PYTHON = [
+    "midastouch_common",
+    "digit_driver",
+    "midastouch_perception",
+    "midastouch_filter",
+    "midastouch_bringup",
+    "midastouch_benchmark",
+]

@@ -4,25 +4,25 @@ import pytest
 from documents import DOCUMENTS, ROOT
 from PIL import Image
 
+from midastouch_benchmark.tables import documents as tables
+from midastouch_benchmark.tables import trust_plots
 from midastouch_bringup.ros.parameter_tables import markdown
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/evaluation.md", "docs/trust.md"])
-def test_figures_are_those_of_the_reports(document, load_tool):
-    tool = load_tool("evaluation_tables")
-    assert document in tool.DOCUMENTS
+def test_figures_are_those_of_the_reports(document):
+    assert document in tables.DOCUMENTS
     assert DOCUMENTS[document].count("<!-- table ") == DOCUMENTS[document].count("<!-- end -->") > 0
-    assert DOCUMENTS[document] == tool.filled(document), "run: .venv/bin/python tools/evaluation_tables.py"
+    assert DOCUMENTS[document] == tables.filled(document), f"run: python -m {tables.__name__}"
 
 
-def test_pictures_of_trust_show_the_newest_reports(load_tool, tmp_path):
-    tool = load_tool("trust_plots")
-    wanted = tool.digest(tool.shown())
-    tool.write(tmp_path)
-    for name in tool.FIGURES:
-        for folder in (tool.FOLDER, tmp_path):
+def test_pictures_of_trust_show_the_newest_reports(tmp_path):
+    wanted = trust_plots.digest(trust_plots.shown())
+    trust_plots.write(tmp_path)
+    for name in trust_plots.FIGURES:
+        for folder in (trust_plots.FOLDER, tmp_path):
             with Image.open(folder / name) as image:
-                assert image.text[tool.DIGEST] == wanted, "run: .venv/bin/python tools/trust_plots.py"
+                assert image.text[trust_plots.DIGEST] == wanted, f"run: python -m {trust_plots.__name__}"
 
 
 def test_parameter_tables_are_those_of_the_nodes():

@@ -1,41 +1,31 @@
-"""The `midastouch` command: offline tools, the demo and training."""
+"""The `midastouch` command: the demo, recordings, calibration, training, and what other packages add."""
 
 from __future__ import annotations
 
 import argparse
+import importlib.metadata
 import os
 import shlex
 import sys
 from collections.abc import Mapping
+from types import ModuleType
 
 from midastouch_common.errors import InputError
 
 from .commands import (
-    bench,
-    bench_scale,
-    benchmark,
     build_codebook,
     calibrate,
     capture_background,
     demo,
     doctor,
     download,
-    evaluate,
-    evaluate_checks,
-    evaluate_exploration,
-    evaluate_presses,
-    evaluate_start,
-    evaluate_tdn,
     export,
     foxglove,
-    identify,
     import_weights,
     inspect,
     replay,
-    report,
     run,
     simulate,
-    single_touch,
     store_mount,
     time_offset,
     to_bag,
@@ -49,19 +39,8 @@ _COMMANDS = (
     download,
     simulate,
     build_codebook,
-    evaluate,
-    evaluate_tdn,
-    evaluate_presses,
-    evaluate_checks,
-    evaluate_exploration,
-    evaluate_start,
     capture_background,
     calibrate,
-    single_touch,
-    bench,
-    bench_scale,
-    benchmark,
-    identify,
     to_bag,
     replay,
     time_offset,
@@ -74,7 +53,6 @@ _COMMANDS = (
     train_tdn,
     train_tcn,
     import_weights,
-    report,
     doctor,
 )
 
@@ -82,11 +60,20 @@ EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
 
 
+PLUGINS = "midastouch.commands"
+"""Group of the entry points by which other packages bring commands, each a module as those of `commands`."""
+
+
+def commands_of_others() -> list[ModuleType]:
+    """What other packages bring, by name: those of midastouch_benchmark, where that is installed."""
+    return [found.load() for found in sorted(importlib.metadata.entry_points(group=PLUGINS), key=lambda one: one.name)]
+
+
 def build_parser() -> argparse.ArgumentParser:
     """The parser with every sub-command; each sets `run`, the function that carries it out."""
     parser = argparse.ArgumentParser(
         prog="midastouch",
-        description="Where on the object is the touch sensor? Demo, evaluation, simulation and training.",
+        description="Where on the object is the touch sensor? Demo, recordings, calibration, simulation and training.",
         epilog="example:\n  midastouch demo\n\n`midastouch COMMAND --help` shows an example.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -97,7 +84,7 @@ def build_parser() -> argparse.ArgumentParser:
 def add_commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.ArgumentParser]:
     """Add every sub-command; returns their parsers by name."""
     subparsers = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in _COMMANDS:
+    for command in (*_COMMANDS, *commands_of_others()):
         command.add_parser(subparsers)
     return subparsers.choices
 

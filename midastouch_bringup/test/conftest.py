@@ -1,146 +1,15 @@
-"""Small sequences made on the spot, in the exact layouts of YCB-Slide, trials as of an accuracy run, and a launch."""
+"""A launch without ROS 2's."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
-
-from midastouch_bringup.datasets import Sequence, load_sequence, write_sequence
-from midastouch_bringup.evaluation.calibration import KINDS, LEVELS, WEIGHTS
-from midastouch_common import se3
-from midastouch_perception.sensor_model import SensorModel
 
 # the stand-ins beside this file can be imported
 sys.path.insert(0, str(Path(__file__).parent))
-
-
-def smooth_poses(n: int, rng: np.random.Generator) -> np.ndarray:
-    """A slide of 2 mm and a small turn per frame, (N, 4, 4)."""
-    start = se3.make(se3.random_rotations(1, rng)[0], rng.uniform(-0.1, 0.1, 3))
-    steps = np.arange(n)[:, None] * np.array([0.002, 0, 0, 0, 0, 0.03])
-    return start @ se3.exp(steps)
-
-
-def smooth_image(i: int) -> np.ndarray:
-    """An image that JPEG keeps within a few grey levels and that differs between frames and channels."""
-    rows, columns = np.mgrid[:320, :240] / 320
-    image = np.stack([rows, columns, np.full_like(rows, (i % 10) / 10)], axis=2)
-    return (40 + 170 * image).astype(np.uint8)
-
-
-def bump(i: int) -> np.ndarray:
-    """A round press (320, 240), metres, that moves from frame to frame."""
-    rows, columns = np.mgrid[:320, :240]
-    distance = np.hypot(rows - 160, columns - 60 - 10 * i)
-    return np.maximum(0, 1e-3 * (1 - (distance / 40) ** 2)).astype(np.float32)
-
-
-@pytest.fixture
-def simulated_sequence(tmp_path: Path):
-    """Factory of simulated sequences of `n` frames, written by the package's own writer."""
-
-    def make(n: int = 5, seed: int = 0, name: str = "test_object") -> Sequence:
-        rng = np.random.default_rng(seed)
-        poses = smooth_poses(n, rng)
-        path = tmp_path / name / "00"
-        write_sequence(
-            path,
-            ((smooth_image(i), bump(i)) for i in range(n)),
-            poses,
-            poses @ se3.exp(rng.normal(0, [5e-4] * 3 + [0.01] * 3, (n, 6))),
-            background=np.full((320, 240, 3), 90, np.uint8),
-            object_name=name,
-            sensor=SensorModel.load("digit_tacto"),
-            noise={"sig_t": 5e-4, "sig_r": 1.0},
-        )
-        return load_sequence(path)
-
-    return make
-
-
-@pytest.fixture
-def real_sequence_folder(tmp_path: Path):
-    """Factory of real sequences; returns the folder and the truth.
-
-    Everything follows the published layout: frames of seven digits at 30 Hz, `synced_data.npy` with a pickled
-    dictionary, poses in the tracker's world, `alignment.npy` one level up.
-    """
-
-    def make(n: int = 21, seed: int = 0, edit=None) -> tuple[Path, np.ndarray]:
-        rng = np.random.default_rng(seed)
-        path = tmp_path / "035_power_drill" / "dataset_0"
-        (path / "frames").mkdir(parents=True)
-        names = [f"frame_{i:07d}.jpg" for i in range(n)]
-        for i, name in enumerate(names):
-            cv2.imwrite(str(path / "frames" / name), cv2.cvtColor(smooth_image(i), cv2.COLOR_RGB2BGR))
-        object_from_gel = smooth_poses(n, rng)
-        alignment = se3.exp(rng.normal(0, 0.02, 6))
-        # undo what the reader does: gel -> camera, then the translation that the alignment adds
-        object_from_digit = object_from_gel @ se3.make(np.eye(3), np.array([0, 0, 0.022]))
-        object_from_digit[:, :3, 3] -= alignment[:3, 3]
-        world_from_object = np.repeat(se3.exp(rng.normal(0, 1, 6))[None], n, axis=0)
-        data = {
-            "start_time": "2022-05-09 14:00:00",
-            "timestamps": [i / 30 for i in range(n)],
-            "digit_frames": [f"frames/{name}" for name in names],
-            "webcam_frames": [f"webcam_frames/{name}" for name in names],
-            "poses": {
-                "DIGIT": se3.to_xyzquat(world_from_object @ object_from_digit),
-                "035_power_drill": se3.to_xyzquat(world_from_object),
-            },
-        }
-        if edit is not None:
-            edit(data)
-        np.save(path / "synced_data.npy", data, allow_pickle=True)
-        np.save(path.parent / "alignment.npy", alignment)
-        return path, object_from_gel
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def make_trial():
-    """Factory of trials of 10 frames of `midastouch benchmark`, as `compare_variants` takes them.
-
-    `final` has the errors of the last frame; `changes` replace what else is in a trial.
-    """
-
-    def make(variant: str, seed: int, filter_ms: float, final: Mapping[str, float | str], **changes) -> dict:
-        counts = [0] * (len(LEVELS) + 1)
-        counts[9] = 10
-        weights = [0] * len(WEIGHTS) + [10]
-        return {
-            "object": "can",
-            "slide": 0,
-            "init": "paper",
-            "seed": seed,
-            "variant": variant,
-            "frames": 10,
-            "frames_converged": 8,
-            "frames_converged_right": 6,
-            "right_from_frame": 3,
-            "event_at": None,
-            "right_before_event": None,
-            "right_after_event": None,
-            "initial": {"e_trans_mm": 50.0, "e_rot_deg": 60.0},
-            "final": {"state": "converged", "n_particles": 500} | final,
-            "hz_mean": 50.0,
-            "hz_p05": 40.0,
-            "ms": {"tdn": 2.0, "tcn": 1.0, "filter": filter_ms},
-            "filter_cpu_ms": filter_ms,
-            "filter_stages_ms": {"motion": 1.0},
-            "right_m": 0.01,
-            "coverage": dict.fromkeys(KINDS, counts),
-            "reliability": {"frames": weights, "right": weights, "weight": [0.9 * count for count in weights]},
-        } | changes
-
-    return make
 
 
 @pytest.fixture

@@ -11,10 +11,10 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import covariance_from_msg, image_from_msg, pose_from_msg, poses_from_msgs
 
-from ..report.snapshot import Hypothesis, Snapshot
 from .frames import read_bag
 from .messages import header_stamp_ns, typestore
 from .reader import bag_messages, bag_topics
+from .snapshot import Hypothesis, Snapshot
 
 STATUS, MODES, PARTICLES, POSE = "/filter_status", "/pose_modes", "/particles", "/pose"
 OBJECTS = "/object_hypotheses"

@@ -197,8 +197,8 @@ def _from_folder(args: argparse.Namespace, folder: Path) -> list[str]:
 
 def _report(args: argparse.Namespace, result, images, sensor) -> None:
     """What became of every touch, what the calibration is worth, and the page."""
-    from ..evaluation.table import text_table
-    from ..report.calibration import calibration_page, figure_rows
+    from ..drawing.calibration import calibration_page, figure_rows
+    from ..text_table import text_table
 
     for press in result.presses:
         if press.problem:

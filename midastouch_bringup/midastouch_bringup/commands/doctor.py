@@ -68,8 +68,8 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from ..evaluation.machine import machine_info
-    from ..evaluation.table import text_table
+    from ..machine import machine_info
+    from ..text_table import text_table
 
     info = machine_info()
     print(f"{info['cpu']}, {info['cores']} cores, {info['memory_gib']} GiB, {info['system']}")
@@ -100,7 +100,7 @@ def _missing(required: bool) -> str:
 
 def _module_state(module: str, distribution: str) -> tuple[str, str]:
     """Version and an empty problem, or an empty version and what is wrong."""
-    from ..evaluation.machine import package_version
+    from ..machine import package_version
 
     try:
         importlib.import_module(module)

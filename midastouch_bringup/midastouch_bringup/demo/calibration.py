@@ -13,7 +13,7 @@ from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets.slide_simulation import no_contact_image
-from ..report.relief_rows import ReliefRow, felt_with
+from ..drawing.relief_rows import ReliefRow, felt_with
 
 _RADIUS = 3e-3  # m
 _SEED = 6  # of a sensor on which the network alone feels too deep

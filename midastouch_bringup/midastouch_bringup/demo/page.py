@@ -7,12 +7,12 @@ from pathlib import Path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
-from ..report.calibration import TITLES, figure_rows
-from ..report.figures import save
-from ..report.page import Page
-from ..report.relief_rows import relief_figure
-from ..report.run_pictures import add_run
-from ..report.snapshot import Snapshot
+from ..bags.snapshot import Snapshot
+from ..drawing.calibration import TITLES, figure_rows
+from ..drawing.figures import save
+from ..drawing.page import Page
+from ..drawing.relief_rows import relief_figure
+from ..drawing.run_pictures import add_run
 from .calibration import calibrated_touches
 from .result import result_rows
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_common.pose_metric import pose_errors
+from midastouch_common.pose_metric import closest_mode_error, particle_rmse, pose_errors
 
 from ..bags.run_record import RunRecord
-from ..evaluation.metrics import closest_mode_error, particle_rmse
-from ..evaluation.table import number
+from ..text_table import number
 from . import NODES
 
 _FOUND_MM, _FOUND_DEG = 10, 15

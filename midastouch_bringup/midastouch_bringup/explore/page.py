@@ -7,10 +7,10 @@ from pathlib import Path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
-from ..report.figures import identity_figure, save
-from ..report.page import Page
-from ..report.run_pictures import add_run
-from ..report.snapshot import Snapshot
+from ..bags.snapshot import Snapshot
+from ..drawing.figures import identity_figure, save
+from ..drawing.page import Page
+from ..drawing.run_pictures import add_run
 from .result import result_rows
 
 

@@ -14,8 +14,8 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.reader import bag_metadata, is_bag
 from ..bags.run_record import read_run
-from ..evaluation.result_file import read_json
-from ..report.snapshot import Hypothesis, Snapshot
+from ..bags.snapshot import Hypothesis, Snapshot
+from ..result_file import read_json
 
 _NO_POSES = np.empty((0, 4, 4))
 

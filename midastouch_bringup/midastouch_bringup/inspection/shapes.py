@@ -9,8 +9,8 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.pose_metric import pose_errors
 
-from ..report.object_view import ANGLE_COLOURS
-from ..report.snapshot import Hypothesis
+from ..bags.snapshot import Hypothesis
+from ..drawing.object_view import ANGLE_COLOURS
 from ..view.appearance import Trail, ellipsoids
 from .run import Moment
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 
-from ..report.object_view import ObjectView
+from ..drawing.object_view import ObjectView
 from .run import Run
 
 

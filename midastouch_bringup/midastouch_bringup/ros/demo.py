@@ -18,9 +18,9 @@ from ..datasets.slide_simulation import cached_slide
 from ..demo import NODES, SLIDE_LENGTH
 from ..demo.page import write_page
 from ..demo.result import demo_result, result_rows
-from ..evaluation.result_file import write_json
-from ..evaluation.table import text_table
 from ..processes.parameter_files import merged, read_parameters, written
+from ..result_file import write_json
+from ..text_table import text_table
 from .launch_arguments import SHARE
 from .recorded_run import record_run
 

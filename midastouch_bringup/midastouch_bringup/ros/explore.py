@@ -30,8 +30,6 @@ from midastouch_perception.objects import bundled_objects
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
-from ..evaluation.result_file import write_json
-from ..evaluation.table import text_table
 from ..explore.page import write_page, write_words
 from ..explore.preparation import prepare
 from ..explore.result import Ended, ending, exploration_result, result_rows
@@ -41,6 +39,8 @@ from ..processes.program import Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
+from ..result_file import write_json
+from ..text_table import text_table
 from .launch_arguments import explored, quick_codebooks
 from .recording_ends import RESULTS, await_recorder, hear_the_last
 from .supervised_run import supervised_run

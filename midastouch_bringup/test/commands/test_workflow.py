@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from midastouch_benchmark.speed import scaling
 from midastouch_bringup import cli
 from midastouch_bringup.commands.arguments import load_mesh
 from midastouch_bringup.datasets.sequence import read_image
-from midastouch_bringup.evaluation.speed import scaling
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration, background_colours
 from midastouch_perception.sensor_model import LIGHTS, SensorModel
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from midastouch_benchmark.trials.setup import untouched_of
 from midastouch_bringup.datasets import load_sequence
-from midastouch_bringup.evaluation.setup import untouched_of
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 

@@ -11,12 +11,12 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from process_rig import SHIPPED, processes
 from replay_rig import play, replay
 
+from midastouch_benchmark.trials.setup import Networks
+from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_bringup.bags.frames import read_bag
 from midastouch_bringup.bags.writer import write_bag
 from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_sequence
-from midastouch_bringup.evaluation.setup import Networks
-from midastouch_bringup.evaluation.trial import TrialFrame, run_trial
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import pose_to_msg

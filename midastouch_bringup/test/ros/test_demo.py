@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from midastouch_bringup import cli
-from midastouch_bringup.report import run_pictures
+from midastouch_bringup.drawing import run_pictures
 from midastouch_bringup.ros import demo
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]

@@ -14,7 +14,7 @@ import yaml
 from PIL import Image
 
 from midastouch_bringup import cli
-from midastouch_bringup.report import run_pictures
+from midastouch_bringup.drawing import run_pictures
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 MAX_PATH, MAX_MOTION = 0.01, 0.02  # m

@@ -20,8 +20,8 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_perception/test/n
 
 from slide import Slide, make_slide
 
-from midastouch_bringup.evaluation.machine import machine_info
-from midastouch_bringup.evaluation.result_file import write_json
+from midastouch_bringup.machine import machine_info
+from midastouch_bringup.result_file import write_json
 from midastouch_perception.objects import bundled_objects
 
 

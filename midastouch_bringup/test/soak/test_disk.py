@@ -11,7 +11,7 @@ import pytest
 
 from midastouch_bringup.bags.writer import write_bag
 from midastouch_bringup.datasets import write_sequence
-from midastouch_bringup.evaluation.result_file import write_json
+from midastouch_bringup.result_file import write_json
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 

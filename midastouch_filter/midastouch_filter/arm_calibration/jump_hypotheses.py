@@ -13,7 +13,7 @@ import numpy as np
 POSE = slice(0, 6)
 """The error of the pose among the errors: m, rad."""
 DECISIVE = 9.0
-"""Log-odds [nats] from which a jump of the object is certain: `tools/fit_object_motion.py`."""
+"""Log-odds [nats] from which a jump of the object is certain: `midastouch_benchmark/fits/object_motion.py`."""
 _DRIFT = np.repeat([3e-5, np.radians(0.05)], 3) ** 2  # m^2, rad^2 a frame: a pose's error is not quite constant
 _FREEDOM = 10.0  # degrees of freedom of the innovations' t distribution: some alignments are wrong altogether
 _WINDOW = 10  # frames within which a jump must become certain

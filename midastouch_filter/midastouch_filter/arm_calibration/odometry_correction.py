@@ -27,7 +27,7 @@ from .arm_errors import ArmErrors, ObjectJump
 from .contact_odometry import ContactOdometry
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
-_TOLD = 1.0  # nats by which the last maps must speak against an object at rest: `tools/fit_object_motion.py`
+_TOLD = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
 _ASKED = 3  # last maps that are asked so
 _PATIENCE = 3  # frames in a row that the track may fail to explain: over a sharp edge
 _SAID = 0.1  # share of the prior's information below which a map says nothing

@@ -37,7 +37,7 @@ UNKNOWN = "unknown"
 """Name of what is none of the catalogue's objects."""
 
 # the shortlist is of the whole catalogue; of an object fewer places are kept, as some of each are; how probable an
-# object is was fitted with so many alignments (tools/fit_identity.py)
+# object is was fitted with so many alignments (midastouch_benchmark/fits/identity.py)
 _EFFORT = Effort(shortlist=800, kept=24, alignments=200)
 _TOUCHES = 32  # kept; more than for a place, as an object does not become another one while it is slid over
 _CARRIED = 6  # places that are asked for again; codes bring up the others

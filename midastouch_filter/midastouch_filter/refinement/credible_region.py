@@ -10,7 +10,7 @@ widens the covariance:
   corrects, the odometry undoes. The pose lags behind, and in directions that maps tell little of it stays off for a
   while once that is over.
 
-How wide the result must be is a split-conformal quantile (Vovk et al. 2005): `tools/fit_regions.py`.
+How wide the result must be is a split-conformal quantile (Vovk et al. 2005): `midastouch_benchmark/fits/regions.py`.
 """
 
 from __future__ import annotations

@@ -17,10 +17,12 @@ from ..tdn.inference import load_tdn
 from .response import height_slopes
 
 FELT = 0.82
-"""Radius that the shipped network feels, of the ball's: median over simulated sensors (`tools/fit_diameter.py`)."""
+"""Radius that the shipped network feels, of the ball's: median over simulated sensors
+(`midastouch_benchmark/fits/diameter.py`)."""
 DOUBT = 1.4
 """Factor between the diameter given and the one felt. On simulated sensors one right diameter in eight is beyond it
-(`tools/fit_diameter.py`: 1.39 with seed 1, 1.38 with seed 2): as many have to say that theirs is right."""
+(`midastouch_benchmark/fits/diameter.py`: 1.39 with seed 1, 1.38 with seed 2): as many have to say that theirs is
+right."""
 _CORE = 0.3  # of the deepest penetration: the rim is smeared
 _FEWEST = 40  # px of it
 

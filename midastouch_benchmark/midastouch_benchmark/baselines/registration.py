@@ -1,0 +1,124 @@
+"""Registration of the accumulated contact cloud: what one would do without a filter.
+
+Features (FPFH, Rusu et al. 2009) of the cloud are matched with the object's by RANSAC, then aligned by ICP, point to
+plane; both are Open3D's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from midastouch_bringup.inspection import require_open3d
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
+from midastouch_filter.core.touch import MAP_SCALE
+from midastouch_perception.pointcloud import cloud_from_penetration
+from midastouch_perception.sensor_model import SensorModel
+
+from .dead_reckoning import DeadReckoning
+
+if TYPE_CHECKING:
+    from midastouch_filter.core.touch import Measurement
+    from midastouch_perception.codebook import Codebook
+
+
+@dataclass(frozen=True)
+class RegistrationConfig:
+    """voxel [m] of both clouds, the rest in multiples of it as Open3D's documents have them; every, touches between two
+    registrations; iterations of RANSAC; sure, share of the cloud that must lie on the surface to be believed."""
+
+    voxel: float = 2e-3
+    every: int = 20
+    iterations: int = 20_000
+    sure: float = 0.8
+
+
+class Registration(DeadReckoning):
+    """The best registration so far, moved by the odometry in between.
+
+    ICP starts from RANSAC's answer and from the present pose; the better fit counts. The covariance is that of points
+    a voxel off. Raises InputError where Open3D is missing.
+    """
+
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        codebook: Codebook,
+        config: RegistrationConfig | None = None,
+        clock: Callable[[], float] = lambda: 0.0,
+    ):
+        self._config = config or RegistrationConfig()
+        self._open3d = require_open3d()
+        self._sensor = SensorModel.of_codebook(codebook.meta).scaled(MAP_SCALE)
+        points, normals, _ = mesh.sample_surface(
+            max(int(4 * mesh.area / self._config.voxel**2), 1000), np.random.default_rng(0)
+        )
+        self._object = self._cloud(points, normals)
+        self._object_features = self._features(self._object)
+        super().__init__(mesh, codebook, None, clock)
+
+    def reset(self, seed: int) -> None:
+        """Forget everything but the object."""
+        super().reset(seed)
+        self._open3d.utility.random.seed(seed)
+        self._since_start = np.eye(4)
+        self._points, self._normals = np.empty((0, 3)), np.empty((0, 3))
+        self._touches = 0
+
+    def _start(self, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        super()._start(pose, sigma_t, sigma_r)
+        self._state = AMBIGUOUS
+
+    def _look(self, odometry: np.ndarray | None, measurement: Measurement) -> None:
+        if odometry is not None:
+            self._since_start = self._since_start @ odometry
+        if not measurement.in_contact or measurement.penetration is None:
+            return
+        felt = cloud_from_penetration(measurement.penetration, measurement.penetration > 0, self._sensor)
+        self._points = np.concatenate([self._points, felt @ self._since_start[:3, :3].T + self._since_start[:3, 3]])
+        # the surface faces the gel
+        self._normals = np.concatenate([self._normals, np.tile(self._since_start[:3, 2], (len(felt), 1))])
+        self._touches += 1
+        if self._touches % self._config.every == 0 and len(self._points) > 10:
+            self._register()
+
+    def _register(self) -> None:
+        """Align all points felt so far."""
+        c, registration = self._config, self._open3d.pipelines.registration
+        cloud = self._cloud(self._points, self._normals)
+        # those given only say which way is out: where normals are there, Open3D keeps to their side
+        cloud.estimate_normals(self._open3d.geometry.KDTreeSearchParamHybrid(2 * c.voxel, 30))
+        matched = registration.registration_ransac_based_on_feature_matching(
+            cloud, self._object, self._features(cloud), self._object_features, True, 1.5 * c.voxel,
+            registration.TransformationEstimationPointToPoint(False), 3,
+            [registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+             registration.CorrespondenceCheckerBasedOnDistance(1.5 * c.voxel)],
+            registration.RANSACConvergenceCriteria(c.iterations, 0.999),
+        )  # fmt: skip
+        starts = (matched.transformation, self._pose @ se3.inverse(self._since_start))
+        found = [
+            registration.registration_icp(
+                cloud, self._object, c.voxel, start, registration.TransformationEstimationPointToPlane()
+            )
+            for start in starts
+        ]
+        best = max(found, key=lambda one: (one.fitness, -one.inlier_rmse))
+        self._state = CONVERGED if best.fitness >= c.sure else AMBIGUOUS
+        self._pose = np.array(best.transformation) @ self._since_start
+        spread = max(best.inlier_rmse, 1e-4)
+        self._covariance = np.diag(np.repeat([spread, spread / 0.01], 3) ** 2)
+
+    def _cloud(self, points: np.ndarray, normals: np.ndarray):
+        vectors = self._open3d.utility.Vector3dVector
+        cloud = self._open3d.geometry.PointCloud(vectors(points.astype(float)))
+        cloud.normals = vectors(normals.astype(float))
+        return cloud.voxel_down_sample(self._config.voxel)
+
+    def _features(self, cloud):
+        reach = self._open3d.geometry.KDTreeSearchParamHybrid(5 * self._config.voxel, 100)
+        return self._open3d.pipelines.registration.compute_fpfh_feature(cloud, reach)

@@ -1,0 +1,136 @@
+"""`midastouch benchmark`: accuracy over objects, against the paper's filter and with each mechanism switched off."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from midastouch_bringup.commands import arguments
+
+from . import campaigns, outcome
+
+if TYPE_CHECKING:
+    from ..trials.campaign import Plan
+    from ..trials.protocols import Protocol
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "benchmark",
+        run,
+        "measure accuracy over objects on simulated slides, and compare variants of the filter",
+        "midastouch benchmark --meshes ../shared/meshes/ycb --variant paper --jobs 2 --json out/accuracy.json",
+        "Slides, codebooks and what the networks make of the slides are made once and kept in --out, as is every\n"
+        "finished trial: the same command goes on where it was stopped. With --cluster, trials run on the workers of\n"
+        "a Dask scheduler; they need this version of midastouch, and the folders of --out and --meshes.\n"
+        "--variant takes names and sets:\n"
+        "paper (the paper's filter), peers (that, registration of the contact cloud, odometry alone), ablation\n"
+        "(each mechanism and gate off), gates, counts (fewer particles), codebooks (fewer poses, shorter codes),\n"
+        "front (what error is set against run time for: presets, particles, poses, codes, alignment),\n"
+        "contacts (fewer fingers, for --protocol grasp), all.\n"
+        "--protocol takes one of:\n"
+        "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
+        "  tool_bias    tool 2 mm, 2 deg off                late         poses 50 ms late\n"
+        "  slow_camera  every image comes twice             rest         the arm rests in contact for 20 s\n"
+        "  lift         lifted, put down 50 mm away         kidnap       the same, untold\n"
+        "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
+        "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
+        "  small_parts  parts smaller than the gel          grasp        held still by up to four fingers\n"
+        "  real_sensor  seen by sensors measured on real gel; with --sensor digit_real\n"
+        "  real_sensor_calibrated  the same, each calibrated with ten presses of a ball",
+    )
+    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: as the protocol needs)")
+    parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per slide (default 10)")
+    parser.add_argument(
+        "--init", nargs="+", choices=("paper", "uniform"), help="starts (default: as the protocol has it)"
+    )
+    parser.add_argument("--beta", type=arguments.positive, help="width of `--init paper` (default: the protocol's)")
+    parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
+    parser.add_argument(
+        "--variant", nargs="+", default=[], metavar="NAME", help="compared with the default, on the same slides"
+    )
+    parser.add_argument(
+        "--protocol",
+        default="plain",
+        metavar="NAME",
+        help="what is done to the slides, and how trials start; see above (default plain)",
+    )
+    parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
+    campaigns.add_campaign_options(parser, "trial")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_bringup.machine import machine_info
+
+    from ..statistics.accuracy import compact_trials, summarise_accuracy
+    from ..statistics.accuracy_tables import accuracy_text
+    from ..statistics.comparison import compare_variants
+    from ..statistics.coverage import LEVELS
+    from ..trials.campaign import likelihood_levels, run_campaign
+    from ..trials.protocols import chosen_protocol
+    from ..trials.small_parts import small_parts
+    from ..trials.trial_log import TrialLog
+    from ..trials.variants import VARIANTS, chosen_variants
+
+    protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
+    skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
+    plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
+    folder = plan.stock.folder
+    meshes = (
+        small_parts(folder / "meshes") if protocol.small_parts else campaigns.chosen_meshes(args.meshes, args.objects)
+    )
+    log = TrialLog(folder / "trials.jsonl")
+    machine = machine_info()
+    with campaigns.campaign(args, "trial") as workforce:
+        trials, missing = run_campaign(plan, meshes, log, workforce)
+    levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
+    result = {
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
+        "machine": machine,
+        "objects": [
+            {
+                "object": mesh.name,
+                "diagonal_m": mesh.diagonal,
+                "symmetry": plan.stock.symmetry(mesh).describe(),
+                "likelihood_levels": levels.get(mesh.name),
+            }
+            for mesh in meshes
+        ],
+        "variants": {name: VARIANTS[name].describe() for name in plan.variants},
+        "skipped_variants": skipped,
+        "levels": LEVELS,
+        "missing_trials": missing,
+        "summary": summarise_accuracy(trials),
+        "comparison": compare_variants(trials),
+        "trials": compact_trials(trials),
+    }
+    left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
+    return outcome.conclude(args, result, accuracy_text(result), *left_out, *campaigns.left(missing, "trial"))
+
+
+def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
+    """The options, and what the protocol has where they say nothing."""
+    import dataclasses
+    from pathlib import Path
+
+    from ..trials.campaign import Plan
+    from ..trials.setup import load_filter_config
+
+    folder = Path(args.out).resolve()  # workers may run elsewhere
+    slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
+    size = args.codebook_size or protocol.codebook_size
+    return Plan(
+        protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size),
+        load_filter_config(args.config, args.preset),
+        tuple(variants),
+        tuple(dict.fromkeys(args.init or protocol.starts)),
+        args.beta or protocol.beta,
+        tuple(range(args.slides)),
+        tuple(range(args.seeds)),
+        args.stride,
+        args.protocol,
+    )

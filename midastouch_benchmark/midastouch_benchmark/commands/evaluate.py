@@ -1,0 +1,169 @@
+"""`midastouch evaluate`: the whole pipeline over sequences, frame by frame, with errors and times."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from midastouch_bringup.commands import arguments
+
+from . import options, outcome
+
+if TYPE_CHECKING:
+    from midastouch_bringup.datasets import Sequence
+    from midastouch_filter.core.config import FilterConfig
+
+    from ..trials.sequence_trials import TrialPlan
+    from ..trials.setup import Networks, Untouched
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate",
+        run,
+        "run the whole pipeline over sequences and measure errors and times",
+        "midastouch build-codebook ../shared/meshes/ycb/035_power_drill.ply\n"
+        "  midastouch evaluate ../shared/data/ycb_slide_sim/035_power_drill/00 --seeds 5 --init paper",
+        "Every frame is processed, in order, without ROS. Mesh and codebook are found by the object's name\n"
+        "after `midastouch build-codebook`, or given.",
+    )
+    parser.add_argument(
+        "sequences", nargs="+", metavar="SEQ", help="YCB-Slide sequence folders, or trials of TactileTracking"
+    )
+    parser.add_argument(
+        "--real",
+        action="store_true",
+        help="as the paper on real slides of YCB-Slide: beta 0.5; its figures beside ours",
+    )
+    parser.add_argument("--mesh", help="mesh of the object (default: the one the codebook was built from)")
+    parser.add_argument("--codebook", metavar="FILE", help="default: out/codebooks/<mesh or object>.npz")
+    parser.add_argument(
+        "--objects",
+        nargs="+",
+        metavar="FILE",
+        help="in place of mesh and codebook: codebooks, or folders of codebooks, of which one is to be found out",
+    )
+    options.add_filter_options(parser)
+    parser.add_argument(
+        "--init",
+        choices=("paper", "uniform"),
+        default="paper",
+        help="paper: about the truth, sigma = beta (diagonal/3, 60 deg); uniform: anywhere (default paper)",
+    )
+    parser.add_argument("--beta", type=arguments.positive, help="width of `--init paper` (default 1, with --real 0.5)")
+    parser.add_argument("--seeds", type=arguments.positive_int, default=10, help="trials per sequence (default 10)")
+    parser.add_argument("--stride", type=arguments.positive_int, default=1, help="use every n-th frame (default 1)")
+    parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
+    options.add_network_options(parser, sensor="")
+    options.add_sequence_options(parser)
+    outcome.add_json_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import dataclasses
+    import sys
+
+    from midastouch_bringup.datasets import load_sequence
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.progress import progress_bar
+    from midastouch_bringup.text_table import text_table
+    from midastouch_common.errors import InputError
+
+    from ..statistics.real_table import BETA, PAPER_REAL, real_table, require_real
+    from ..statistics.summary import summarise_trials, summary_table
+    from ..trials.mesh_frame import mesh_doubt
+    from ..trials.sequence_trials import TrialPlan, run_sequence
+    from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
+
+    config = load_filter_config(args.config, args.preset)
+    beta = args.beta or (BETA if args.real else 1.0)
+    plan = TrialPlan(args.init, beta, args.seeds, args.stride, args.max_frames)
+    # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
+    sequences = [load_sequence(path) for path in args.sequences]
+    if args.real:
+        require_real(sequences)
+        if args.init == "uniform":
+            raise InputError("--real: the paper's starts are about the truth; leave out --init uniform")
+    sensor = args.sensor or sensor_of(sequences)
+    networks = Networks.load(args.tdn, args.tcn, sensor, calibration=args.calibration)
+    untouched = [untouched_of(sequence, args.background) for sequence in sequences]
+    require_same_gel(networks.tdn, untouched)
+    doubts = [each.doubt for each in untouched]
+    work = []
+    for sequence, free in zip(sequences, untouched, strict=True):
+        if args.objects:
+            break
+        mesh, codebook = options.load_object(sequence.object_name, args.mesh, args.codebook, networks)
+        doubts.append(mesh_doubt(sequence, plan.frame_indices(sequence), mesh))
+        work.append((sequence, mesh, codebook, free))
+    doubts = [doubt for doubt in doubts if doubt]
+    for doubt in doubts:
+        print(f"warning: {doubt}", file=sys.stderr)
+    if args.objects:
+        return _identify(args, sequences, untouched, networks, config, plan)
+    result = {
+        "config": {
+            **dataclasses.asdict(plan),
+            "filter": dataclasses.asdict(config),
+            "networks": networks.describe(),
+        },
+        "machine": machine_info(),
+        "warnings": doubts,
+        "sequences": [],
+        "trials": [],
+    }
+    total = sum(plan.seeds * len(plan.frame_indices(sequence)) for sequence, *_ in work)
+    with progress_bar(total=total, unit="frame") as bar:
+        for sequence, mesh, codebook, free in work:
+            bar.set_description(sequence.name)
+            description, trials = run_sequence(sequence, mesh, codebook, networks, config, plan, bar.update, free)
+            result["sequences"].append(description)
+            result["trials"] += trials
+    result["summary"] = summarise_trials(result["trials"])
+    if args.real:
+        result["paper_real"] = PAPER_REAL
+    beside = ["", text_table(*real_table(result["summary"]))] if args.real else []
+    return outcome.conclude(args, result, summary_table(result["summary"]), *beside)
+
+
+def _identify(
+    args: argparse.Namespace,
+    sequences: list[Sequence],
+    untouched: list[Untouched],
+    networks: Networks,
+    config: FilterConfig,
+    plan: TrialPlan,
+) -> int:
+    """Which object is each sequence over?"""
+    from pathlib import Path
+
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.text_table import text_table
+    from midastouch_common.errors import InputError
+    from midastouch_filter.core.noise_model import NoiseModel
+    from midastouch_filter.identification.catalogue import read_catalogue
+
+    from ..trials.identification import identify, right_answer
+    from ..trials.sequence_trials import perceived
+
+    def build(path: Path):
+        raise InputError(f"{path}: not a codebook; build it: midastouch build-codebook {path}")
+
+    catalogue = read_catalogue([Path(each) for each in args.objects], build, NoiseModel.of(config))
+    trials = []
+    for sequence, free in zip(sequences, untouched, strict=True):
+        indices = plan.frame_indices(sequence)
+        images = [sequence.image(i) for i in indices]
+        frames = perceived(sequence, indices, images, free.image, networks)
+        truth = right_answer(catalogue, sequence.object_name)
+        trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
+    rows = [
+        [t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}"]
+        for t in trials
+    ]
+    names = [entry.name for entry in catalogue.entries]
+    result = {"machine": machine_info(), "catalogue": names, "identified": trials}
+    return outcome.conclude(args, result, text_table(["sequence", "answer", "probability", "right"], rows, left=2))

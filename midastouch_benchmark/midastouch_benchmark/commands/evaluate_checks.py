@@ -1,0 +1,94 @@
+"""`midastouch evaluate-checks`: how often the checks on tactile images are wrong."""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+from . import outcome
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate-checks",
+        run,
+        "measure false and missed alarms of the fit check, the contact decision and the background capture",
+        "midastouch evaluate-checks ../shared/data/digit_backgrounds --json out/checks.json",
+        "On imaginary sensors as the depth network is trained on, over real no-contact images, and on those\n"
+        "images themselves. Light touches are on an eyebolt and on a wire 2 mm thick. --presses adds real sensors.",
+    )
+    parser.add_argument("backgrounds", metavar="DIR", help="no-contact images of many DIGITs")
+    parser.add_argument("--sensors", type=arguments.positive_int, default=40, help="imaginary sensors (default 40)")
+    parser.add_argument(
+        "--presses", nargs="+", default=(), metavar="DIR", help="presses of a ball on real DIGITs, as evaluate-presses"
+    )
+    parser.add_argument("--colour-table", metavar="NPZ", help="Taxim's table, if the network was trained with it")
+    parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
+    outcome.add_json_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_bringup.text_table import text_table
+
+    from ..perception.check_tables import check_tables
+
+    result = _measured(args)
+    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+
+
+def _measured(args: argparse.Namespace) -> dict:
+    import itertools
+    from pathlib import Path
+
+    import numpy as np
+
+    from midastouch_bringup.datasets.ball_presses import load_ball_presses
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.progress import progress_bar
+    from midastouch_bringup.result_file import to_json
+    from midastouch_perception.sensor_model import SensorModel
+    from midastouch_perception.simulation.colour_table import ColourTable
+    from midastouch_perception.simulation.randomisation import RandomisationRange
+    from midastouch_perception.tdn import load_tdn
+    from midastouch_perception.training.backgrounds import load_backgrounds
+
+    from ..perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
+    from ..perception.diameter_checks import diameter_checks
+    from ..perception.real_checks import real_checks
+
+    sensor = SensorModel.load(args.sensor)
+    presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
+    backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
+    ranges = RandomisationRange(colour_table=ColourTable.load(args.colour_table) if args.colour_table else None)
+    tdn = load_tdn(args.tdn, sensor)
+    quality = CheckQuality(tdn)
+    rng = np.random.default_rng(args.seed)
+    sensors = imaginary_sensors(args.sensors + 1, sensor, backgrounds, ranges, rng)
+    for own, other in progress_bar(iterable=itertools.pairwise(sensors), total=args.sensors, unit="sensor"):
+        quality.add(own, other)
+    real = SensorModel.load("digit_real")
+    felt_by = load_tdn(args.tdn, real)
+    large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
+    return to_json(
+        {
+            "network": tdn.network_id,
+            "sensor": args.sensor,
+            "sensors": args.sensors,
+            "no_contact_images": len(backgrounds),
+            "seed": args.seed,
+            "machine": machine_info(),
+            "fit_check": quality.fit(),
+            "no_contact_image": layout_quality(backgrounds),
+            "cause_named": causes_named(backgrounds),
+            "capture": quality.capture(),
+            "contact": quality.contact(),
+            "real_sensors": {name: real_checks(felt_by, each, rng) for name, each in presses.items()},
+            "ball_diameter": diameter_checks(real, large, args.sensors, rng),
+        }
+    )

@@ -1,0 +1,62 @@
+"""`midastouch evaluate-exploration`: how far a finger goes until it knows where it is, if it is told where to go."""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+from . import campaigns, outcome
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate-exploration",
+        run,
+        "measure how far a finger slides until the filter has converged, where it is told to and at random",
+        "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 --json out/exploration.json",
+        "A simulated finger begins anywhere on the object, and nothing is known. It slides where suggest_motion says,\n"
+        "the same with lifts allowed, or on geodesics in random directions, until the filter is converged, it is said\n"
+        "that nothing tells the remaining places apart, or the way is too long. Policies begin at the same places.\n"
+        "Codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
+    )
+    parser.add_argument("--trials", type=arguments.positive_int, default=10, help="per object and policy (default 10)")
+    parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: all)")
+    parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
+    parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
+    campaigns.add_campaign_options(parser, "trial")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import dataclasses
+    from pathlib import Path
+
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.text_table import text_table
+
+    from ..statistics.exploration_summary import exploration_table, summarise_exploration
+    from ..trials.exploration import Plan, chosen_policies, run_exploration
+    from ..trials.setup import load_filter_config
+    from ..trials.stock import Stock
+    from ..trials.trial_log import TrialLog
+
+    folder = Path(args.out).resolve()  # workers may run elsewhere
+    stock = Stock(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
+    config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
+    plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
+    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
+    with campaigns.campaign(args, "trial") as workforce:
+        trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
+    summary = summarise_exploration(trials)
+    result = {
+        "config": plan.describe(),
+        "machine": machine_info(),
+        "missing_trials": missing,
+        "exploration": summary,
+        "trials": trials,
+    }
+    table = text_table(*exploration_table(summary), left=2)
+    return outcome.conclude(args, result, table, *campaigns.left(missing, "trial"))

@@ -1,0 +1,181 @@
+"""`midastouch evaluate-presses`: the depth network on real images of a pressed ball."""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+from . import outcome
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate-presses",
+        run,
+        "check the depth network on real presses of a ball of known size",
+        "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 --ball-diameter 0.0088 "
+        "--px-per-mm 18.68 --json out/presses.json",
+        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is told from the\n"
+        "presses) and labelled contact circles, circles.csv with the columns frame,center_x_px,center_y_px,radius_px.\n"
+        "The outline of a contact tells how deep a ball of that size was pressed; the felt relief is compared with\n"
+        "that ball. Without labels the images tell the outline: where one light for five or more presses explains\n"
+        "them best. Where that fails, depth is not judged. Images that show no press are named and left out.",
+    )
+    parser.add_argument("folder", metavar="DIR", help="images of presses")
+    parser.add_argument(
+        "--ball-diameter", type=arguments.positive, required=True, metavar="METRES", help="diameter of the ball"
+    )
+    parser.add_argument("--sensor", default="digit_real", help="sensor model (default digit_real)")
+    parser.add_argument(
+        "--px-per-mm", type=arguments.positive, metavar="X", help="scale of this very sensor (default: the model's)"
+    )
+    parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
+    calibrated = parser.add_mutually_exclusive_group()
+    calibrated.add_argument("--calibration", metavar="FILE", help="the sensor's, by midastouch calibrate")
+    calibrated.add_argument(
+        "--calibrate-with",
+        type=arguments.positive_int,
+        metavar="N",
+        help="judge each press with a calibration from N of the others, drawn with --seed",
+    )
+    parser.add_argument(
+        "--check-labels",
+        action="store_true",
+        help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
+    )
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
+    outcome.add_json_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from pathlib import Path
+
+    from midastouch_bringup.datasets.ball_presses import load_ball_presses
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.progress import progress_bar
+    from midastouch_bringup.result_file import to_json
+    from midastouch_perception.sensor_model import SensorModel
+    from midastouch_perception.tdn import load_tdn
+
+    from ..perception.brightness import brightness_effect
+    from ..perception.held_out_calibrations import calibrations_of
+    from ..perception.press_quality import measure_presses
+    from ..perception.press_truth import with_truth
+    from ..perception.usable_presses import usable_presses
+
+    sensor = SensorModel.load(args.sensor)
+    if args.px_per_mm:
+        sensor = sensor.at_scale(1e3 * args.px_per_mm)
+    presses, unusable = usable_presses(load_ball_presses(args.folder), sensor)
+    tdn = load_tdn(args.tdn, sensor)
+    settings = {
+        "ball_diameter": args.ball_diameter,
+        "calibration": args.calibration,
+        "calibrated_with": args.calibrate_with,
+        "seed": args.seed,
+    }
+    calibrations = calibrations_of(settings, presses, sensor)
+    known = with_truth(presses, args.ball_diameter, sensor)
+    with progress_bar(total=len(presses.images), unit="press") as bar:
+        rows, summary = measure_presses(tdn, known.presses, args.ball_diameter / 2, bar.update, calibrations)
+    summary["brightness_mm"] = 1e3 * brightness_effect(tdn, presses, calibrations)
+    checked = _check_labels(args, presses, sensor, tdn, calibrations) if args.check_labels else {}
+    result = to_json(
+        {
+            "folder": str(Path(args.folder).resolve()),
+            **settings,
+            "px_per_mm": args.px_per_mm,
+            "tdn": args.tdn,
+            "network": tdn.network_id,
+            "sensor": args.sensor,
+            "machine": machine_info(),
+            "unusable": _listed(unusable),
+            "unfitted": _listed(known.unfitted),
+            "depth_problem": known.problem,
+            "presses": rows,
+            "summary": summary,
+            **checked,
+        }
+    )
+    return outcome.conclude(args, result, *_notes(result), _table(result))
+
+
+def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
+    return [{"image": name, "problem": problem} for name, problem in problems.items()]
+
+
+def _notes(result: dict) -> list[str]:
+    """What was left out and why, one line each."""
+    notes = [f"{each['image']}: not used: {each['problem']}" for each in result["unusable"]]
+    notes += [f"{each['image']}: depth not judged: {each['problem']}" for each in result["unfitted"]]
+    if problem := result["depth_problem"]:
+        notes.append(f"depth cannot be judged: no circles.csv, and the images do not tell where the ball is: {problem}")
+    return notes
+
+
+def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
+    from midastouch_common.errors import InputError
+
+    from ..perception.label_check import FittedBall
+    from ..perception.press_quality import measure_presses
+
+    if presses.circles is None:
+        raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")
+    ball, radius = FittedBall(presses, args.ball_diameter, sensor), args.ball_diameter / 2
+    return {
+        "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],
+        "against_fit": measure_presses(tdn, ball.presses, radius, calibrations=calibrations)[1],
+    }
+
+
+def _table(result: dict) -> str:
+    from midastouch_bringup.text_table import number, text_table
+
+    columns = {
+        "felt": result["summary"],
+        "felt, by the images' ball": result.get("against_fit"),
+        "that ball, by the labels": result.get("labels"),
+    }
+    columns = {title: _figures(summary, result["ball_diameter"]) for title, summary in columns.items() if summary}
+    rows = [[cells[0][0], *(value for _, value in cells)] for cells in zip(*columns.values(), strict=True)]
+    unsteady = f"{number(result['summary']['brightness_mm'], 3)} mm"
+    rows.append(["depth changed by 10 % more or less light", unsteady, *[""] * (len(columns) - 1)])
+    return text_table(["median over presses", *columns], rows)
+
+
+def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
+    from midastouch_bringup.text_table import number
+
+    truth = {"labels": "the labelled circle", "images": "the images' circle"}.get(summary["truth"], "a known outline")
+    judged = summary["truth"] != "felt outline"
+
+    def of_truth(figure: str) -> str:
+        # a felt outline is the network's own, and flatters it
+        return figure if judged else "not judged"
+
+    return [
+        ("presses", summary["presses"]),
+        ("contact found", f"{100 * summary['found_share']:.0f} %"),
+        ("relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"),
+        (f"RMSE to the ball under {truth}, inside", of_truth(f"{number(summary['rmse_in_circle_mm'], 2)} mm")),
+        ("deepest felt over deepest of that ball", of_truth(number(summary["peak_ratio"], 2))),
+        ("correlation of both over the presses", of_truth(number(summary["depth_correlation"], 2))),
+        ("contact's IoU with it; centre off by", of_truth(_pair(summary, "iou_ideal", "centre_mm"))),
+        ("IoU with the nearest ball of that size", number(summary["iou"], 2)),
+        (
+            f"radius of the ball felt, {500 * ball_diameter:g} mm in truth",
+            f"{number(summary['felt_radius_mm'], 1)} mm",
+        ),
+        ("roundness of the outline", number(summary["roundness"], 2)),
+        ("penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"),
+    ]
+
+
+def _pair(summary: dict, share: str, distance: str) -> str:
+    from midastouch_bringup.text_table import number
+
+    return f"{number(summary[share], 2)}; {number(summary[distance], 2)} mm"

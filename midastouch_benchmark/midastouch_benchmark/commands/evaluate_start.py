@@ -1,0 +1,58 @@
+"""`midastouch evaluate-start`: how soon is there a pose on an object that comes without a codebook?"""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+from . import campaigns, outcome
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evaluate-start",
+        run,
+        "measure how soon there is a pose on an object that comes without a codebook",
+        "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10 --json out/start.json",
+        "Of each object a filter is asked for as by set_object with the mesh alone, and then given the first touch of\n"
+        "each slide. Slides are kept in --out, as by `midastouch benchmark`. Wall time: let nothing else run.",
+    )
+    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
+    campaigns.add_object_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from pathlib import Path
+
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.progress import progress_bar
+    from midastouch_filter.quick_start import SIZE
+
+    from ..speed.first_pose import first_poses, summarise_first_poses
+    from ..trials.setup import load_filter_config
+    from ..trials.stock import SlideKind, Stock
+
+    stock = Stock(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
+    config, meshes = load_filter_config(args.config, args.preset), campaigns.chosen_meshes(args.meshes, args.objects)
+    machine, trials = machine_info(), []
+    for mesh in progress_bar(iterable=meshes, unit="object"):
+        trials += first_poses(mesh, stock, range(args.slides), config)
+    summary = summarise_first_poses(trials)
+    seconds = summary["first_pose_s"]
+    settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
+    result = {
+        "config": settings | {"networks": stock.describe()},
+        "machine": machine,
+        "start": summary,
+        "trials": trials,
+    }
+    said = (
+        f"{summary['trials']} first touches of {summary['objects']} objects: a pose after {seconds['value']:.1f} s"
+        f" (median; at most {seconds['max']:.1f} s)"
+    )
+    return outcome.conclude(args, result, said)

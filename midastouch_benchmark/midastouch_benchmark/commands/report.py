@@ -1,0 +1,33 @@
+"""`midastouch report`: result files as a page with tables, plots and pictures."""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "report",
+        run,
+        "turn result files into a page (HTML and Markdown) with tables, plots and pictures",
+        "midastouch report out/drill.json out/bench.json --out out/report",
+        "Takes the JSON files of evaluate, benchmark, evaluate-tdn, evaluate-presses, evaluate-checks,\n"
+        "single-touch and bench, several of each.",
+    )
+    parser.add_argument("results", nargs="+", metavar="JSON", help="result files")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for index.html, index.md, pictures")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from midastouch_bringup.result_file import read_json
+
+    from ..report.results_page import write_results_page
+
+    page = write_results_page([(path, read_json(path)) for path in args.results], args.out)
+    print(page)
+    return 0

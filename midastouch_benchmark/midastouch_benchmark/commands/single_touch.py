@@ -1,0 +1,125 @@
+"""`midastouch single-touch`: how far one touch alone tells where the sensor is."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from midastouch_bringup.commands import arguments
+from midastouch_bringup.output_paths import codebook_path
+from midastouch_common.errors import InputError
+
+from . import options, outcome
+
+if TYPE_CHECKING:
+    from midastouch_common.mesh import ObjectMesh
+    from midastouch_perception.codebook import Codebook
+
+    from ..trials.setup import Networks
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "single-touch",
+        run,
+        "measure how far a single touch tells where the sensor is",
+        "midastouch single-touch handle_tool eyebolt --queries 2000 --json out/single_touch.json",
+        "Fresh poses, every 20 seen by another simulated sensor, through both networks; for each the smallest pose\n"
+        "error among the 25 best matches, over that among 25 random ones (paper figures 4 and 14).",
+    )
+    parser.add_argument("meshes", nargs="*", metavar="MESH", help="mesh files or bundled objects")
+    parser.add_argument("--mesh", help="the same, for one object (default: what the codebook was built from)")
+    parser.add_argument(
+        "--codebook", metavar="FILE", help="of one object, or folder with <mesh name>.npz (default out/codebooks)"
+    )
+    parser.add_argument("--queries", type=arguments.positive_int, default=10_000, help="per object (default 10000)")
+    parser.add_argument("--seed", type=arguments.seed, default=0, help="of the touches (default 0)")
+    parser.add_argument(
+        "--lighting",
+        choices=("tacto", "random"),
+        default="tacto",
+        help="TACTO's optics, or those of the training's randomisation (default tacto)",
+    )
+    parser.add_argument(
+        "--backgrounds",
+        metavar="DIR",
+        help="real no-contact images; those held out of the training are used (default: invented ones)",
+    )
+    parser.add_argument(
+        "--baseline-size",
+        type=arguments.seed,
+        default=5000,
+        metavar="N",
+        help="poses of the smaller book on which codes, image embedding and MinkLoc3D are compared; 0: do not "
+        "(default 5000)",
+    )
+    parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
+    options.add_network_options(parser)
+    outcome.add_json_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import numpy as np
+
+    from midastouch_bringup.machine import machine_info
+    from midastouch_bringup.progress import progress_bar
+    from midastouch_common.files import require_file
+    from midastouch_perception.tcn import load_tcn
+
+    from ..single_touch.per_object import SingleTouchPlan, measure_object
+    from ..single_touch.simulated_touch import Lighting
+    from ..single_touch.summary import single_touch_table, summarise_objects
+    from ..trials.setup import Networks
+
+    wanted = _wanted(args)
+    for _, codebook in wanted:
+        if codebook:
+            require_file(codebook, "codebook")
+    networks = Networks.load(args.tdn, args.tcn, args.sensor)
+    lighting = Lighting.load(args.lighting, args.backgrounds, networks.sensor)
+    minkloc3d = load_tcn(args.minkloc3d, networks.sensor) if args.minkloc3d else None
+    plan = SingleTouchPlan(args.queries, lighting, args.baseline_size, minkloc3d)
+    # all of them before the first is measured: what is missing shows at once
+    objects = [_load(mesh, codebook, networks) for mesh, codebook in wanted]
+    results = []
+    for mesh, book, path in objects:
+        # the seed of an object does not depend on which others are measured
+        rng = np.random.default_rng([args.seed, int(mesh.sha256[:8], 16)])
+        with progress_bar(total=plan.touches(networks), unit="touch", desc=mesh.name) as bar:
+            result = measure_object(mesh, book, networks, plan, rng, bar.update)
+        files = {"mesh": mesh.path, "codebook_file": path.resolve(), "codebook": dict(book.meta)}
+        results.append(files | result)
+    content = {
+        **summarise_objects(results),
+        "config": {
+            "seed": args.seed,
+            "lighting": args.lighting,
+            "backgrounds": args.backgrounds,
+            "baseline_size": args.baseline_size,
+            "networks": networks.describe() | {"minkloc3d": minkloc3d and minkloc3d.network_id},
+        },
+        "machine": machine_info(),
+    }
+    return outcome.conclude(args, content, single_touch_table(content))
+
+
+def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:
+    """(mesh or None, codebook or None) per object, as asked for."""
+    meshes = [*args.meshes, *([args.mesh] if args.mesh else [])]
+    if args.codebook is None or Path(args.codebook).is_dir():
+        if not meshes:
+            raise InputError("no object to touch; give mesh files or bundled objects, or --codebook FILE")
+        folder = args.codebook and Path(args.codebook)
+        return [(mesh, folder and folder / f"{Path(mesh).stem}.npz") for mesh in meshes]
+    if len(meshes) > 1:
+        raise InputError(f"{args.codebook}: one codebook for {len(meshes)} objects; give the folder that holds theirs")
+    return [(meshes[0] if meshes else None, Path(args.codebook))]
+
+
+def _load(mesh: str | None, codebook: Path | None, networks: Networks) -> tuple[ObjectMesh, Codebook, Path]:
+    path = codebook or codebook_path(Path(mesh).stem, networks.sensor.name)
+    return *options.load_object(Path(mesh or path).stem, mesh, codebook and str(codebook), networks), path

@@ -1,0 +1,1 @@
+"""Constants of the filter, fitted on training objects by simulation; each is a program of its own."""

@@ -1,0 +1,41 @@
+"""Fit what the depth network feels of a ball, and how surely that tells its diameter, on simulated sensors.
+
+.venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
+
+`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/diameter.py`. Each sensor is another one than
+those on which `midastouch evaluate-checks` judges them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_benchmark.perception.diameter_checks import felt_balls
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.training.backgrounds import load_backgrounds
+
+DOUBTED = 1 / 8
+"""Share of right diameters."""
+
+
+def main() -> None:
+    """Print the two numbers."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--backgrounds", type=Path, required=True, help="no-contact images of many DIGITs")
+    parser.add_argument("--sensors", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=1, help="not that of evaluate-checks")
+    args = parser.parse_args()
+    sensor = SensorModel.load("digit_real")
+    backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
+    balls = felt_balls(sensor, backgrounds, args.sensors, np.random.default_rng(args.seed))
+    shares = np.log([felt / radius for radius, felt in balls if felt is not None])
+    usual = np.median(shares)
+    doubt = np.exp(np.quantile(np.abs(shares - usual), 1 - DOUBTED))
+    print(f"{len(shares)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}")
+
+
+if __name__ == "__main__":
+    main()

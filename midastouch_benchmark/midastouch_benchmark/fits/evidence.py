@@ -1,0 +1,178 @@
+"""Fit what the filter assumes of the evidence of touches, from simulated ones on procedural objects.
+
+.venv/bin/python -m midastouch_benchmark.fits.evidence [--objects 8] [--windows 3] [--seed 0]
+
+Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
+replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
+often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
+mathematics: docs/evidence.md. No test object is seen.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.optimize import minimize
+
+from midastouch_benchmark.single_touch.simulated_touch import Lighting, TouchSimulator
+from midastouch_benchmark.trials.setup import Networks
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.keyframes import KeyframeWindow
+from midastouch_filter.core.motion_model import Odometry
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.object_model import ObjectModel
+from midastouch_filter.core.places import APART, pose_distance
+from midastouch_filter.core.touch import Measurement, reduced_penetration
+from midastouch_filter.core.workers import Workers
+from midastouch_filter.refinement.effort import Effort
+from midastouch_filter.smoothing.replay import Followed, Race, Replay
+from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
+from midastouch_perception.codebook_build import build_codebook
+from midastouch_perception.simulation.procedural import random_probe, random_shape
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+
+SPACING = 0.01  # m between touches: less than their correlation
+TOUCHES = 20  # of a window: one imaginary sensor's
+ENTRIES = 8_000
+RIVALS = 6
+LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
+CONFIG = FilterConfig(threads=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Pair:
+    """Misfits (K,) of a window's maps at the true place and at a rival, oldest first; name of the object; twin: the
+    rival is the true place too, found from another side: what tells the two apart is noise."""
+
+    name: str
+    true: np.ndarray
+    rival: np.ndarray
+    twin: bool
+
+
+def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.random.Generator) -> Iterator[Pair]:
+    """Of `count` windows over one object."""
+    book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
+    # every rival is followed to the end, however bad it is
+    noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
+    model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
+    simulator = TouchSimulator(mesh, networks, Lighting("random"))
+    search = RivalSearch(model.lookup, noise, Effort())
+    for _ in range(count):
+        try:
+            slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
+        except InputError:  # it got stuck
+            continue
+        window, truth = _touched(slide, model, simulator, networks, rng)
+        if len(window.keyframes) < TOUCHES // 2:
+            continue
+        entry = model.lookup.exact(truth[-1][None])[0]
+        beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
+        taken = [model.lookup.poses[entry]]
+        rivals = [beside, *_exhaust(search.find(window, taken)).poses]
+        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.relief_fit, Race(window))
+        for start in taken + rivals[: RIVALS + 1]:
+            _exhaust(replay.follow(start))
+        own, *others = [(each.misfit, _distance(each, truth)) for each in replay.followed]
+        if own[1] < 0.5 * APART:
+            for misfit, distance in others:
+                if not 0.5 * APART <= distance <= APART:
+                    yield Pair(mesh.name, own[0], misfit, distance < APART)
+
+
+def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.ndarray]]:
+    """A window of touches along the slide, and the true poses of its keyframes."""
+    measured = measure_poses(slide, rng)
+    window, chosen, path = KeyframeWindow(TOUCHES, SPACING, CONFIG.correlation_length, Effort().shortlist), [0], 0.0
+    for i in range(1, len(slide)):
+        path += Odometry.from_matrix(se3.inverse(slide[i - 1]) @ slide[i]).path
+        if path >= SPACING:
+            chosen.append(i)
+            path = 0.0
+    chosen, true_pose, last = chosen[:TOUCHES], {}, None
+    percepts = next(simulator.percepts(slide[chosen], rng))
+    codes = networks.tcn.encode(percepts.penetration)
+    for i, penetration, code, felt in zip(chosen, percepts.penetration, codes, percepts.felt, strict=True):
+        step = np.eye(4) if last is None else se3.inverse(measured[last]) @ measured[i]
+        window.moved(step, SPACING, in_contact=True)
+        last = i
+        if felt:
+            unit = model.measurement.unit_code(code)
+            model.measurement.score_codebook(unit)
+            window.keep([Measurement(True, unit, penetration=reduced_penetration(penetration))],
+                        [model.measurement.log_ratio.copy()])  # fmt: skip
+            true_pose[id(window.keyframes[-1])] = slide[i]
+    keyframes = list(window.keyframes)
+    weights = np.full(len(keyframes), SPACING / CONFIG.correlation_length)
+    return Scored(keyframes, weights, np.full(len(keyframes), 1e-9)), [
+        true_pose[id(keyframe)] for keyframe in keyframes
+    ]
+
+
+def _distance(place: Followed, truth: list[np.ndarray]) -> float:
+    """Median along the window [m] between a place and the truth; 1 rad counts as 10 mm."""
+    return float(np.median([pose_distance(pose, true) for pose, true in zip(place.poses, truth, strict=True)]))
+
+
+def _exhaust(generator):
+    """What a generator returns at its end."""
+    while True:
+        try:
+            next(generator)
+        except StopIteration as stop:
+            return stop.value
+
+
+def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...] = LENGTHS) -> float:
+    """Mean nats by which the odds between true places and rivals surprise, each object counting the same.
+
+    Of a twin either answer is right, so that sure odds surprise.
+
+    parameters: logarithms of `map_patches` and `misfit_floor`, and the logit of a touch's weight `SPACING` after the
+    last one.
+    """
+    patches, floor, weight = np.exp(parameters[0]), np.exp(parameters[1]), 1 / (1 + np.exp(-parameters[2]))
+    of_object: dict[str, list[float]] = {}
+    for pair in pairs:
+        odds = patches * np.log((pair.rival + floor) / (pair.true + floor))
+        for length in lengths:
+            parts = odds[: len(odds) // length * length].reshape(-1, length)
+            if len(parts):
+                weights = np.r_[1.0, np.full(length - 1, weight)]
+                lost = np.logaddexp(0, -parts @ weights)
+                if pair.twin:
+                    lost = 0.5 * (lost + np.logaddexp(0, parts @ weights)) - np.log(2)
+                of_object.setdefault(pair.name, []).append(lost.mean())
+    return float(np.mean([np.mean(each) for each in of_object.values()]))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--objects", type=int, default=8)
+    parser.add_argument("--windows", type=int, default=3, help="on each object")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    networks, pairs = Networks.load(), []
+    for i in range(args.objects):
+        rng = np.random.default_rng([args.seed, i])
+        make = (random_shape, random_shape, random_probe)[i % 3]
+        pairs += window_pairs(make(rng, f"fit_{i}"), networks, args.windows, rng)
+        print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of places", file=sys.stderr, flush=True)
+    found = minimize(surprise, [1.0, -6.5, -0.5], args=(pairs,), method="Nelder-Mead", options={"maxiter": 300}).x
+    weight = 1 / (1 + np.exp(-found[2]))
+    print(f"map_patches {np.exp(found[0]):.2f}, misfit_floor {np.exp(found[1]):.2g}")
+    print(f"correlation length {1e3 * SPACING / weight:.0f} mm")
+    for length in LENGTHS:
+        if any(len(pair.true) >= length for pair in pairs):
+            print(f"{length:2d} touches: {surprise(found, pairs, (length,)):.3f} nats of 0.693 left")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""What fits on slides across training scans share: how the scans and slides are chosen.
+
+Neither the paper's ten objects are among them nor the ten that were held out for judging.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+from midastouch_benchmark.commands.campaigns import meshes_to_fit_on
+from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_common.mesh import ObjectMesh
+
+LENGTH = 0.3  # m of a slide
+
+
+def parser_of(description: str, out: str, every: int, poses: int) -> argparse.ArgumentParser:
+    """Asks for what `stock_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
+    parser = argparse.ArgumentParser(description=description.partition("\n")[0])
+    parser.add_argument("--meshes", type=Path, required=True)
+    parser.add_argument("--out", type=Path, default=Path(out))
+    parser.add_argument("--slides", type=int, default=2, help="over each scan")
+    parser.add_argument("--every", type=int, default=every, help="n-th training scan is taken")
+    parser.add_argument("--poses", type=int, default=poses, help="of each codebook")
+    return parser
+
+
+def stock_of(args: argparse.Namespace) -> Stock:
+    """Slides and codebooks, kept in the folder of the fit."""
+    return Stock(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
+
+
+def scans_of(args: argparse.Namespace) -> Iterator[ObjectMesh]:
+    """The training scans asked for."""
+    return map(ObjectMesh.load, meshes_to_fit_on(args.meshes)[:: args.every])

@@ -1,0 +1,188 @@
+"""The single-touch section of the results page, with the paper's figures 3, 4 and 14."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.cm import ScalarMappable
+from matplotlib.figure import Figure
+
+from midastouch_bringup.drawing.figures import PARTICLE_COLOUR, save
+from midastouch_bringup.drawing.object_view import ObjectView
+from midastouch_bringup.drawing.page import Page
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+
+from ..single_touch.per_object import BASELINES, OURS
+from ..single_touch.summary import table_cells, table_notes
+from .code_colours import code_colours, codebook_places
+
+ERROR_COLOURS = colormaps["RdYlBu_r"]
+_WAYS = {OURS: ("tactile codes", "#1f77b4"), "image_embedding": ("image embedding", "#e08a3c")}
+_WAYS["minkloc3d"] = ("MinkLoc3D", "#6f9e4c")
+_COLUMNS = 5
+_VIEW_WIDTH = 420
+
+
+def single_touch_section(page: Page, contents: list[dict], folder: Path) -> None:
+    """Add tables and pictures of `single-touch` results; the pictures go into `folder`."""
+    page.heading("Single touch")
+    for i, content in enumerate(contents):
+        config = content["config"]
+        page.note(
+            f"{config['lighting']} lighting, backgrounds {config['backgrounds'] or 'invented'}; networks "
+            f"{config['networks']['tdn']}, {config['networks']['tcn']}"
+        )
+        page.table(*table_cells(content))
+        page.note(" ".join(table_notes(content)))
+        objects = sorted(content["objects"], key=lambda one: one["summary"]["normalised_top25_error"])
+        path = save(violin_figure({OURS: objects}), folder / f"single_touch_{i}.png")
+        page.picture(path, "Error over that of random touches, whole codebook, best object first; bars: median")
+        compared = _compared(objects)
+        if len(compared) > 1:
+            path = save(violin_figure(compared), folder / f"single_touch_{i}_methods.png")
+            page.picture(path, f"The same on a book of {objects[0]['baselines']['book_size']} poses")
+        _pictures(page, objects, folder / f"single_touch_{i}")
+
+
+def _compared(objects: list[dict]) -> dict[str, list[dict]]:
+    """Results by way of encoding, each in the form of an object's entry, of the ways that all objects have."""
+    out = {}
+    for way in (OURS, *BASELINES):
+        details = [one["baselines"].get("details", {}).get(way) for one in objects]
+        if all(details):
+            out[way] = [{"object": one["object"]} | detail for one, detail in zip(objects, details, strict=True)]
+    return out
+
+
+def _pictures(page: Page, objects: list[dict], stem: Path) -> None:
+    views: dict[str, ObjectView] = {}
+    for one in objects:
+        if one["mesh"] and Path(one["mesh"]).is_file():
+            views[one["object"]] = overview(ObjectMesh.load(one["mesh"]), _VIEW_WIDTH)
+        else:
+            page.note(f"{one['object']}: no pictures, the mesh {one['mesh']} is not there")
+    shown = [one for one in objects if one["object"] in views]
+    if not shown:
+        return
+    errors = {
+        _title(one): lambda one=one: error_picture(views[one["object"]], np.array(one["cells"], float)) for one in shown
+    }
+    path = save(grid_figure(errors, "error / random touches"), stem.with_name(f"{stem.name}_errors.png"))
+    page.picture(path, "Where a touch tells the place (blue) and where it does not (red), means over 5 mm")
+    books = {}
+    for one in shown:
+        try:
+            book = Codebook.load(one["codebook_file"])
+            books[one["object"]] = lambda one=one, book=book: codebook_picture(views[one["object"]], book)
+        except InputError as error:
+            page.note(f"{one['object']}: no picture of the codebook ({error})")
+    if books:
+        path = save(grid_figure(books), stem.with_name(f"{stem.name}_codebooks.png"))
+        page.picture(path, "Codebooks: places of like colour have like codes (mean over yaw, t-SNE)")
+
+
+def _title(one: dict) -> str:
+    return f"{one['object']}   {one['summary']['normalised_top25_error']:.2f}"
+
+
+def overview(mesh: ObjectMesh, width: int) -> ObjectView:
+    """The mesh from the side that shows most of its surface."""
+    points, normals, _ = mesh.sample_surface(400, np.random.default_rng(0))
+    return ObjectView(mesh, se3.make(se3.frame_from_normal(normals, np.zeros(len(normals))), points), width)
+
+
+def error_picture(view: ObjectView, cells: np.ndarray) -> np.ndarray:
+    """Mean error by place, rows (C, 8) of `CELL_COLUMNS`, on the object, blue 0 to red 1; (H, W, 3) uint8."""
+    error, touches = cells[:, 6], cells[:, 7]
+
+    def colours(sums: np.ndarray) -> np.ndarray:
+        return ERROR_COLOURS(np.clip(sums[:, 0] / sums[:, 1], 0, 1))[:, :3]
+
+    return view.painted(1e-3 * cells[:, :3], cells[:, 3:6], np.stack([error * touches, touches], axis=1), colours)
+
+
+def codebook_picture(view: ObjectView, codebook: Codebook) -> np.ndarray:
+    """The codebook's codes as colours on the object; (H, W, 3) uint8."""
+    places, outward, codes = codebook_places(codebook)
+    return view.painted(places, outward, code_colours(codes), lambda colours: colours)
+
+
+def grid_figure(pictures: dict[str, Callable[[], np.ndarray]], bar: str | None = None) -> Figure:
+    """Pictures with their titles, five a row; `bar` labels a colour bar of the errors' colours."""
+    columns = min(_COLUMNS, len(pictures))
+    rows = -(-len(pictures) // columns)
+    figure = Figure(figsize=(2.6 * columns + (0.7 if bar else 0), 2.2 * rows), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    for one in axes:
+        one.set_axis_off()
+    for one, (title, picture) in zip(axes, pictures.items(), strict=False):
+        one.imshow(_framed(picture()))
+        one.set_title(title, fontsize=8)
+    if bar:
+        colours = figure.colorbar(ScalarMappable(cmap=ERROR_COLOURS), ax=list(axes), fraction=0.02, pad=0.01)
+        colours.set_label(bar, fontsize=8)
+        colours.ax.tick_params(labelsize=8)
+    return figure
+
+
+def _framed(picture: np.ndarray) -> np.ndarray:
+    """What is not white in a picture (H, W, 3), in a white frame 4 wide and 3 high."""
+    rows, columns = (np.flatnonzero((picture < 250).any(axis=(axis, 2))) for axis in (1, 0))
+    shown = picture[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    height, width = shown.shape[:2]
+    frame = np.full((max(height, -(-3 * width // 4)), max(width, -(-4 * height // 3)), 3), 255, np.uint8)
+    top, left = (frame.shape[0] - height) // 2, (frame.shape[1] - width) // 2
+    frame[top : top + height, left : left + width] = shown
+    return frame
+
+
+def violin_figure(results: dict[str, list[dict]]) -> Figure:
+    """Distribution of the normalised top-25 error per object: the paper's figures 4 and 14.
+
+    results: by way of encoding, entries with `object` and `errors`, in the same order for all ways. Two ways share a
+    violin, half of it each; more stand side by side.
+    """
+    objects = [one["object"] for one in next(iter(results.values()))]
+    figure = Figure(figsize=(max(5.0, 1.15 * len(objects) + 1.5), 3.8), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(objects)) + 1.0
+    for k, (way, entries) in enumerate(results.items()):
+        name, colour = _WAYS[way]
+        side = ("low", "high")[k] if len(results) == 2 else "both"
+        shift = 0.0 if len(results) < 3 else 0.28 * (k - (len(results) - 1) / 2)
+        drawn = axes.violinplot(
+            [one["errors"] for one in entries],
+            places + shift,
+            widths=0.85 if len(results) < 3 else 0.26,
+            showextrema=False,
+            showmedians=True,
+            side=side,
+        )
+        for body in drawn["bodies"]:
+            body.set(facecolor=colour, alpha=0.65, linewidth=0)
+        drawn["cmedians"].set(color=colour, linewidth=1.6)
+        axes.fill_between([], [], color=colour, alpha=0.65, linewidth=0, label=name)
+    axes.axhline(1.0, color=PARTICLE_COLOUR, lw=1, ls="--")
+    axes.set_xticks(
+        places,
+        objects,
+        fontsize=8,
+        rotation=20 if len(objects) > 4 else 0,
+        ha="right" if len(objects) > 4 else "center",
+    )
+    axes.set_ylabel("top-25 pose error / random touches", fontsize=9)
+    axes.tick_params(axis="y", labelsize=8)
+    axes.set_ylim(0, max(1.5, *(np.percentile(one["errors"], 99.5) for one in itertools.chain(*results.values()))))
+    axes.set_xlim(0.4, len(objects) + 0.6)
+    if len(results) > 1:
+        axes.legend(frameon=False, fontsize=9)
+    for edge in ("top", "right"):
+        axes.spines[edge].set_visible(False)
+    return figure

@@ -1,0 +1,121 @@
+"""How old an image is when the filter learns where the sensor was at its stamp, beside a fast arm.
+
+As a module it is that arm, and a camera: `python -m midastouch_benchmark.ros.pose_age`.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from midastouch_bringup.processes.local_domain import local_environment, own_domain
+from midastouch_bringup.ros.local_context import local_context
+from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_common.ros.conversions import stamp_from_ns
+from midastouch_filter.nodes.transform_source import TransformSource
+from midastouch_filter.transforms import PastExtrapolationError
+from midastouch_filter.transforms.queue import Wait
+
+TRANSFORMS_HZ, IMAGES_HZ = 500, 30
+# An arm on whose last link the gel is, and a hand beside it: 20 links in one message, as of a robot_state_publisher.
+_ARM = ["base_link", *(f"arm_{i}" for i in range(1, 8)), "digit_gel_frame"]
+_HAND = ["arm_7", *(f"hand_{i}" for i in range(1, 13))]
+_SETTLED = 10  # images, until all are connected
+_PATIENCE_S = 60.0
+
+
+def pose_age(step: Callable[[], object], images: int = 150) -> dict:
+    """pose_age_ms: from an image's stamp until its transform is found, with 500 Hz of transforms of 20 links from
+    another process and `step` called after each image; transform_source: who keeps the transforms.
+
+    Raises InputError if nothing comes.
+    """
+    domain = own_domain()
+    seconds = (images + _SETTLED) / IMAGES_HZ + _PATIENCE_S
+    robot = subprocess.Popen([sys.executable, "-m", __name__, str(seconds)], env=local_environment(domain))
+    try:
+        with local_context(domain) as context:
+            ages, name = _listen(context, step, images + _SETTLED)
+    finally:
+        robot.kill()
+        robot.wait()
+    p50, p95, most = np.percentile(ages[_SETTLED:], [50, 95, 100]).round(4).tolist()
+    return {"pose_age_ms": {"p50": p50, "p95": p95, "max": most}, "transform_source": name}
+
+
+def _listen(context: rclpy.Context, step: Callable[[], object], images: int) -> tuple[list[float], str]:
+    """Age [ms] of each image, and who keeps the transforms."""
+    node = Node("pose_age", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    ages, waiting = [], deque()
+
+    def answer() -> None:
+        while waiting:
+            try:
+                if isinstance(source.lookup(_ARM[0], _ARM[-1], waiting[0]), Wait):
+                    return
+                ages.append(1e-6 * (time.time_ns() - waiting.popleft()))
+                step()
+            except PastExtrapolationError:  # an image from before the first transform
+                waiting.popleft()
+
+    def on_image(header: Header) -> None:
+        waiting.append(stamp_ns(header.stamp))
+        answer()
+
+    source = TransformSource(node, (_ARM[0], _ARM[-1]), answer, on_jump=lambda _: None, on_bad=lambda _: None)
+    node.create_subscription(Header, "images", on_image, qos.stream_subscriber(100, reliable=True))
+    try:
+        deadline = time.monotonic() + images / IMAGES_HZ + _PATIENCE_S
+        while len(ages) < images:
+            if time.monotonic() > deadline:
+                raise InputError(f"{len(ages)} of {images} images found their transform: does DDS work?")
+            executor.spin_once(timeout_sec=0.1)
+    finally:
+        source.close()
+        executor.shutdown()
+        node.destroy_node()
+    return ages, source.name
+
+
+def _send(seconds: float) -> None:
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = Node("arm")
+    transforms = node.create_publisher(TFMessage, "/tf", qos.TF)
+    images = node.create_publisher(Header, "images", qos.stream_publisher(100))
+    message = TFMessage()
+    for links in (_ARM, _HAND):
+        for parent, child in pairwise(links):
+            message.transforms.append(TransformStamped(header=Header(frame_id=parent), child_frame_id=child))
+    begin = time.monotonic()
+    count = 0
+    while (elapsed := time.monotonic() - begin) < seconds:
+        stamp = stamp_from_ns(time.time_ns())
+        for transform in message.transforms:
+            transform.header.stamp = stamp
+            transform.transform.translation.x = 0.1 * np.sin(elapsed)
+        transforms.publish(message)
+        if count * IMAGES_HZ % TRANSFORMS_HZ < IMAGES_HZ:
+            images.publish(Header(stamp=stamp_from_ns(time.time_ns())))
+        count += 1
+        time.sleep(max(0.0, begin + count / TRANSFORMS_HZ - time.monotonic()))
+
+
+if __name__ == "__main__":
+    _send(float(sys.argv[1]))

@@ -1,0 +1,148 @@
+"""The single-touch figures of one object: our codes, and beside them the paper's other ways to encode a touch.
+
+All ways are compared on a smaller book, because an entry costs a rendered image and two networks there. Image
+embedding and MinkLoc3D have a book made as in the paper: images of its poses, through the depth network, under the
+same kind of light as the queries but through other sensors. Our codes keep theirs, encoded from rendered maps.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.tcn import TactileCodeNet
+
+from ..trials.setup import Networks
+from .matches import SingleTouchErrors, best_matches, single_touch_errors
+from .simulated_touch import Encoder, Lighting, TouchSimulator
+
+OURS = "tcn"
+BASELINES = ("image_embedding", "minkloc3d")
+_SAMPLING = ContactSampling(free_share=0.0)
+BASELINE_QUERIES = 2000
+_CELL = 5e-3  # m
+_QUANTILES = 501
+CELL_COLUMNS = ("x_mm", "y_mm", "z_mm", "normal_x", "normal_y", "normal_z", "error", "touches")
+
+
+@dataclasses.dataclass(frozen=True)
+class SingleTouchPlan:
+    """What is measured.
+
+    Attributes: queries; lighting; baseline_size, poses of the book on which the ways are compared, 0 for none;
+    minkloc3d, that network, if there are weights.
+    """
+
+    queries: int
+    lighting: Lighting
+    baseline_size: int = 0
+    minkloc3d: TactileCodeNet | None = None
+
+    @property
+    def baseline_queries(self) -> int:
+        """The first queries, by which the ways are compared."""
+        return min(self.queries, BASELINE_QUERIES) if self.baseline_size else 0
+
+    def touches(self, networks: Networks) -> int:
+        """How many touches have to be simulated for one object, for a progress bar."""
+        return self.queries + (self.baseline_size if other_encoders(networks, self)[0] else 0)
+
+
+def measure_object(
+    mesh: ObjectMesh,
+    codebook: Codebook,
+    networks: Networks,
+    plan: SingleTouchPlan,
+    rng: np.random.Generator,
+    progress: Callable[[int], object],
+) -> dict:
+    """One object's entry of the `single-touch` JSON; `errors` are quantiles, `cells` rows of `CELL_COLUMNS`."""
+    simulator = TouchSimulator(mesh, networks, plan.lighting)
+    poses = sample_contact_poses(mesh, plan.queries, rng, networks.sensor, _SAMPLING)
+    ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
+    others, missing = other_encoders(networks, plan)
+    split = plan.baseline_queries if others else 0
+    compared, felt = _encode(simulator, poses[:split], ours | others, rng, progress)
+    rest, felt_rest = _encode(simulator, poses[split:], ours, rng, progress)
+    codes = np.concatenate([part[OURS] for part in (compared, rest) if OURS in part])
+    errors = single_touch_errors(codebook.poses, poses, best_matches(codebook.codes, codes), rng)
+    baselines: dict = dict.fromkeys(BASELINES) | {"missing": missing}
+    if plan.baseline_size:
+        split = plan.baseline_queries
+        queries = compared | {OURS: codes[:split]}
+        baselines |= _compare(simulator, codebook, poses[:split], queries, others, plan, rng, progress)
+    return {
+        "object": mesh.name,
+        "queries": plan.queries,
+        "missed": int(plan.queries - felt.sum() - felt_rest.sum()),
+        "summary": errors.summary(),
+        "baselines": baselines,
+        "errors": _quantiles(errors),
+        "cells": error_by_place(poses, errors.six_vector.normalised),
+    }
+
+
+def _encode(simulator, poses, encoders, rng, progress) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    if len(poses) == 0:
+        return {}, np.zeros(0, bool)
+    return simulator.encode(poses, encoders, rng, progress)
+
+
+def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str, Encoder], dict[str, str]]:
+    """The baselines that can be had, and for each of the others the reason why not."""
+    if not plan.baseline_size:
+        return {}, dict.fromkeys(BASELINES, "not asked for")
+    encoders: dict[str, Encoder] = {}
+    missing = {}
+    if networks.tdn.has_embedding:
+        encoders["image_embedding"] = lambda percepts: networks.tdn.embedding(percepts.difference)
+    else:
+        missing["image_embedding"] = f"the depth network {networks.tdn.network_id} does not give its bottleneck"
+    if plan.minkloc3d is not None:
+        encoders["minkloc3d"] = lambda percepts: plan.minkloc3d.encode(percepts.penetration)
+    else:
+        missing["minkloc3d"] = "no weights given"
+    return encoders, missing
+
+
+def _compare(simulator, codebook, poses, queries, others, plan, rng, progress) -> dict:
+    """The `baselines` of the JSON: normalised top-25 errors of all ways on one book, and their details."""
+    size = min(plan.baseline_size, len(codebook.poses))
+    chosen = np.sort(rng.choice(len(codebook.poses), size, replace=False))
+    book = {OURS: codebook.codes[chosen]}
+    if others:
+        book |= simulator.encode(codebook.poses[chosen], others, rng, progress)[0]
+    errors = {
+        way: single_touch_errors(codebook.poses[chosen], poses, best_matches(codes, queries[way]), rng)
+        for way, codes in book.items()
+    }
+    values = {way: one.summary()["normalised_top25_error"] for way, one in errors.items()}
+    return {"book_size": size, "queries": len(poses), **values, "details": {w: _detail(e) for w, e in errors.items()}}
+
+
+def _detail(errors: SingleTouchErrors) -> dict:
+    return errors.summary() | {"errors": _quantiles(errors)}
+
+
+def _quantiles(errors: SingleTouchErrors) -> np.ndarray:
+    """Quantiles (501,) of the normalised errors, evenly spaced: all that a picture of their distribution needs."""
+    return np.round(np.quantile(errors.six_vector.normalised, np.linspace(0, 1, _QUANTILES)), 3)
+
+
+def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
+    """Mean error of the touches in each 5 mm of the surface, one row of `CELL_COLUMNS` a cell.
+
+    Opposite sides of a thin plate are apart: the cells are of place and, coarsely, of normal.
+    """
+    place, normal = poses[:, :3, 3], np.rint(poses[:, :3, 2])
+    keys, cell = np.unique(np.hstack([np.rint(place / _CELL), normal]), axis=0, return_inverse=True)
+    cell = cell.ravel()
+    touches = np.bincount(cell)
+    mean = [np.bincount(cell, value) / touches for value in (*(1e3 * place.T), errors)]
+    columns = [*(np.round(m, 1) for m in mean[:3]), *keys[:, 3:].astype(int).T, np.round(mean[3], 3), touches]
+    return [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]

@@ -1,0 +1,89 @@
+"""How a step of the filter and its memory grow with particles and codebook poses, each filter in its own process."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_bringup.text_table import number
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.touch import Measurement
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import Codebook
+
+from .memory import peak_rss_mb
+from .timing import Stopwatch
+
+USUAL = 50_000
+"""Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""
+PARTICLES = (100, 1_000, 10_000, USUAL, 100_000, 1_000_000)
+POSES = (1_000, 10_000, USUAL, 100_000, 1_000_000)
+
+
+@dataclass(frozen=True)
+class Slide:
+    """What every filter gets: touches; measured poses (N, 4, 4) of the gel in any fixed frame, of which only steps
+    count; start, `T_obj_gel` (4, 4) about which particles are drawn as the paper does."""
+
+    touches: Sequence[Measurement]
+    measured: np.ndarray
+    start: np.ndarray
+
+
+def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
+    """One step with so many particles, kept at that number, on a codebook file; all of the step counts, the fine stage
+    too. step_ms, as of `Stopwatch`; memory_mb, the most that a process with this filter alone needs, MiB.
+
+    InputError if the process dies, as it does where memory is short.
+    """
+    # spawned: a forked process would begin with the memory of this one
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
+        try:
+            return process.submit(_measure, mesh, codebook, slide, particles).result()
+        except BrokenProcessPool as error:
+            raise InputError(
+                f"{codebook}: the process with {particles} particles died; memory is short, give fewer"
+            ) from error
+
+
+def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> dict:
+    mesh, stopwatch = ObjectMesh.load(mesh_path), Stopwatch()
+    config = FilterConfig(min_particles=particles, max_particles=particles)
+    particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config, seed=0)
+    particle_filter.initialise_gaussian(slide.start, mesh.diagonal / 3, np.radians(60))
+    previous = None
+    for pose, touch in zip(slide.measured, slide.touches, strict=True):
+        odometry = None if previous is None else se3.inverse(previous) @ pose
+        previous = pose
+        with stopwatch:
+            particle_filter.step(odometry, touch)
+    stopwatch.drop(2)
+    return {"step_ms": stopwatch.summary(), "memory_mb": peak_rss_mb()}
+
+
+def sizes(particles: Sequence[int], poses: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Particles and poses of every filter: each number of the one with the usual number of the other."""
+    yield from dict.fromkeys([*((count, USUAL) for count in particles), *((USUAL, size) for size in poses)])
+
+
+def scaling_table(points: list[dict]) -> tuple[list[str], list[list[object]]]:
+    """Header and rows of measured points, each with its `particles` and `poses`."""
+    rows = [
+        [
+            f"{point['particles']:,}",
+            f"{point['poses']:,}",
+            *(number(point["step_ms"][key], 2) for key in ("cpu", "p50", "p95")),
+            number(point["memory_mb"], 0),
+        ]
+        for point in points
+    ]
+    return ["particles", "codebook poses", "CPU ms a step", "wall ms, p50", "p95", "memory MiB"], rows

@@ -1,0 +1,178 @@
+"""Variants against the default on the same trials: error, run time, the Pareto front of both."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from midastouch_bringup.text_table import number
+from midastouch_filter.core.state import CONVERGED
+
+from ..trials.trial import STAGES
+from ..trials.variants import DEFAULT
+from .intervals import ENOUGH, bootstrap_interval
+from .summary import final_errors, is_right
+
+_IDENTITY = ("object", "slide", "init", "seed")
+
+
+def compare_variants(trials: list[dict]) -> list[dict]:
+    """One row per init and variant, all of an init over the same trials: those that every variant has run.
+
+    Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
+    the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
+    mean time of the whole frame. Differences, taken trial by trial, each with its 95 % `_interval` over slides (None
+    where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
+    right at the end; `wrong_converged_difference`, of the mean share of frames converged wrong; `cpu_difference_ms`, of
+    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+    """
+    by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
+    for trial in trials:
+        group = by_variant.setdefault((trial["init"], trial["variant"]), {})
+        group[tuple(trial[key] for key in _IDENTITY)] = trial
+    rows = []
+    for init in dict.fromkeys(init for init, _ in by_variant):
+        groups = {variant: group for (where, variant), group in by_variant.items() if where == init}
+        common = sorted(set.intersection(*map(set, groups.values())))
+        if DEFAULT in groups and common:
+            default = [groups[DEFAULT][key] for key in common]
+            rows += [
+                {"init": init, "variant": variant} | _row([group[key] for key in common], default)
+                for variant, group in groups.items()
+            ]
+    return rows
+
+
+def _row(trials: list[dict], default: list[dict]) -> dict:
+    one, base = _figures(trials), _figures(default)
+    ratios = {
+        name: one[key] / base[key] if base[key] else None
+        for name, key in (
+            ("error_ratio", "e_trans_mm"),
+            ("rotation_ratio", "e_rot_deg"),
+            ("estimate_ratio", "estimate_trans_mm"),
+            ("filter_ratio", "cpu_ms_filter"),
+            ("time_ratio", "ms"),
+        )
+    }
+    groups = [(t["object"], t["slide"]) for t in trials]
+    differences = {}
+    for name, figure in _PAIRED.items():
+        of_trials = figure(trials) - figure(default)
+        known = of_trials[np.isfinite(of_trials)]
+        differences[name] = float(known.mean()) if len(known) else None
+        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups)
+    return one | ratios | differences | {"verdict": _verdict(differences, len(trials))}
+
+
+def _verdict(differences: dict, trials: int) -> str:
+    """What the intervals of paired differences tell for certain; "too few" below `ENOUGH` trials."""
+    if trials < ENOUGH:
+        return f"too few ({trials})"
+    found: dict[str, list[str]] = {"worse": [], "better": []}
+    for name, (what, sign) in _TOLD_BY.items():
+        low, high = sorted(sign * bound for bound in differences[f"{name}_interval"] or (0, 0))
+        found["worse"] += [what] * (low > 0)
+        found["better"] += [what] * (high < 0)
+    return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"
+
+
+_TOLD_BY = {
+    "difference_mm": ("error", 1),
+    "right_difference": ("right", -1),
+    "wrong_converged_difference": ("converged wrong", 1),
+    "cpu_difference_ms": ("CPU time", 1),
+}
+_PAIRED = {
+    "difference_mm": lambda trials: final_errors(trials, "e_trans_mm"),
+    "right_difference": lambda trials: np.array(list(map(is_right, trials)), float),
+    "wrong_converged_difference": lambda trials: np.array([wrong_converged([trial]) for trial in trials]),
+    "cpu_difference_ms": lambda trials: np.array([trial["filter_cpu_ms"] for trial in trials]),
+}
+
+
+def _figures(trials: list[dict]) -> dict:
+    def mean(key: str) -> float:
+        return float(np.nanmean(final_errors(trials, key)))
+
+    def median(key: str) -> float:
+        return float(np.nanmedian(final_errors(trials, key)))
+
+    return {
+        "trials": len(trials),
+        "e_trans_mm": mean("e_trans_mm"),
+        "e_rot_deg": mean("e_rot_deg"),
+        "symmetric_e_trans_mm": mean("symmetric_e_trans_mm"),
+        "closest_mode_mm": median("min_cluster_trans_mm"),
+        "closest_mode_deg": median("min_cluster_rot_deg"),
+        "estimate_trans_mm": median("estimate_trans_mm"),
+        "right": sum(map(is_right, trials)) / len(trials),
+        "converged": sum(trial["final"]["state"] == CONVERGED for trial in trials) / len(trials),
+        "wrong_converged": wrong_converged(trials),
+        "ms_filter": float(np.mean([t["ms"]["filter"] for t in trials])),
+        "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
+        "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
+    }
+
+
+def wrong_converged(trials: list[dict]) -> float:
+    """Share of all frames in which the filter was converged, but not within 10 mm of the truth."""
+    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
+    return wrong / max(sum(t["frames"] for t in trials), 1)
+
+
+def pareto_front(rows: list[dict], error: str) -> list[dict]:
+    """The rows that no other beats in both the filter's CPU time and an error, fastest first."""
+    front: list[dict] = []
+    for row in sorted(rows, key=lambda r: (r["cpu_ms_filter"], r[error])):
+        if not front or row[error] < front[-1][error]:
+            front.append(row)
+    return front
+
+
+def front_text(rows: list[dict]) -> str:
+    """Where the default lies: on the front, or which variants are both faster and more exact, and by how much."""
+    (default,) = (row for row in rows if row["variant"] == DEFAULT)
+    if default["trials"] < ENOUGH:
+        return f"too few trials ({default['trials']}) to say where the default lies"
+    better = [
+        f"{row['variant']} ({difference_text(row)} mm, {number(row['filter_ratio'], 2)} of the time)"
+        for row in rows
+        if row["e_trans_mm"] < default["e_trans_mm"] and row["cpu_ms_filter"] < default["cpu_ms_filter"]
+    ]
+    if not better:
+        return "the default lies on the front: no variant is both faster and more exact"
+    return f"faster than the default and more exact: {', '.join(better)}"
+
+
+def difference_text(row: dict) -> str:
+    """Difference of the mean error to the default's, with its 95 % interval."""
+    if row["trials"] < ENOUGH:
+        return "too few"
+    if row["difference_mm"] is None:
+        return "-"
+    interval = row.get("difference_mm_interval")
+    return f"{row['difference_mm']:+.1f}" + ("" if interval is None else " ({:+.1f} ... {:+.1f})".format(*interval))
+
+
+def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
+    """Rows of `compare_variants` by their init."""
+    return {init: [row for row in rows if row["init"] == init] for init in dict.fromkeys(row["init"] for row in rows)}
+
+
+def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
+    """Header and rows of the variants under one init; `variants`, their descriptions by name."""
+    header = ["variant", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm", "deg", "pose mm"]
+    header += ["right", "converged", "converged but wrong", "filter ms", "CPU ms", "error - default's mm"]
+    header += ["error ratio", "deg ratio", "CPU ratio", "against the default", "what differs"]
+    errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
+    cells = []
+    for row in rows:
+        name = row["variant"]
+        row_cells = [name, row["trials"], *(number(row[key]) for key in (*errors, "estimate_trans_mm"))]
+        row_cells += [f"{100 * row[key]:.0f} %" for key in ("right", "converged")]
+        row_cells += [f"{100 * row['wrong_converged']:.1f} % of frames"]
+        row_cells += [number(row[key], 2) for key in ("ms_filter", "cpu_ms_filter")]
+        row_cells += ["-" if name == DEFAULT else difference_text(row)]
+        row_cells += [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
+        cells.append([*row_cells, "-" if name == DEFAULT else row.get("verdict", "-"), variants[name]["summary"]])
+    return header, cells

@@ -1,0 +1,139 @@
+"""The committed reports, and the commands that make them."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+_BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
+_REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --codebook-size 10000"
+_SLIDES = "../shared/data/ycb_slide_sim"
+_LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
+_TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
+PROTOCOLS = {
+    "tool_bias": "tool 2 mm, 2 deg off",
+    "late": "poses 50 ms late",
+    "slow_camera": "every image comes twice",
+    "rest": "at rest in contact for 20 s",
+    "lift": "lifted 20 mm, put down 50 mm away",
+    "kidnap": "lifted; the object is moved by 50 mm, untold",
+    "jump": "30 mm, 175 deg in one step",
+    "unexplained": "12 touches that nothing explains",
+    "push": "the object is pushed by 5 mm, 5 deg",
+    "wrong_mesh": "another object is touched (always wrong)",
+    "small_parts": "parts smaller than the gel, twins counted",
+}
+_MANY = "--slides 10 --seeds 2"
+NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
+"""Reports of narrower starts, by the factor on the paper's width."""
+_EVIDENCE = "no_surface no_book_constraint no_tempering"
+COMMANDS = {
+    "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
+    "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
+    **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in PROTOCOLS},
+    **{
+        f"{name}_held_out": f"{_BENCHMARK} --objects held_out --protocol {name} --slides 10 --seeds 1"
+        for name in ("plain", "uniform", *PROTOCOLS)
+        if name != "small_parts"
+    },
+    **{name: f"{_BENCHMARK} --init paper --beta {beta} --seeds 2" for name, beta in NARROWER.items()},
+    "identify": "midastouch identify --meshes ../shared/meshes/ycb --slides 10",
+    "identify_all": "midastouch identify --meshes ../shared/meshes/ycb --objects all --slides 2 --codebook-size 10000",
+    "identify_shapes": "midastouch identify --shapes 10 100 1000 --slides 1 --codebook-size 1000 --room 100000",
+    "start": "midastouch evaluate-start --meshes ../shared/meshes/ycb --slides 10",
+    "codebooks": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant book_5k book_10k",
+    "peers": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant peers",
+    "grasp": f"{_BENCHMARK} --protocol grasp --variant contacts --slides 10 --seeds 1",
+    "real_plain": f"{_BENCHMARK} {_REAL}",
+    "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
+    "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
+    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
+    "no_surface no_book_constraint no_tempering no_calibration no_annealing",
+    "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
+    **{
+        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} --slides 10 --seeds 1 --variant {_EVIDENCE}"
+        for name in ("kidnap", "tool_bias", "rest", "slow_camera")
+    },
+    "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
+    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
+    "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_MANY} --variant no_recovery",
+    "ablation_codes": f"{_BENCHMARK} --protocol kidnap --slides 10 --seeds 1 --variant no_refinement codes_no_recovery",
+    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias --slides 10 --seeds 1 --variant no_arm_errors",
+    "ablation_push": f"{_BENCHMARK} --protocol push --slides 10 --seeds 1 --variant no_object_motion",
+    "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
+    "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
+    "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
+    "evaluate_tdn_held_out": "midastouch evaluate-tdn out/held_out/*",
+    "presses_d20641": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "--ball-diameter 0.0088 --px-per-mm 18.68 --check-labels",
+    "presses_d20641_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "--ball-diameter 0.0088 --px-per-mm 18.68 --calibrate-with 10 --check-labels",
+    "presses_vocdex": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
+    "--ball-diameter 0.006 --check-labels",
+    "presses_vocdex_calibrated": "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_vocdex "
+    "--ball-diameter 0.006 --calibrate-with 10 --check-labels",
+    "checks": "midastouch evaluate-checks ../shared/data/digit_backgrounds --sensors 100 "
+    "--colour-table ../shared/data/digit_real/taxim_digit/polycalib.npz "
+    "--presses ../shared/data/digit_real/ball_presses ../shared/data/digit_real/sphere_presses_d20641 "
+    "../shared/data/digit_real/sphere_presses_vocdex",
+    "single_touch": f"midastouch single-touch {_TEN} --queries 2000",
+    "single_touch_random": f"midastouch single-touch {_TEN} --queries 500 --lighting random "
+    "--backgrounds ../shared/data/digit_backgrounds --baseline-size 0",
+    "exploration": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --trials 10 "
+    "--policy suggested lifts random",
+    "twins": "midastouch evaluate-exploration --meshes ../shared/meshes/ycb --objects 021 025 --trials 50 "
+    "--policy suggested",
+    "bench": "midastouch bench --paper-networks",
+    "scale": "midastouch bench-scale",
+    "soak": "make soak MINUTES=1",
+    "load_eyebolt": f"SOAK_MINUTES=10 {_LOAD}",
+    "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
+}
+ENOUGH = 100
+"""Fewer trials than this claim nothing."""
+UNMEASURED = "*not measured yet*"
+STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
+OPTICS = {
+    "real_plain": "TACTO's",
+    "real_sensor": "of two real sensors, not calibrated",
+    "real_sensor_calibrated": "of the same, calibrated with ten presses each",
+}
+Table = tuple[list[str], list[list[object]]]
+
+
+def report_path(name: str) -> Path:
+    """The newest report of that name."""
+    found = sorted((ROOT / "reports").glob(f"*/{name}.json"))
+    if not found:
+        raise FileNotFoundError(f"no reports/*/{name}.json, made by: {COMMANDS[name]}")
+    return found[-1]
+
+
+def reported() -> list[str]:
+    """Names of the reports that there are."""
+    return [name for name in COMMANDS if any((ROOT / "reports").glob(f"*/{name}.json"))]
+
+
+def report(name: str) -> dict:
+    """Its content."""
+    return json.loads(report_path(name).read_text())
+
+
+def benchmark_summary(name: str) -> dict:
+    """Summary of a benchmark of the filter as shipped, in its only way to start."""
+    (summary,) = report(name)["summary"]["default"].values()
+    return summary
+
+
+def conditions_of(name: str) -> str:
+    """What is done to the slides of a benchmark, by its protocol."""
+    protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
+    return PROTOCOLS[protocol[1]] if protocol else STARTS["accuracy"]
+
+
+def held_out() -> dict[str, str]:
+    """The same conditions over ten further objects, by the names of the reports."""
+    further = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | PROTOCOLS
+    return {f"{name}_held_out": f"{what}; ten further objects" for name, what in further.items()}

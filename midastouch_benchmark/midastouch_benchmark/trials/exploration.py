@@ -1,0 +1,219 @@
+"""Closed loop: a simulated finger slides until the filter is converged, where it is told to or at random."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable, Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+import midastouch_filter
+import midastouch_kernels
+from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
+from midastouch_filter.active_touch.advisor import Advisor
+from midastouch_filter.active_touch.suggestion import Wanted
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.simulation.finger import SimulatedFinger
+from midastouch_perception.simulation.slide import STEP, measure_poses
+
+from .open_trials import Workforce, make_books, run_open
+from .setup import Networks
+from .stock import Stock
+from .trial import FRAME_TIME, RIGHT
+from .trial_log import TrialLog, key_of, source_digest
+
+POLICIES = {
+    "suggested": "where `suggest_motion` says, slides only",
+    "lifts": "the same, lifts allowed",
+    "random": "geodesics in random directions",
+}
+_HELD = 0.015  # m, over which `converged` must last
+_RIVAL = 0.2  # probability of a place that competes
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What is run: stock, of codebooks and symmetries; config of the filter; policies, of `POLICIES`; trials per object
+    and policy, whose numbers are their seeds; length [m], after which a trial is given up."""
+
+    stock: Stock
+    config: FilterConfig
+    policies: tuple[str, ...] = tuple(POLICIES)
+    trials: int = 10
+    length: float = 1.0
+
+    def describe(self) -> dict:
+        """For the JSON."""
+        return {
+            "policies": {name: POLICIES[name] for name in self.policies},
+            "trials": self.trials,
+            "length_m": self.length,
+            "step_m": STEP,
+            "codebook_size": self.stock.codebook_size,
+            "networks": self.stock.describe(),
+            "filter": dataclasses.asdict(self.config),
+            "code": _code(),
+        }
+
+    def key(self, mesh: ObjectMesh, labels: dict) -> str:
+        """Name of everything that the trial with these labels depends on."""
+        depends_on = self.describe() | {"policies": None, "trials": None, "mesh": mesh.sha256}
+        return key_of(labels | depends_on | {"codebook": self.stock.codebook_digest(mesh)})
+
+
+def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
+    """Policies by name, all of them by default; InputError for an unknown one."""
+    for name in names or ():
+        if name not in POLICIES:
+            raise InputError(f"--policy {name}: not known; there are {', '.join(POLICIES)}")
+    return tuple(dict.fromkeys(names or POLICIES))
+
+
+def run_exploration(
+    plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
+) -> tuple[list[dict], int]:
+    """Run what the log does not hold yet, as `run_open`. Trials of all policies with one seed begin at the same place.
+
+    Seeds come outermost, so that what a bounded run leaves out is spread over all objects.
+    """
+    make_books(plan.stock, [mesh.path for mesh in meshes], workforce.cluster)
+    units = [
+        ((plan, mesh.path), {plan.key(mesh, labels): labels})
+        for seed, mesh, policy in product(range(plan.trials), meshes, plan.policies)
+        for labels in [{"object": mesh.name, "policy": policy, "seed": seed}]
+    ]
+    return run_open(_run, units, log, workforce)
+
+
+def _run(plan: Plan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
+    """Trials on one object, by key: labels in, with what was found out."""
+    mesh = ObjectMesh.load(path)
+    return {key: labels | _explore(plan, mesh, labels["policy"], labels["seed"]) for key, labels in trials.items()}
+
+
+def _explore(plan: Plan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
+    particle_filter = ParticleFilter(mesh, plan.stock.codebook(mesh), plan.config, seed)
+    particle_filter.initialise_uniform()
+    found = _Trial(mesh, plan.stock.networks, particle_filter, policy, seed).run(plan.length)
+    truth, estimate = found.pop("truth"), found.pop("pose")
+    as_felt = plan.stock.symmetry(mesh).nearest(estimate[None], truth)[0]
+    errors = {"error_mm": estimate, "symmetric_error_mm": as_felt}
+    return found | {name: 1e3 * float(pose_errors(pose, truth)[0]) for name, pose in errors.items()}
+
+
+class _Trial:
+    """One finger on one object, until it knows where it is."""
+
+    def __init__(self, mesh: ObjectMesh, networks: Networks, particle_filter: ParticleFilter, policy: str, seed: int):
+        self._rng = np.random.default_rng(seed)
+        self._finger = SimulatedFinger(mesh, networks.sensor, self._rng, STEP)
+        self._camera = TactoCamera(networks.sensor, self._rng)
+        self._renderer = PenetrationRenderer(mesh, networks.sensor)
+        self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
+        self._policy, self._diagonal = policy, mesh.diagonal
+        self._headings = np.random.default_rng([seed, 1])
+        self._measured: np.ndarray | None = None
+        self._path, self._before = 0.0, None
+        self._converged_at: float | None = None
+        self._alike, self._rivalled = 0, False
+        self._asked_ms: list[float] = []
+        self.estimate: Estimate | None = None
+
+    def run(self, length: float) -> dict:
+        """How it ended.
+
+        ending: "converged", "alike" (it was said that nothing tells places apart) or "given up"; path_m from the first
+        touch to where that began; truth and pose (4, 4) then, and whether it is right; whether the truth was among the
+        places; rivalled: before some motion the true place and another one were both probable; asked_ms, median and
+        longest CPU time of an answer.
+        """
+        ending, began = "given up", length
+        self._follow(self._finger.leap(0.0, 0.0))
+        while self._path < length and ending == "given up":
+            for motion in self._motions():
+                start = self._path
+                ending, began = self._follow(motion)
+                if self._path > start or ending != "given up":
+                    break
+        pose = self.estimate.pose
+        places = [mode.pose for mode in self.estimate.modes if mode.weight > 0.05]
+        among = min(pose_errors(each, self._finger.pose)[0] for each in places)
+        return {
+            "ending": ending,
+            "path_m": float(began),
+            "truth": self._finger.pose,
+            "pose": pose,
+            "right": bool(pose_errors(pose, self._finger.pose)[0] <= RIGHT),
+            "truth_among_places": bool(among <= RIGHT),
+            "rivalled": self._rivalled,
+            "places": len(places),
+            "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
+        }
+
+    def _motions(self) -> Iterator[Iterable[np.ndarray]]:
+        """Motions to try, until one of them leads anywhere."""
+        self._rivalled |= self._has_rival()
+        if self._policy != "random":
+            began = time.process_time()
+            advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
+            self._asked_ms.append(1e3 * (time.process_time() - began))
+            self._alike = self._alike + 1 if advice.indistinguishable else 0
+            for each in advice.suggestions:
+                if each.lift:
+                    yield self._finger.leap(each.heading, each.length)
+                else:
+                    yield self._finger.slide(each.heading, each.length)
+        while True:
+            heading = self._headings.uniform(-np.pi, np.pi)
+            length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
+            yield self._finger.slide(heading, length)
+
+    def _has_rival(self) -> bool:
+        """Whether the true place and another one are probable."""
+        likely = [each for each in self._advisor.hypotheses if each.place and each.probability >= _RIVAL]
+        return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
+
+    def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
+        """Go on a way, until a trial's end."""
+        for pose in motion:
+            self._frame(pose)
+            if self._converged_at is not None and self._path - self._converged_at >= _HELD:
+                return "converged", self._converged_at
+        if self._alike >= 2:
+            return "alike", self._path
+        return "given up", self._path
+
+    def _frame(self, pose: np.ndarray) -> None:
+        """One image at a pose (4, 4)."""
+        penetration, normals = self._renderer.render_with_normals(pose[None])
+        image = self._camera.image(penetration[0], normals[0], self._rng)
+        felt = measurement_of(self._pipeline.process(image, self._camera.background))
+        measured = measure_poses(pose[None], self._rng, NOISE_T, NOISE_R)[0]
+        if self.estimate is None and not felt.in_contact:
+            return
+        odometry = None if self._measured is None else se3.inverse(self._measured) @ measured
+        if self._before is not None:
+            self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
+        self._measured, self._before = measured, pose
+        self.estimate = self._filter.step(odometry, felt, elapsed=FRAME_TIME)
+        if self.estimate.status.state != CONVERGED:
+            self._converged_at = None
+        elif self._converged_at is None:
+            self._converged_at = self._path
+
+
+def _code() -> str:
+    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
+    return source_digest(*packages, Path(__file__))

@@ -1,0 +1,134 @@
+"""What every evaluation starts from: networks, background of a sequence, filter settings from a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_bringup.datasets import Sequence
+from midastouch_bringup.processes.parameter_files import read_parameters
+from midastouch_common.errors import InputError
+from midastouch_common.files import read_yaml
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import BALANCED, preset
+from midastouch_perception.pipeline import TouchPipeline
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn import TactileCodeNet, load_tcn
+from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
+from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_share
+
+_BACKGROUND_FRAMES = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Networks:
+    """Both networks and the sensor they are used with."""
+
+    tdn: DepthNet
+    tcn: TactileCodeNet
+    sensor: SensorModel
+
+    @classmethod
+    def load(
+        cls,
+        tdn: str = "fast",
+        tcn: str = "fast",
+        sensor: str = "digit_tacto",
+        light: str | None = None,
+        calibration: str | None = None,
+    ) -> Networks:
+        """By name or file; light: as `SensorModel.light`, the model's own by default; calibration: a file of the very
+        sensor, or none. InputError for what is not there, or another sensor model's."""
+        model = SensorModel.load(sensor)
+        model = dataclasses.replace(model, light=light or model.light)
+        known = SensorCalibration.load(calibration) if calibration else None
+        return cls(load_tdn(tdn, model, known), load_tcn(tcn, model), model)
+
+    def pipeline(self) -> TouchPipeline:
+        """A pipeline without memory of earlier frames."""
+        return TouchPipeline(self.tdn, self.tcn, time.perf_counter)
+
+    def describe(self) -> dict[str, str]:
+        """Ids for the JSON files."""
+        ids = {"tdn": self.tdn.network_id, "tcn": self.tcn.network_id, "sensor": self.sensor.name}
+        known = self.tdn.calibration
+        return ids if known is None else ids | {"calibration": f"{known.touched}, {known.date}"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Untouched:
+    """A sequence's no-contact image (320, 240, 3) uint8 RGB; source, where it comes from; doubt, why it may show
+    contacts, and the mend, empty if nothing speaks for that."""
+
+    image: np.ndarray
+    source: str
+    doubt: str = ""
+
+
+def untouched_of(sequence: Sequence, given: str | None = None) -> Untouched:
+    """The image file `given`, else the sequence's own no-contact image, else what its images have in common.
+
+    Raises InputError if the file cannot be read.
+    """
+    if given:
+        return Untouched(sequence.read_background(Path(given)), given)
+    stored = sequence.background
+    if stored is not None:
+        return Untouched(stored, sequence.background_path.name)
+    chosen = np.unique(np.linspace(0, sequence.n_frames - 1, _BACKGROUND_FRAMES).round().astype(int))
+    images = [sequence.image(int(i)) for i in chosen]
+    estimated, doubt = estimate_background(images), ""
+    if sequence.layout == "tactile_tracking" or doubtful_share(images, estimated) > MOST_DOUBTFUL:
+        # trials of TactileTracking are in contact from the first image to the last
+        doubt = (
+            f"{sequence.path}: the no-contact image is estimated, but the images do not show all of the gel untouched; "
+            "give the sensor's with --background, or put it there as background.png"
+        )
+    return Untouched(estimated, f"estimated from {len(chosen)} frames", doubt)
+
+
+def require_same_gel(tdn: DepthNet, untouched: Iterable[Untouched]) -> None:
+    """Raises InputError if the network's calibration is of another gel than one of these no-contact images."""
+    for each in untouched:
+        if tdn.calibration is not None and (problem := tdn.calibration.background_problem(each.image)):
+            raise InputError(f"{each.source}: {problem}")
+
+
+def sensor_of(sequences: Iterable[Sequence]) -> str:
+    """Name of the sensor model that sequences were recorded with. Raises InputError if they differ in it."""
+    names = sorted({sequence.sensor for sequence in sequences})
+    if len(names) > 1:
+        raise InputError(f"sequences of different sensors ({', '.join(names)}); evaluate them apart, or give --sensor")
+    return names[0]
+
+
+def load_filter_config(path: str | None, preset_name: str | None = None) -> FilterConfig:
+    """Filter settings from a YAML file, plain `name: value` lines or a ROS parameter file.
+
+    What the file does not set is as in a preset: the one named, or else the file's. In a ROS parameter file the entries
+    of `particle_filter` count; those that concern only the node (topics, frames, files) are passed over. Raises
+    InputError on unknown names and values out of range.
+    """
+    settings = preset(preset_name or BALANCED)
+    if path is None:
+        return FilterConfig(**settings)
+    content = read_yaml(path, "configuration") or {}
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
+    known = {"preset", *(item.name for item in dataclasses.fields(FilterConfig))}
+    values = content
+    if any(isinstance(value, dict) for value in content.values()):
+        values = read_parameters(path).get("particle_filter", {})
+        values = {name: value for name, value in values.items() if name in known}
+    if unknown := sorted(set(map(str, values)) - known):
+        raise InputError(f"{path}: unknown filter settings: {', '.join(unknown)}; check the spelling")
+    try:
+        of_file = preset(values.pop("preset", BALANCED))
+        return FilterConfig(**((settings if preset_name else of_file) | values))
+    except InputError as error:
+        raise InputError(f"{Path(path)}: {error}") from error

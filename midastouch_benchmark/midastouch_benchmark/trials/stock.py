@@ -1,0 +1,144 @@
+"""Slides, codebooks, touches and symmetries of an accuracy run: made when first asked for, then kept in a folder."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
+from midastouch_bringup.datasets import Sequence, load_sequence
+from midastouch_bringup.datasets.slide_simulation import simulate_sequence
+from midastouch_common.errors import InputError
+from midastouch_common.files import sha256
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.simulation.slide import Leap
+
+from .setup import Networks
+from .symmetry import Symmetry, cached_symmetry
+from .touches import Touches, made_from
+
+_SEEDS = 10  # tried for a slide that gets stuck
+_NEXT_SEED = 1000
+_LIGHT = "additive"  # of the slides: TACTO's
+
+
+@dataclass(frozen=True)
+class SlideKind:
+    """length [m]; leap, on the way; grasps: how many, in place of a slide."""
+
+    length: float = 0.5
+    leap: Leap | None = None
+    grasps: int = 0
+
+    @property
+    def name(self) -> str:
+        """For folders and keys."""
+        if self.grasps:
+            return f"{self.grasps}grasps"
+        parts = [f"{1e3 * self.length:.0f}mm"]
+        if self.leap is not None:
+            parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")
+            parts += [f"{np.degrees(self.leap.angle):.0f}deg"] if self.leap.angle is not None else []
+        return "_".join(parts)
+
+
+@dataclass(frozen=True)
+class Stock:
+    """What trials are made of.
+
+    folder: where it is kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides, their kind;
+    codebook_size, poses.
+    """
+
+    folder: Path
+    tdn: str = "fast"
+    tcn: str = "fast"
+    sensor: str = "digit_tacto"
+    slides: SlideKind = SlideKind()
+    codebook_size: int = 50_000
+
+    def __getstate__(self) -> dict:
+        """Without the networks: another process loads its own."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @cached_property
+    def networks(self) -> Networks:
+        """Loaded on first use; for the light of the slides, which is TACTO's."""
+        return Networks.load(self.tdn, self.tcn, self.sensor, _LIGHT)
+
+    def describe(self) -> dict[str, str]:
+        """What the touches of every slide depend on, for the JSON."""
+        return self.networks.describe()
+
+    def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
+        """The object's codebook; of `size` poses if they are not `codebook_size`."""
+        networks = self.networks
+        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks, jobs=1)
+
+    def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
+        """Hash of the same codebook, which must have been made."""
+        return sha256(self.codebook_path(mesh, size))[:12]
+
+    def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
+        """Where `codebook` keeps it."""
+        return cached_codebook_path(mesh, size or self.codebook_size, self._codebooks)
+
+    @property
+    def _touches(self) -> str:
+        return "touches"
+
+    @property
+    def _home(self) -> Path:
+        return self.folder / Path(self.sensor).stem
+
+    @property
+    def _codebooks(self) -> Path:
+        return self._home / "codebooks"
+
+    def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
+        """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
+        kind = f"{self.slides.name}_{mesh.sha256[:8]}"
+        path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
+        if not path.is_dir():
+            self._simulate(mesh, number, path)
+        return load_sequence(path)
+
+    def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
+        # stocks whose networks are for other light share the slides and use their paths alone
+        kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=_LIGHT)
+        for attempt in range(_SEEDS):
+            seed = number + _NEXT_SEED * attempt
+            try:
+                simulate_sequence(mesh, sensor, kind.length, seed, path, True, leap=kind.leap)
+                return
+            except InputError as error:
+                stuck = error
+        raise InputError(f"{mesh.name}: no slide of {kind.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
+
+    def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
+        """Slide `number` over the object and what the networks make of it."""
+        sequence = self.slide(mesh, number)
+        origin = made_from(sequence, self.networks) | self.describe()
+        path = self._home / self._touches / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
+        try:
+            touches = Touches.load(path)
+            if origin.items() <= touches.made_from.items():
+                return sequence, touches
+        except InputError:  # none yet, or damaged
+            pass
+        touches = self._perceive(mesh, sequence, number)
+        touches = dataclasses.replace(touches, made_from=touches.made_from | origin)
+        touches.save(path)
+        return sequence, touches
+
+    def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
+        return Touches.perceive(sequence, self.networks)
+
+    def symmetry(self, mesh: ObjectMesh) -> Symmetry:
+        """The object's symmetry."""
+        return cached_symmetry(mesh, self.folder / "symmetries")

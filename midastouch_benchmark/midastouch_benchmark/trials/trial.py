@@ -1,0 +1,255 @@
+"""One run of a filter over a sequence: every frame, in order, no middleware."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.pose_metric import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import Measurement
+from midastouch_filter.filter import ParticleFilter
+
+from ..baselines.dead_reckoning import DeadReckoning
+from ..baselines.paper_filter import PaperFilter
+from ..statistics.coverage import Coverage, WeightReliability
+from .symmetry import Symmetry
+
+STAGES = ("tdn", "tcn", "filter")
+RECORD = 6
+"""Version of what `run_trial` returns: kept trials of another one are run again."""
+
+RIGHT = 0.01
+"""m: a published pose nearer to the truth than this is right."""
+
+AFTER_EVENT = 30
+"""Frames after an event at which the filter is asked again whether it is right."""
+
+AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
+
+
+@dataclasses.dataclass(frozen=True)
+class TrialFrame:
+    """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
+    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
+    before, None where nobody knows; others, what further fingers felt, by name.
+
+    Only differences of the measured pose reach the filter.
+    """
+
+    index: int
+    felt: Measurement
+    ms: dict[str, float]
+    measured: np.ndarray
+    truth: np.ndarray
+    seconds: float | None = None
+    others: Mapping[str, Measurement] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Yardstick:
+    """What errors are measured by: symmetry of the object; right [m]: a published pose nearer to the truth is right;
+    twins: the symmetric pose nearest to the truth is taken for every error, as no touch tells it from the other."""
+
+    symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
+    right: float = RIGHT
+    twins: bool = False
+
+    def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Poses (N, 4, 4) as they are compared with the truth (4, 4)."""
+        return self.symmetry.nearest(poses, truth) if self.twins and len(poses) else poses
+
+
+FRAME_TIME = 0.05
+"""s between frames of a simulated slide: 1.5 mm apart at 30 mm/s."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Event:
+    """Positions of frames: start, the first that something happens to; end, the first ordinary one after it."""
+
+    start: int
+    end: int
+
+
+Observer = Callable[[TrialFrame, Estimate, AnyFilter], None]
+
+
+def run_trial(
+    frames: Iterable[TrialFrame],
+    particle_filter: AnyFilter,
+    observe: Observer | None = None,
+    yardstick: Yardstick | None = None,
+    series: bool = True,
+    event: Event | None = None,
+) -> dict:
+    """Run an initialised filter over the frames; the `trials` entry of the `evaluate` JSON without its
+    labels.
+
+    Time counts from the image to the estimate (networks and filter); reading files and computing errors do not. The
+    filter's CPU time, of all its threads, is what holds on a busy machine.
+    Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
+    Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take longer
+    than the filter. The final errors are given modulo the yardstick's symmetry too. `observe` sees every frame with its
+    estimate and the filter, outside the timing. `event`: what happens on the way, after which it is asked again whether
+    the pose is right.
+    """
+    record = _Record(yardstick or Yardstick(), series, event)
+    previous = None
+    for frame in frames:
+        if previous is None:
+            record.start(frame.truth, particle_filter)
+        odometry = None if previous is None else se3.inverse(previous) @ frame.measured
+        previous = frame.measured
+        fingers = {"others": frame.others} if frame.others else {}  # other methods know one finger only
+        start, cpu_start = time.perf_counter(), time.process_time()
+        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds, **fingers)
+        ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
+        record.add(frame, estimate, particle_filter, ms, cpu_ms)
+        if observe is not None:
+            observe(frame, estimate, particle_filter)
+    return record.result(particle_filter)
+
+
+class _Record:
+    def __init__(self, yardstick: Yardstick, series: bool, event: Event | None) -> None:
+        self._yardstick, self._series, self._event = yardstick, series, event
+        self._rows: list[dict] = []
+        self._ms: dict[str, list[float]] = {stage: [] for stage in STAGES}
+        self._initial: dict[str, float] = {}
+        self._filter_ms: Counter[str] = Counter()
+        self._filter_cpu_ms: list[float] = []
+        self._states: list[tuple[int, str]] = []
+        self._in_contact: list[bool] = []
+        self._areas: list[float] = []
+        self._right: list[bool] = []
+        self._coverage, self._reliability = Coverage(), WeightReliability()
+
+    def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
+        """Errors before the first step, of the start itself; truth (4, 4) `T_obj_gel`."""
+        poses = self._yardstick.counted(particle_filter.poses, truth)
+        self._initial = _error("e", particle_rmse(poses, truth, particle_filter.weights))
+
+    def add(
+        self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter, filter_ms: float, filter_cpu_ms: float
+    ) -> None:
+        for stage in STAGES:
+            self._ms[stage].append(frame.ms.get(stage, 0.0) if stage != "filter" else filter_ms)
+        self._filter_ms.update(estimate.status.ms)
+        self._filter_cpu_ms.append(filter_cpu_ms)
+        self._states.append((frame.index, estimate.status.state))
+        self._in_contact.append(frame.felt.in_contact)
+        if frame.felt.in_contact:
+            self._areas.append(frame.felt.contact_area)
+        self._right.append(False)
+        if estimate.pose is not None and np.isfinite(frame.truth).all():
+            # the twin of the truth, not of the estimate: the covariance belongs to the pose as published
+            truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
+            self._right[-1] = bool(pose_errors(estimate.pose, truth)[0] <= self._yardstick.right)
+            if frame.felt.in_contact:
+                self._coverage.add(estimate, truth, self._right[-1])
+                self._reliability.add(estimate.status.mode_mass, self._right[-1])
+        self._last = frame, estimate
+        if self._series:
+            self._rows.append(self._row(frame, estimate, particle_filter))
+
+    def _row(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> dict:
+        """Everything that is told of one frame."""
+        status, truth, counted = estimate.status, frame.truth, self._yardstick.counted
+        poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
+        modes = counted(np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4), truth)
+        pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
+        row = {"frame": frame.index}
+        row |= _error("e", particle_rmse(poses, truth, weights))
+        row |= _error("e_unweighted", particle_rmse(poses, truth))
+        row |= _error("min_cluster", min_cluster_error(modes, truth))
+        row |= _error("closest_mode", closest_mode_error(modes, truth))
+        row |= _error("estimate", pose_errors(pose, truth))
+        return row | {
+            "n_particles": status.n_particles,
+            "n_modes": status.n_modes,
+            "mode_mass": status.mode_mass,
+            "ess": status.ess,
+            "state": status.state,
+            "in_contact": frame.felt.in_contact,
+            **{f"ms_{stage}": self._ms[stage][-1] for stage in STAGES},
+            "ms": sum(self._ms[stage][-1] for stage in STAGES),
+            "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),
+        }
+
+    def result(self, particle_filter: AnyFilter) -> dict:
+        frame, estimate = self._last
+        last = self._rows[-1] if self._series else self._row(frame, estimate, particle_filter)
+        seconds = 1e-3 * np.sum([self._ms[stage] for stage in STAGES], axis=0)
+        converged = np.array([state == CONVERGED for _, state in self._states])
+        right, in_contact = np.array(self._right), np.array(self._in_contact)
+        out = {
+            "frames": len(seconds),
+            "wall_s": float(seconds.sum()),
+            "hz_mean": float(len(seconds) / seconds.sum()),
+            # the 5th percentile of the rate is the 95th of the time per frame
+            "hz_p05": float(1 / np.percentile(seconds, 95)),
+            "ms": {stage: float(np.mean(self._ms[stage])) for stage in STAGES},
+            "filter_cpu_ms": float(np.mean(self._filter_cpu_ms)),
+            "filter_stages_ms": {name: ms / len(seconds) for name, ms in self._filter_ms.items()},
+            "initial": self._initial,
+            "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
+            "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
+            "right_from_frame": _from_then_on((converged & right) | ~in_contact),
+            "event_at": self._event.end if self._event else None,
+            "right_before_event": bool((converged & right)[self._event.start - 1]) if self._event else None,
+            "right_after_event": self._right_after_event(converged & right),
+            "frames_in_contact": int(in_contact.sum()),
+            "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
+            "frames_converged": int(converged.sum()),
+            "frames_converged_right": int((converged & right).sum()),
+            "right_m": self._yardstick.right,
+            "coverage": self._coverage.counts(),
+            "reliability": self._reliability.counts(),
+        }
+        if self._series:
+            out["per_frame"] = {key: [row[key] for row in self._rows] for key in last}
+        return out
+
+    def _right_after_event(self, right: np.ndarray) -> bool | None:
+        """Whether it is right (N,) some frames after the event; None without one, or if the slide ends before."""
+        if self._event is None or self._event.end + AFTER_EVENT >= len(right):
+            return None
+        return bool(right[self._event.end + AFTER_EVENT])
+
+    def _modulo_symmetry(self, particle_filter: AnyFilter) -> dict[str, float]:
+        frame, estimate = self._last
+        symmetry = self._yardstick.symmetry
+        if symmetry.trivial or estimate.pose is None:
+            return {}
+        truth = frame.truth
+        poses = symmetry.nearest(particle_filter.poses, truth)
+        pose = symmetry.nearest(estimate.pose[None], truth)[0]
+        out = _error("symmetric_e", particle_rmse(poses, truth, particle_filter.weights))
+        return out | _error("symmetric_estimate", pose_errors(pose, truth))
+
+
+def _from_then_on(holds: np.ndarray) -> int | None:
+    """Index of the frame from which something holds (N,) to the end; None if it does not hold at the end."""
+    fails = np.flatnonzero(~holds)
+    first = int(fails[-1]) + 1 if len(fails) else 0
+    return first if first < len(holds) else None
+
+
+ERROR_KEYS = tuple(
+    f"{prefix}_{unit}"
+    for prefix in ("e", "min_cluster", "closest_mode", "estimate")
+    for unit in ("trans_mm", "rot_deg")
+)
+SYMMETRIC_KEYS = tuple(f"symmetric_{key}" for key in ERROR_KEYS if key.startswith(("e_", "estimate_")))
+FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state")
+
+
+def _error(prefix: str, error: Sequence[float]) -> dict[str, float]:
+    return {f"{prefix}_trans_mm": 1e3 * float(error[0]), f"{prefix}_rot_deg": float(np.degrees(error[1]))}

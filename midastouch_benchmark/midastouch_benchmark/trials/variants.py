@@ -1,0 +1,191 @@
+"""What is compared on the same slides: presets, a mechanism off, fewer particles, other codebooks, other methods."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+from midastouch_bringup.inspection import require_open3d
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import PRESETS, preset_in_words
+from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import Codebook
+
+from ..baselines.dead_reckoning import DeadReckoning, OdometryConfig
+from ..baselines.paper_filter import PaperConfig, PaperFilter
+from ..baselines.registration import Registration, RegistrationConfig
+from .trial import AnyFilter, TrialFrame
+
+DEFAULT, PRESET = "default", "preset"
+PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
+COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
+_CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
+
+
+@dataclasses.dataclass(frozen=True)
+class Variant:
+    """What differs from the default.
+
+    summary, a line for tables; group, what kind of difference; method, if it is another than ours; settings, fields of
+    `FilterConfig` or of the method's configuration; open_gates, names of the filter's gates that let everything pass;
+    codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's; contacts,
+    fingers of a grasp that feel something, if not all.
+    """
+
+    summary: str
+    group: str
+    settings: dict[str, object] = dataclasses.field(default_factory=dict)
+    open_gates: tuple[str, ...] = ()
+    codebook_size: int | None = None
+    code_length: int | None = None
+    contacts: int | None = None
+    method: str = ""
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot be run here; "" if it can."""
+        if self.method == "registration":
+            try:
+                require_open3d()
+            except InputError as error:
+                return str(error)
+        return ""
+
+    def fingers(self, frame: TrialFrame) -> TrialFrame:
+        """The frame with what its fingers feel; other methods than ours know the first one only."""
+        count = 1 if self.method else self.contacts
+        if count is None or len(frame.others) < count:
+            return frame
+        return dataclasses.replace(frame, others=dict(list(frame.others.items())[: count - 1]))
+
+    @property
+    def inputs(self) -> dict[str, object]:
+        """What differs beside the settings, by name."""
+        inputs = {name: getattr(self, name) for name in ("open_gates", "codebook_size", "code_length", "contacts")}
+        return {name: value for name, value in inputs.items() if value}
+
+    def describe(self) -> dict:
+        """For the JSON: all but what is as in the default."""
+        return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
+
+    def config(
+        self, base: FilterConfig, threads: int
+    ) -> FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig:
+        """Settings of the filter: the variant's laid over `base`."""
+        if self.method:
+            return _CONFIGS[self.method](**self.settings)
+        return dataclasses.replace(base, **({"threads": threads} | self.settings))
+
+    def filter(self, mesh: ObjectMesh, codebook: Codebook, base: FilterConfig, threads: int) -> AnyFilter:
+        """A filter of this variant, its stages timed."""
+        config = self.config(base, threads)
+        if self.method == "paper":
+            return PaperFilter(mesh, codebook, config, clock=time.perf_counter, threads=threads)
+        if self.method:
+            method = {"odometry": DeadReckoning, "registration": Registration}[self.method]
+            return method(mesh, codebook, config, clock=time.perf_counter)
+        return ParticleFilter(mesh, codebook, config, clock=time.perf_counter, open_gates=self.open_gates)
+
+
+VARIANTS = {
+    DEFAULT: Variant("as shipped", DEFAULT),
+    **{
+        name: Variant(f"preset {name}: {preset_in_words(name)}", PRESET, settings)
+        for name, settings in PRESETS.items()
+        if settings
+    },
+    "paper": Variant(
+        "the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER, method="paper"
+    ),
+    "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}, method="paper"),
+    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", PEER, method="registration"),
+    "odometry": Variant("the arm's odometry alone, from one draw of the start", PEER, method="odometry"),
+    "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
+    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
+    "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
+    "codes_no_recovery": Variant(
+        "no alignment to penetration maps, no re-evaluation, no injection",
+        MECHANISM,
+        {"refinement": False, "recovery": False},
+    ),
+    "no_kld": Variant("always as many particles as at the start", MECHANISM, {"kld_sampling": False}),
+    "no_surface": Variant(
+        "no surface constraint (only far particles are dropped)",
+        MECHANISM,
+        {
+            "max_penetration": 0.02,
+            "max_hover": 0.02,
+            "surface_sigma": 0.02,
+            "dead_distance": 0.02,
+            "book_constraint": False,
+        },
+    ),
+    "no_book_constraint": Variant(
+        "particles far from every codebook pose count in full", MECHANISM, {"book_constraint": False}
+    ),
+    "no_tempering": Variant(
+        "every touch counts in full, however near to the last", MECHANISM, {"correlation_length": 1e-5}
+    ),
+    "no_calibration": Variant("likelihood as flat as the paper's: temperature 1", MECHANISM, {"temperature": 1.0}),
+    "no_annealing": Variant("full noise floor after convergence too", MECHANISM, {"noise_converged": 1.0}),
+    "no_arm_errors": Variant("errors of mount and clock are not learned", MECHANISM, {"calibration": False}),
+    "no_object_motion": Variant("the object is not followed when it slips", MECHANISM, {"object_motion": False}),
+    "no_rest_gate": Variant("an arm at rest is updated too", GATE, open_gates=("at_rest",)),
+    "no_repeat_gate": Variant("an image that comes again counts again", GATE, open_gates=("unchanged_code",)),
+    "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
+    "no_book_gate": Variant("few particles, too, have the whole codebook scored", GATE, open_gates=("whole_book",)),
+    "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
+    "no_rival_gate": Variant("a mode without rivals is replayed as often", GATE, open_gates=("unrivalled",)),
+    "no_wide_gate": Variant(
+        "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
+    ),
+    "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
+    "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
+    "50k": Variant("at most 50,000 particles, as the paper's", COUNT, {"max_particles": 50_000}),
+    "align_1": Variant("one mode is aligned to the felt map", BUDGET, {"refined_modes": 1}),
+    "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
+    "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
+    "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
+    "book_10k": Variant("codebook of 10,000 poses", INPUT, codebook_size=10_000),
+    "code_32": Variant("codes cut to 32 numbers", INPUT, code_length=32),
+    "code_16": Variant("codes cut to 16 numbers", INPUT, code_length=16),
+    "code_8": Variant("codes cut to 8 numbers", INPUT, code_length=8),
+    "contact_1": Variant("one contact of each grasp", CONTACTS, contacts=1),
+    "contacts_2": Variant("two contacts, opposite", CONTACTS, contacts=2),
+    "contacts_3": Variant("three contacts", CONTACTS, contacts=3),
+}
+
+
+def _group(*groups: str) -> tuple[str, ...]:
+    return tuple(name for name, variant in VARIANTS.items() if variant.group in groups)
+
+
+SETS = {
+    "peers": ("paper", *_group(PEER)),
+    "counts": _group(COUNT),
+    "gates": _group(GATE),
+    "codebooks": _group(INPUT),
+    "ablation": _group(MECHANISM, GATE),
+    "front": (*_group(PRESET), "1k", "20k", "50k", "align_1", "align_8", "book_10k", "code_16"),
+    "contacts": _group(CONTACTS),
+}
+"""Names for several variants at once; "all" is every one. "front" is what error is set against run time for: as much of
+everything that can be had in more or less; mechanisms and other methods have sets of their own."""
+
+
+def chosen_variants(names: list[str]) -> list[str]:
+    """Variants by name or by the name of a set, the default first, none twice; InputError for an unknown name."""
+    chosen = [DEFAULT]
+    for name in names:
+        if name == "all":
+            chosen += VARIANTS
+        elif name in SETS:
+            chosen += SETS[name]
+        elif name in VARIANTS:
+            chosen.append(name)
+        else:
+            known = ", ".join([*VARIANTS, *SETS, "all"])
+            raise InputError(f"--variant {name}: not known; there are {known}")
+    return list(dict.fromkeys(chosen))

@@ -1,0 +1,53 @@
+from setuptools import find_packages, setup
+
+package = "midastouch_benchmark"
+
+setup(
+    name=package,
+    version="0.1.0",
+    # Named, although it is the default: editable installs then put this folder on sys.path, ahead of
+    # the namespace package that the folder of the same name is when Python runs in the workspace root.
+    package_dir={"": "."},
+    packages=find_packages(exclude=["test", "test.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+    ],
+    install_requires=[
+        "matplotlib",
+        "midastouch_bringup",
+        "midastouch_common",
+        "midastouch_filter",
+        "midastouch_kernels",
+        "midastouch_perception",
+        "numpy",
+        "opencv-contrib-python-headless",
+        "pillow",
+        "pykdtree",
+        "scikit-learn",
+        "scipy",
+    ],
+    python_requires=">=3.10",
+    maintainer="MidasTouch for ROS 2 maintainers",
+    maintainer_email="maintainers@example.org",
+    description="Measures MidasTouch: accuracy, speed and trust, baselines, fits, and the tables of the documents.",
+    license="MIT",
+    extras_require={"test": ["hypothesis", "pytest"]},
+    # found by the `midastouch` command of midastouch_bringup
+    entry_points={
+        "midastouch.commands": [
+            "bench = midastouch_benchmark.commands.bench",
+            "bench_scale = midastouch_benchmark.commands.bench_scale",
+            "benchmark = midastouch_benchmark.commands.benchmark",
+            "evaluate = midastouch_benchmark.commands.evaluate",
+            "evaluate_checks = midastouch_benchmark.commands.evaluate_checks",
+            "evaluate_exploration = midastouch_benchmark.commands.evaluate_exploration",
+            "evaluate_presses = midastouch_benchmark.commands.evaluate_presses",
+            "evaluate_start = midastouch_benchmark.commands.evaluate_start",
+            "evaluate_tdn = midastouch_benchmark.commands.evaluate_tdn",
+            "identify = midastouch_benchmark.commands.identify",
+            "report = midastouch_benchmark.commands.report",
+            "single_touch = midastouch_benchmark.commands.single_touch",
+        ]
+    },
+)

@@ -1,0 +1,48 @@
+import importlib.util
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from midastouch_benchmark.trials.variants import VARIANTS
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.touch import Measurement
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.slide import simulate_slide
+
+needs_open3d = pytest.mark.skipif(importlib.util.find_spec("open3d") is None, reason="Open3D is an extra")
+
+
+@needs_open3d
+@pytest.mark.slow
+def test_a_slide_over_a_tool_is_laid_onto_it():
+    from midastouch_benchmark.baselines.registration import Registration
+
+    mesh, sensor = ObjectMesh.load(bundled_objects()["handle_tool"]), SensorModel.load("digit_tacto").scaled(0.25)
+    poses = simulate_slide(mesh, SensorModel.load("digit_tacto"), 0.15, np.random.default_rng(0))
+    maps = PenetrationRenderer(mesh, sensor).render(poses)
+    book = Codebook(poses[::3], np.ones((len(poses[::3]), 4), np.float32), {"sensor": "digit_tacto"})
+    registration = Registration(mesh, book)
+    registration.initialise_gaussian(poses[40], 0.004, np.radians(5))  # the nearest of the few codebook poses
+    first = registration.poses[0]
+    odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses[40:]))]
+    states = []
+    for motion, felt in zip(odometry, maps[40:], strict=True):
+        estimate = registration.step(motion, Measurement(True, penetration=felt))
+        states.append(estimate.status.state)
+    assert (states[0], states[-1]) == ("ambiguous", "converged")
+    started, ended = (np.linalg.norm(a[:3, 3] - b[:3, 3]) for a, b in ((first, poses[40]), (estimate.pose, poses[-1])))
+    assert ended < 2e-3
+    assert started > 5e-4
+
+
+def test_where_open3d_is_missing_it_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, "open3d", None)
+    monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
+    assert "pip install -r tools/requirements/open3d.txt" in VARIANTS["registration"].missing
+    assert VARIANTS["odometry"].missing == ""

@@ -1,0 +1,83 @@
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_benchmark.commands import options
+from midastouch_bringup.output_paths import codebook_path
+from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import FORMAT, Codebook
+
+NETWORKS = SimpleNamespace(
+    tcn=SimpleNamespace(network_id="net-1"), sensor=SimpleNamespace(content_id="id-1", name="digit_tacto")
+)
+
+
+@pytest.fixture
+def box(tmp_path, monkeypatch) -> ObjectMesh:
+    """A mesh file with its codebook where `build-codebook` puts it."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((0.1, 0.05, 0.03)).export(tmp_path / "box.ply")
+    mesh = ObjectMesh.load("box.ply")
+    save_book(mesh)
+    return mesh
+
+
+def save_book(mesh: ObjectMesh, name: str = "box", **changes) -> None:
+    meta = {
+        "format": FORMAT,
+        "mesh_name": "box",
+        "mesh_sha256": mesh.sha256,
+        "mesh_path": str(mesh.path),
+        "sensor": "digit_tacto",
+        "sensor_id": "id-1",
+        "tcn": "net-1",
+    }
+    Codebook(np.eye(4)[None].repeat(3, 0), np.eye(3), meta | changes).save(codebook_path(name))
+
+
+def test_mesh_and_codebook_are_found_by_the_objects_name(box):
+    mesh, codebook = options.load_object("box", None, None, NETWORKS)
+    assert mesh.sha256 == box.sha256
+    assert len(codebook.poses) == 3
+
+
+def test_without_a_codebook_the_error_names_the_command(box):
+    with pytest.raises(InputError, match=r"no codebook of cup; build it: midastouch build-codebook cup\.ply"):
+        options.load_object("cup", None, None, NETWORKS)
+
+
+def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
+    """What the error tells to build is what is looked for."""
+    box.path.rename(tmp_path / "aligned.ply")
+    codebook_path("box").unlink()
+    told = r"aligned\.npz: no codebook of aligned; build it: midastouch build-codebook aligned\.ply"
+    with pytest.raises(InputError, match=told):
+        options.load_object("avocado", "aligned.ply", None, NETWORKS)
+    save_book(ObjectMesh.load("aligned.ply"), name="aligned")
+    assert options.load_object("avocado", "aligned.ply", None, NETWORKS)[0].name == "aligned"
+
+
+def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
+    box.path.rename(tmp_path / "moved.ply")
+    with pytest.raises(InputError, match=r"box\.ply' is not there any more; give it with --mesh"):
+        options.load_object("box", None, None, NETWORKS)
+    assert options.load_object("box", "moved.ply", None, NETWORKS)[0].name == "moved"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"mesh_sha256": "0" * 64}, "built for the mesh"),
+        ({"tcn": "net-2"}, "net-2"),
+        ({"sensor_id": "id-2", "sensor": "other"}, "built for the sensor other"),
+    ],
+)
+def test_what_does_not_belong_together_is_refused(box, changes, message):
+    save_book(box, **changes)
+    with pytest.raises(InputError, match=message):
+        options.load_object("box", None, None, NETWORKS)
+
+

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+import trimesh
+
+from midastouch_benchmark.perception.ball_cap import (
+    ball_penetration,
+    centre_under,
+    circle_outline,
+    mask_outline,
+    misfit,
+    nearest_cap,
+)
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
+
+RADIUS = 4.4e-3
+
+
+@pytest.fixture(scope="module")
+def sensor():
+    return SensorModel.load("digit_real").scaled(0.5)
+
+
+def centre(sensor, x=1e-3, y=-2e-3, depth=1.2e-3):
+    return np.array([x, y, sensor.sag(x, y) + depth - RADIUS])
+
+
+def test_a_ball_as_the_renderer_sees_it(sensor):
+    mesh = trimesh.creation.icosphere(subdivisions=6, radius=RADIUS)
+    renderer = PenetrationRenderer(ObjectMesh.from_arrays(mesh.vertices, mesh.faces, "ball"), sensor)
+    rendered = renderer.render(se3.make(np.eye(3), -centre(sensor))[None])[0]
+    np.testing.assert_allclose(ball_penetration(centre(sensor), RADIUS, sensor), rendered, atol=3e-6)
+    assert rendered.max() == pytest.approx(1.2e-3, rel=0.02)
+
+
+def test_out_of_reach_nothing_is_touched(sensor):
+    assert not ball_penetration([0, 0, -2 * RADIUS], RADIUS, sensor).any()
+    assert not ball_penetration([0.1, 0, -RADIUS], RADIUS, sensor).any()
+
+
+@pytest.mark.parametrize(("x", "y", "depth"), [(0, 0, 1e-3), (3e-3, 4e-3, 1.5e-3), (5e-3, -7e-3, 0.5e-3)])
+def test_an_outline_tells_the_ball(sensor, x, y, depth):
+    """Also where the image cuts the contact off: its outline is that of the gel, not of the image."""
+    truth = centre(sensor, x, y, depth)
+    outline = mask_outline(ball_penetration(truth, RADIUS, sensor) > 0, sensor)
+    found = centre_under(outline, RADIUS)
+    np.testing.assert_allclose(found, truth, atol=6e-5)  # half a pixel
+    assert misfit(outline, found, RADIUS) < 6e-5
+
+
+def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
+    """A cap at the gel's apex is a circle in the image; a label's pixel is the one that its centre falls into."""
+    truth = centre(sensor, 0, 0, 1e-3)
+    contact = ball_penetration(truth, RADIUS, sensor.scaled(2)) > 0
+    rows, columns = np.nonzero(contact)
+    circle = (columns.mean(), rows.mean(), np.sqrt(contact.sum() / np.pi))
+    np.testing.assert_allclose(centre_under(circle_outline(circle, 0.5, sensor), RADIUS), truth, atol=2e-5)
+
+
+def test_a_circle_wider_than_the_ball_misses_it(sensor):
+    wide = circle_outline((120, 160, 100), 0.5, sensor)  # 5.4 mm
+    assert misfit(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
+
+
+def test_the_nearest_cap_of_a_cap_is_itself(sensor):
+    truth = centre(sensor)
+    felt = ball_penetration(truth, RADIUS, sensor)
+    np.testing.assert_allclose(nearest_cap(felt, felt > 0, RADIUS, sensor), truth, atol=5e-6)
+
+
+def test_the_nearest_cap_of_one_pixel(sensor):
+    felt = np.zeros((160, 120), np.float32)
+    felt[80, 60] = 2e-4
+    assert np.isfinite(nearest_cap(felt, felt > 0, RADIUS, sensor)).all()

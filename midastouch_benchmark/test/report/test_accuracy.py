@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from midastouch_benchmark.report.accuracy import reliability_figure
+from midastouch_benchmark.report.results_page import write_results_page
+from midastouch_benchmark.statistics.accuracy import compact_trials, summarise_accuracy
+from midastouch_benchmark.statistics.comparison import compare_variants
+from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
+from midastouch_benchmark.trials.trial import ERROR_KEYS
+from midastouch_benchmark.trials.variants import VARIANTS
+from midastouch_bringup.result_file import to_json
+
+
+@pytest.fixture(scope="module")
+def result(make_trial) -> dict:
+    """A result of `midastouch benchmark` over two objects, three variants and both starts."""
+    rng = np.random.default_rng(0)
+    trials = [
+        make_trial(
+            variant,
+            seed,
+            100.0 if variant == "paper" else 8.0,
+            {key: rng.uniform(1, 9) for key in ERROR_KEYS},
+            object=name,
+            init=init,
+            coverage={kind: rng.integers(0, 5, len(LEVELS) + 1).tolist() for kind in KINDS},
+        )
+        for name in ("can", "mug")
+        for init in ("paper", "uniform")
+        for seed in range(3)
+        for variant in ("default", "paper", "1k")
+    ]
+    return to_json(
+        {
+            "command": "midastouch benchmark --variant paper 1k",
+            "config": {
+                "inits": ["paper", "uniform"], "beta": 1.0, "slides": [0], "seeds": [0, 1, 2], "stride": 1,
+                "protocol": "plain", "slide_length_m": 0.5, "codebook_size": 50_000, "jobs": 1,
+                "networks": {"tdn": "t-1", "tcn": "c-1"},
+            },
+            "machine": {"cpu": "a cpu"},
+            "objects": [
+                {"object": "can", "symmetry": "axis", "likelihood_levels": [3] * (len(LEVELS) + 1)},
+                {"object": "mug", "symmetry": "none", "likelihood_levels": [2] * (len(LEVELS) + 1)},
+            ],
+            "variants": {name: VARIANTS[name].describe() for name in ("default", "paper", "1k")},
+            "levels": LEVELS,
+            "missing_trials": 0,
+            "summary": summarise_accuracy(trials),
+            "comparison": compare_variants(trials),
+            "trials": compact_trials(trials),
+        }
+    )  # fmt: skip
+
+
+def test_a_benchmark_has_its_section(result, tmp_path):
+    text = write_results_page([("accuracy.json", result)], tmp_path).read_text()
+    assert "Methods on the same slides" in text
+    markdown = (tmp_path / "index.md").read_text()
+    for words in (
+        "Accuracy over 2 objects",
+        "Start: uniform",
+        "Calibration of the likelihood",
+        "axis",
+        "7.4 mm",
+        "Methods on the same",
+    ):
+        assert words in text
+        assert words in markdown
+    assert VARIANTS["1k"].summary in text
+    assert f" | {VARIANTS['1k'].summary} |\n" in markdown
+    assert "\n```\nmidastouch benchmark --variant paper 1k\n```\n" in markdown
+    pictures = {path.name for path in tmp_path.glob("*.png")}
+    assert pictures == {
+        *(f"accuracy_0_{init}_{what}.png" for init in ("paper", "uniform") for what in ("errors", "coverage")),
+        "accuracy_0_front.png",
+        "likelihood_0.png",
+    }
+    assert all(f"]({picture})" in markdown for picture in pictures)
+
+
+def test_without_variants_there_is_no_front(result, tmp_path):
+    alone = result | {"variants": {"default": result["variants"]["default"]}}
+    write_results_page([("accuracy.json", alone)], tmp_path)
+    assert not list(tmp_path.glob("*front.png"))
+
+
+def test_a_perfect_calibration_lies_on_the_diagonal():
+    figure = reliability_figure(list(LEVELS), {"perfect": (list(LEVELS), {})}, "mass")
+    diagonal, curve = figure.axes[0].lines
+    assert curve.get_xdata() == pytest.approx(curve.get_ydata())
+    assert diagonal.get_xdata() == pytest.approx(diagonal.get_ydata())

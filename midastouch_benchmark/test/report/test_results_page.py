@@ -1,0 +1,106 @@
+import numpy as np
+import pytest
+
+from midastouch_benchmark.report.results_page import write_results_page
+from midastouch_benchmark.statistics.summary import summarise_trials
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+
+KEYS = [
+    f"{prefix}_{unit}"
+    for prefix in ("e", "min_cluster", "closest_mode", "estimate")
+    for unit in ("trans_mm", "rot_deg")
+]
+TIME = {"p50": 1.0, "p95": 2.0, "cpu": 1.5}
+
+
+def trial(seed: int, run) -> dict:
+    errors = {key: [10.0 / (i + seed + 1) for i in range(len(run))] for key in KEYS}
+    return {
+        "sequence": "ball/00",
+        "object": "ball",
+        "seed": seed,
+        "initial": {"e_trans_mm": 20.0, "e_rot_deg": 60.0},
+        "final": {key: column[-1] for key, column in errors.items()} | {"state": "converged", "n_particles": 500},
+        "hz_mean": 50.0,
+        "hz_p05": 40.0,
+        "right_m": 0.01,
+        "ms": {"tdn": 3.0, "tcn": 1.0, "filter": 10.0},
+        "per_frame": {
+            "frame": list(range(len(run))),
+            "estimate": [None] + [se3.to_xyzquat(s.truth).tolist() for s in run[1:]],
+            **errors,
+        },
+    }
+
+
+@pytest.fixture
+def evaluation(run) -> dict:
+    trials = [trial(seed, run) for seed in range(3)]
+    return {
+        "config": {"init": "paper", "beta": 1.0, "seeds": 3, "stride": 1, "networks": {"tdn": "t-1", "tcn": "c-1"}},
+        "machine": {"cpu": "a cpu"},
+        "sequences": [
+            {
+                "sequence": "ball/00",
+                "object": "ball",
+                "mesh": "/nowhere/ball.ply",
+                "truth": se3.to_xyzquat(np.array([s.truth for s in run])).tolist(),
+            }
+        ],
+        "trials": trials,
+        "summary": summarise_trials(trials),
+    }
+
+
+def test_an_evaluation_with_its_pictures(evaluation, tmp_path, ball):
+    import trimesh
+
+    mesh = tmp_path / "ball.ply"
+    trimesh.Trimesh(ball.vertices, ball.faces, process=False).export(mesh)
+    evaluation["sequences"][0]["mesh"] = str(mesh)
+    page = write_results_page([("a.json", evaluation)], tmp_path / "out")
+    content = page.read_text()
+    assert "ball/00" in content
+    for picture in ("final_errors.png", "0_ball_00_errors.png", "0_ball_00_paths.png"):
+        assert f'src="{picture}"' in content
+        assert (tmp_path / "out" / picture).stat().st_size > 5000
+
+
+def test_without_the_mesh_the_page_says_so(evaluation, tmp_path):
+    content = write_results_page([("a.json", evaluation)], tmp_path).read_text()
+    assert "/nowhere/ball.ply is not there" in content
+
+
+def test_the_other_kinds_of_result(tmp_path):
+    bench = {
+        "threads": 2,
+        "codebook_size": 50000,
+        "tdn_ms": TIME,
+        "tcn_ms": TIME,
+        "filter_ms": {"50000": TIME, "1000": TIME},
+        "lookup_ms": {"50000": TIME},
+        "end_to_end_hz": 41.5,
+        "end_to_end_ms": TIME,
+        "renders_per_s": 1234.5,
+        "codebook_poses_per_s": 321.0,
+        "peak_rss_mb": 512.0,
+    }
+    figures = {"rmse_mm": 0.123, "contact_rmse_mm": 0.2, "contact_iou": 0.9, "ms_per_frame": 3.0}
+    depth = {"sequences": [{"sequence": "ball/00", "frames": 3, **figures}], "summary": figures}
+    results = [("b.json", bench), ("d.json", depth)]
+    content = write_results_page(results, tmp_path).read_text()
+    for text in ("41.5 Hz", "0.123", "stages_0.png"):
+        assert text in content
+
+
+@pytest.mark.parametrize("content", [{}, {"trials": []}, {"tdn_ms": {}}, {"trials": [], "sequences": []}])
+def test_foreign_and_incomplete_files_are_refused_by_name(content, tmp_path):
+    with pytest.raises(InputError, match=r"x\.json"):
+        write_results_page([("x.json", content)], tmp_path)
+
+
+def test_a_foreign_file_leaves_no_folder_behind(tmp_path):
+    with pytest.raises(InputError, match=r"x\.json: not a result"):
+        write_results_page([("x.json", {"a": 1})], tmp_path / "page")
+    assert not (tmp_path / "page").exists()

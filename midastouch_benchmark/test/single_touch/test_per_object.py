@@ -1,0 +1,128 @@
+"""One object's figures and those of several, with networks that know the answer and others that guess."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from midastouch_benchmark.single_touch import per_object as single_touch_object
+from midastouch_benchmark.single_touch.per_object import CELL_COLUMNS, SingleTouchPlan, error_by_place, measure_object
+from midastouch_benchmark.single_touch.simulated_touch import Lighting
+from midastouch_benchmark.single_touch.summary import single_touch_table, summarise_objects
+from midastouch_bringup.result_file import to_json
+from midastouch_common import se3
+from midastouch_perception.sensor_model import SensorModel
+
+MISSED = 7
+
+
+@pytest.fixture
+def measure(mesh, codebook, pose_codes, monkeypatch):
+    """Function (plan, with_embedding) -> the object's entry; `tcn` codes tell the pose, all others nothing."""
+
+    class Simulator:
+        def __init__(self, mesh, networks, lighting):
+            pass
+
+        def encode(self, poses, encoders, rng, progress):
+            progress(len(poses))
+            codes = {
+                name: pose_codes(poses) if name == "tcn" else rng.standard_normal((len(poses), 16)) for name in encoders
+            }
+            return codes, np.arange(len(poses)) >= MISSED
+
+    monkeypatch.setattr(single_touch_object, "TouchSimulator", Simulator)
+
+    def measure(plan: SingleTouchPlan, with_embedding: bool = True) -> dict:
+        tdn = SimpleNamespace(has_embedding=with_embedding, network_id="tdn-1")
+        networks = SimpleNamespace(tdn=tdn, tcn=None, sensor=SensorModel.load("digit_tacto"))
+        counted = []
+        result = measure_object(mesh, codebook, networks, plan, np.random.default_rng(0), counted.append)
+        assert sum(counted) == plan.touches(networks)
+        return to_json(result)
+
+    return measure
+
+
+def test_all_ways_are_compared_on_the_same_smaller_book(measure):
+    network = SimpleNamespace(network_id="minkloc3d-1")
+    result = measure(SingleTouchPlan(150, Lighting(), baseline_size=400, minkloc3d=network))
+    baselines = result["baselines"]
+    assert (baselines["book_size"], baselines["queries"], baselines["missing"]) == (400, 150, {})
+    assert baselines["image_embedding"] == pytest.approx(1, abs=0.2)
+    assert baselines["minkloc3d"] == pytest.approx(1, abs=0.2)
+    # ten times fewer entries: further apart, so ours do worse than on the whole book
+    assert result["summary"]["normalised_top25_error"] < baselines["tcn"] < 0.9
+    assert np.mean(baselines["details"]["image_embedding"]["errors"]) == pytest.approx(1, abs=0.2)
+    assert result["missed"] == MISSED
+
+
+def test_what_cannot_be_compared_is_null_with_a_reason(measure):
+    baselines = measure(SingleTouchPlan(60, Lighting(), baseline_size=300), with_embedding=False)["baselines"]
+    assert baselines["image_embedding"] is baselines["minkloc3d"] is None
+    assert "tdn-1" in baselines["missing"]["image_embedding"]
+    assert "weights" in baselines["missing"]["minkloc3d"]
+    assert baselines["tcn"] > 0
+
+
+def test_without_a_comparison(measure):
+    baselines = measure(SingleTouchPlan(60, Lighting()))["baselines"]
+    assert "tcn" not in baselines
+    assert baselines["image_embedding"] is None
+
+
+def test_only_the_first_queries_are_compared(measure, monkeypatch):
+    monkeypatch.setattr(single_touch_object, "BASELINE_QUERIES", 40)
+    result = measure(SingleTouchPlan(100, Lighting(), baseline_size=300))
+    assert result["baselines"]["queries"] == 40
+    assert result["missed"] == 2 * MISSED  # of the compared, and of the others
+
+
+def test_the_errors_are_their_distribution(measure):
+    result = measure(SingleTouchPlan(300, Lighting()))
+    assert result["errors"] == sorted(result["errors"])
+    assert result["errors"][250] == pytest.approx(result["summary"]["median"], abs=1e-3)
+
+
+def test_the_cells_hold_every_touch_once(measure, mesh):
+    result = measure(SingleTouchPlan(200, Lighting()))
+    cells = np.array(result["cells"])
+    column = {name: cells[:, k] for k, name in enumerate(CELL_COLUMNS)}
+    assert column["touches"].sum() == 200
+    mean = (column["error"] * column["touches"]).sum() / 200
+    assert mean == pytest.approx(result["summary"]["normalised_top25_error"], abs=2e-3)
+    low, high = 1e3 * mesh.vertices.min(axis=0), 1e3 * mesh.vertices.max(axis=0)
+    assert (cells[:, :3] > low - 1).all()
+    assert (cells[:, :3] < high + 1).all()
+
+
+def test_sides_of_a_thin_plate_are_different_cells():
+    up, down = (
+        se3.make(se3.frame_from_normal(np.array([[0, 0, z]]), np.zeros(1)), np.zeros((1, 3))) for z in (1.0, -1)
+    )
+    cells = error_by_place(np.concatenate([up, down]), np.array([0.1, 0.9]))
+    assert sorted(row[6] for row in cells) == [0.1, 0.9]
+
+
+def test_several_objects_and_their_mean(measure):
+    plan = SingleTouchPlan(60, Lighting(), baseline_size=300)
+    objects = [measure(plan) | {"object": name} for name in ("mug", "can")]
+    objects[1]["summary"] = {key: 3 * value for key, value in objects[1]["summary"].items()}
+    content = summarise_objects(objects)
+    assert content["object"] == "mean of 2 objects"
+    assert content["queries"] == 60
+    first = objects[0]["summary"]["normalised_top25_error"]
+    assert content["summary"]["normalised_top25_error"] == pytest.approx(2 * first)
+    assert content["baselines"]["image_embedding"] == pytest.approx(objects[0]["baselines"]["image_embedding"])
+    assert content["baselines"]["minkloc3d"] is None
+    lines = single_touch_table(content).splitlines()
+    assert [line.split()[0] for line in lines[2:5]] == ["mug", "can", "mean"]
+    assert f"{2 * first:.3f}" in lines[4]
+    assert "minkloc3d: no weights given" in lines[-2]
+    assert f"medians: {content['summary']['median_of_medians']:.3f}" in lines[-1]
+
+
+def test_one_object_stands_for_itself(measure):
+    content = summarise_objects([measure(SingleTouchPlan(60, Lighting()))])
+    assert content["object"] == "block"
+    assert len(single_touch_table(content).splitlines()[2].split()) == 12

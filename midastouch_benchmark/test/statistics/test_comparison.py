@@ -1,0 +1,104 @@
+import pytest
+
+from midastouch_benchmark.statistics.comparison import (
+    compare_variants,
+    comparison_table,
+    difference_text,
+    front_text,
+    pareto_front,
+    rows_by_init,
+    wrong_converged,
+)
+
+
+@pytest.fixture
+def rows(trials) -> dict[str, dict]:
+    return {row["variant"]: row for row in compare_variants(trials)}
+
+
+def test_variants_are_compared_on_the_trials_that_all_have_run(rows):
+    assert {row["trials"] for row in rows.values()} == {2}
+    assert rows["default"]["error_ratio"] == 1
+    assert rows["default"]["e_trans_mm"] == 3
+    assert rows["default"]["symmetric_e_trans_mm"] == 2.5
+    assert rows["paper"]["error_ratio"] == pytest.approx(12 / 3)
+    assert rows["paper"]["time_ratio"] == pytest.approx(100 / 11)
+    assert rows["paper"]["filter_ratio"] == pytest.approx(97 / 8)
+    assert (rows["paper"]["right"], rows["paper"]["converged"]) == (0, 0.5)
+    assert rows["1k"]["right"] == 1
+    assert rows["default"]["wrong_converged"] == pytest.approx(0.2)
+
+
+@pytest.fixture
+def many(trials) -> list[dict]:
+    """Of the default and the paper's filter, 60 slides of two trials each, 10 and 8 mm apart."""
+    pairs = [trials[k] | {"slide": slide} for slide in range(60) for k in (0, 1, 3, 4)]
+    return [pair | {"frames_converged_right": 8} if pair["variant"] == "paper" else pair for pair in pairs]
+
+
+def test_a_difference_is_taken_trial_by_trial_and_says_how_far_chance_goes(many):
+    uneven = [t | {"final": t["final"] | {"e_trans_mm": 12 + (t["slide"] % 3 - 1)}} if t["variant"] == "paper" else t
+              for t in many]  # fmt: skip
+    _, row = compare_variants(uneven)
+    assert row["difference_mm"] == 9
+    assert row["difference_mm_interval"] == [pytest.approx(8.8, abs=0.06), pytest.approx(9.2, abs=0.06)]
+    assert row["right_difference"] == -1
+    assert row["right_difference_interval"] == [-1, -1]
+    assert row["wrong_converged_difference"] == pytest.approx(-0.2)
+    # of the filter's CPU time there are 90 ms more
+    assert row["verdict"] == "worse: error, right, CPU time; better: converged wrong"
+    assert difference_text(row) == "+9.0 (+8.8 ... +9.2)"
+    assert difference_text(row | {"difference_mm_interval": None}) == "+9.0"
+
+
+def test_what_is_the_same_shows_no_difference(many):
+    twice = [t for t in many if t["variant"] == "default"]
+    _, row = compare_variants([*twice, *(t | {"variant": "1k"} for t in twice)])
+    assert row["verdict"] == "no difference shown"
+
+
+def test_one_slide_does_not_tell_how_far_chance_goes(trials):
+    rows = compare_variants([trials[0], trials[3]])
+    assert (rows[1]["difference_mm"], rows[1]["difference_mm_interval"]) == (10, None)
+    assert difference_text(rows[1]) == "too few"
+    assert rows[1]["verdict"] == "too few (1)"
+    assert front_text(rows) == "too few trials (1) to say where the default lies"
+
+
+def test_inits_are_compared_apart_and_only_with_a_default(trials):
+    uniform = [trial | {"init": "uniform"} for trial in trials[5:]]
+    assert list(rows_by_init(compare_variants([*trials, *uniform]))) == ["paper"]
+    uniform.append(trials[2] | {"init": "uniform"})
+    rows = rows_by_init(compare_variants([*trials, *uniform]))
+    assert [(row["variant"], row["trials"]) for row in rows["uniform"]] == [("1k", 1), ("default", 1)]
+
+
+def test_frames_that_were_sure_and_wrong_are_counted(trials):
+    assert wrong_converged([*trials[:1], trials[1] | {"frames_converged_right": 8}]) == pytest.approx(0.1)
+
+
+def test_the_front_holds_what_nothing_beats_in_both():
+    rows = [{"cpu_ms_filter": ms, "e_trans_mm": e} for ms, e in ((10, 3), (4, 5), (20, 4), (4, 6), (30, 1))]
+    assert [(row["cpu_ms_filter"], row["e_trans_mm"]) for row in pareto_front(rows, "e_trans_mm")] == [
+        (4, 5),
+        (10, 3),
+        (30, 1),
+    ]
+
+
+def test_what_beats_the_default_is_named(rows):
+    rows = {name: row | {"trials": 100} for name, row in rows.items()}
+    assert front_text(list(rows.values())).startswith("the default lies on the front")
+    differing = {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_mm_interval": [-1.5, -0.5]}
+    text = front_text([rows["default"], rows["paper"], rows["1k"] | differing | {"filter_ratio": 0.125}])
+    assert text == "faster than the default and more exact: 1k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
+
+
+def test_the_table_has_a_row_per_variant_with_what_differs(rows):
+    variants = {name: {"summary": f"about {name}"} for name in rows}
+    header, cells = comparison_table(list(rows.values()), variants)
+    assert all(len(row) == len(header) for row in cells)
+    by_name = {row[0]: dict(zip(header, row, strict=True)) for row in cells}
+    assert by_name["paper"]["what differs"] == "about paper"
+    assert by_name["paper"]["error ratio"] == "4.00"
+    assert by_name["default"]["error - default's mm"] == "-"

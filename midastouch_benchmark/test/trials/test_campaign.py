@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from midastouch_benchmark.trials.campaign import Plan, likelihood_levels, run_campaign
+from midastouch_benchmark.trials.open_trials import Workforce
+from midastouch_benchmark.trials.stock import SlideKind
+from midastouch_benchmark.trials.symmetry import Symmetry
+from midastouch_benchmark.trials.touches import Touches
+from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.variants import INPUT, VARIANTS, Variant
+from midastouch_bringup.cluster import open_cluster
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+
+
+@dataclass(frozen=True)
+class StubStock:
+    """A stock without files, over one slide."""
+
+    sequence: object
+    book: object
+    networks: object
+    codebook_size: int = 4000
+    slides: SlideKind = field(default_factory=lambda: SlideKind(0.045))
+
+    def describe(self):
+        return self.networks.describe()
+
+    def codebook(self, mesh, size=None):
+        return type(self.book)(self.book.poses[:size], self.book.codes[:size], self.book.meta)
+
+    def codebook_digest(self, mesh, size=None):
+        return str(size or len(self.book.poses))
+
+    def touches(self, mesh, number):
+        return self.sequence, Touches.perceive(self.sequence, self.networks)
+
+    def symmetry(self, mesh):
+        return Symmetry()
+
+
+@pytest.fixture(scope="module")
+def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
+    path = tmp_path_factory.mktemp("meshes") / "block.ply"
+    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(path)
+    return ObjectMesh.load(path)
+
+
+@pytest.fixture
+def plan(sequence, codebook, networks) -> Plan:
+    return Plan(
+        StubStock(sequence, codebook, networks),
+        FilterConfig(max_particles=1000, min_particles=300),
+        ("default", "no_kld"),
+        ("paper",),
+        slides=(0,),
+        seeds=(0, 1),
+        stride=3,
+    )
+
+
+@pytest.fixture
+def here():
+    with open_cluster() as cluster:
+        yield Workforce(cluster)
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> TrialLog:
+    return TrialLog(tmp_path / "trials.jsonl")
+
+
+@pytest.mark.slow
+def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
+    totals, done = [], []
+
+    def start_progress(total):
+        totals.append(total)
+        return done.append
+
+    told = replace(here, start_progress=start_progress)
+    trials, missing = run_campaign(plan, [saved_mesh], log, told)
+    assert missing == 0
+    assert {(t["variant"], t["seed"]) for t in trials} == {
+        ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
+    }  # fmt: skip
+    assert all(t["sequence"] == "block/00" and t["frames"] == 10 and "per_frame" not in t for t in trials)
+    assert (totals, sum(done)) == ([4], 4)
+    # again: nothing is left to do
+    kept = TrialLog(tmp_path / "trials.jsonl")
+    again, _ = run_campaign(plan, [saved_mesh], kept, told)
+    assert totals == [4, 0]
+    assert again == trials
+    # other settings are other trials
+    other = replace(plan, config=replace(plan.config, min_particles=301))
+    assert run_campaign(other, [saved_mesh], log, replace(here, deadline=0))[1] == 4
+
+
+@pytest.mark.slow
+def test_a_seed_fixes_a_trial(plan, saved_mesh, here, tmp_path):
+    plan = replace(plan, variants=("default",))
+    runs = [run_campaign(plan, [saved_mesh], TrialLog(tmp_path / name), here)[0] for name in ("a", "b")]
+    errors = [[t["final"]["e_trans_mm"] for t in trials] for trials in runs]
+    assert errors[0] == errors[1]
+    assert errors[0][0] != errors[0][1]
+
+
+def test_nothing_is_started_after_the_time_given(plan, saved_mesh, log, here):
+    trials, missing = run_campaign(plan, [saved_mesh], log, replace(here, deadline=0))
+    assert (trials, missing) == ([], 4)
+
+
+@pytest.mark.slow
+def test_a_variant_may_have_another_codebook_and_shorter_codes(plan, saved_mesh, log, here, monkeypatch):
+    monkeypatch.setitem(VARIANTS, "few_poses", Variant("500 poses", INPUT, codebook_size=500))
+    seen = []
+    make = Variant.filter
+
+    def spy(variant, mesh, codebook, base, threads):
+        seen.append(codebook.codes.shape)
+        return make(variant, mesh, codebook, base, threads)
+
+    monkeypatch.setattr(Variant, "filter", spy)
+    plan = replace(plan, variants=("few_poses", "code_16"), seeds=(0,))
+    trials, missing = run_campaign(plan, [saved_mesh], log, here)
+    assert (missing, seen) == (0, [(500, 48), (4000, 16)])
+    # a code of another length would have been refused
+    assert all(t["frames_in_contact"] == 10 and t["final"]["e_trans_mm"] < 50 for t in trials)
+    # and they are other trials than the default's
+    variants = [trials[0] | {"variant": name} for name in ("default", "code_16")]
+    assert len({plan.key(saved_mesh, None, "", labels) for labels in variants}) == 2
+
+
+def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
+    plan = replace(plan, variants=("default",), seeds=(0,))
+    plain, _ = run_campaign(plan, [saved_mesh], log, here)
+    lifted, _ = run_campaign(replace(plan, protocol="lift"), [saved_mesh], log, here)
+    assert (plain[0]["protocol"], lifted[0]["protocol"]) == ("plain", "lift")
+    assert plain[0]["frames_in_contact"] == plain[0]["frames"]
+    assert lifted[0]["frames"] - lifted[0]["frames_in_contact"] == 10
+    assert plain[0]["event_at"] is None
+    assert lifted[0]["event_at"] in (12, 13, 14)
+
+
+def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
+    counts = likelihood_levels(plan, saved_mesh, log)
+    assert sum(counts) == 6
+    monkeypatch.setattr(StubStock, "touches", lambda *_: pytest.fail("judged again"))
+    assert likelihood_levels(plan, saved_mesh, log) == counts

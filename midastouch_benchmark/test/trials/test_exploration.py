@@ -1,0 +1,49 @@
+"""Closed loop with a simulated finger on a bundled object."""
+
+import pytest
+
+from midastouch_benchmark.trials.exploration import Plan, run_exploration
+from midastouch_benchmark.trials.open_trials import Workforce
+from midastouch_benchmark.trials.stock import Stock
+from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_bringup.cluster import open_cluster
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_perception.objects import bundled_objects
+
+
+@pytest.fixture(scope="module")
+def explored(tmp_path_factory):
+    """Where it is told to and at random, for 30 mm each."""
+    folder = tmp_path_factory.mktemp("exploration")
+    stock = Stock(folder, codebook_size=400)
+    plan = Plan(stock, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03)
+    mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
+
+    def run():
+        with open_cluster() as cluster:
+            return run_exploration(plan, [mesh], TrialLog(folder / "log.jsonl"), Workforce(cluster))
+
+    return run(), run
+
+
+def test_each_policy_is_tried_from_the_same_start(explored):
+    (trials, missing), _ = explored
+    assert not missing
+    assert [(t["policy"], t["seed"]) for t in trials] == [("suggested", 0), ("random", 0)]
+    suggested, random = trials
+    assert suggested["asked_ms"][0] <= suggested["asked_ms"][1]
+    assert random["asked_ms"] is None
+
+
+def test_a_way_ends_converged_or_where_it_is_too_long(explored):
+    (trials, _), _ = explored
+    for trial in trials:
+        assert trial["ending"] in ("converged", "alike", "given up")
+        least = 0.03 if trial["ending"] == "given up" else 0.0
+        assert least <= trial["path_m"] <= 0.2  # the motion under way is ended
+
+
+def test_the_same_command_goes_on_and_finds_the_same(explored):
+    first, run = explored
+    assert run() == first

@@ -1,0 +1,100 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midastouch_benchmark.statistics.identification_summary import (
+    calibration_error,
+    identification_table,
+    summarise_identification,
+)
+from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
+from midastouch_benchmark.trials.open_trials import Workforce
+from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_bringup.cluster import open_cluster
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.config import FilterConfig
+from midastouch_perception.objects import bundled_objects
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Two bundled objects, slid over for 60 mm each: the plan, meshes, log and trials."""
+    folder = tmp_path_factory.mktemp("identify")
+    stock = Stock(folder, slides=SlideKind(0.06), codebook_size=800)
+    plan = IdentityPlan(stock, FilterConfig(max_particles=1000), (0,))
+    meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
+    log = TrialLog(folder / "log.jsonl")
+    with open_cluster() as cluster:
+        trials, missing = run_identification(plan, meshes, log, Workforce(cluster))
+    assert not missing
+    return plan, meshes, log, trials
+
+
+def test_every_slide_is_run_with_the_object_and_without(campaign):
+    _, meshes, _, trials = campaign
+    names = [mesh.name for mesh in meshes]
+    assert [(t["object"], t["in_catalogue"], t["objects"]) for t in trials] == [
+        (name, there, 2 if there else 1) for name in names for there in (True, False)
+    ]
+    for trial in trials:
+        assert 0 < trial["confidence"] <= 1
+        assert [at for at, *_ in trial["asked"]] == pytest.approx([0.05], abs=0.005)
+        assert all((key in trial) is trial["in_catalogue"] for key in ("cpu_ms", "alone_cpu_ms", "pose_right"))
+        assert trial["right"] == (trial["right_from_m"] is not None)
+
+
+def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
+    plan, meshes, log, trials = campaign
+    begun = []
+    with open_cluster() as cluster:
+        told = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
+        again, _ = run_identification(plan, meshes, log, told)
+        further = dataclasses.replace(plan, slides=(0, 1))
+        _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), Workforce(cluster, -np.inf))
+    assert begun == [0]
+    assert again == trials
+    assert missing == 4
+
+
+def log_path(plan):
+    return plan.stock.folder / "other.jsonl"
+
+
+def trial(number, in_catalogue=True, right=True, confidence=0.9, **other):
+    return {
+        "object": f"object_{number % 5}", "slide": number, "in_catalogue": in_catalogue, "right": right,
+        "confidence": confidence, "asked": [], "answer": "this" if right else "that", "pose_right": right,
+        "right_from_m": 0.1 if right else None, "cpu_ms": 3.0,
+        "alone_cpu_ms": 2.0, "alone_pose_right": right,
+    } | other  # fmt: skip
+
+
+def test_the_summary_counts_both_kinds_of_trials():
+    trials = [trial(k, right=k >= 10) for k in range(100)] + [trial(k, False, k >= 20) for k in range(100)]
+    summary = summarise_identification(trials)
+    assert summary["right"]["share"] == pytest.approx(0.9)
+    assert summary["refused"]["share"] == pytest.approx(0.8)
+    low, high = summary["right"]["interval"]
+    assert low < 0.9 < high
+    assert summary["path_until_right"]["value"] == pytest.approx(0.1)
+    assert summary["cpu_ratio"]["value"] == pytest.approx(1.5)
+    assert summary["calibration_error"] == pytest.approx(0.05)
+    assert summary["answers"]["object_0 -> that"] == 2
+    assert summary["enough"]
+    header, rows = identification_table(summary)
+    assert header[0] == "5 objects, 100 slides"
+    assert rows[0][1] == "90%"
+
+
+def test_few_trials_claim_nothing():
+    _, rows = identification_table(summarise_identification([trial(0), trial(1, False)]))
+    assert {row[1] for row in rows} == {"too few (1)"}
+
+
+def test_probabilities_that_come_true_are_calibrated():
+    answers = [(0.75, k % 4 != 0) for k in range(400)]
+    assert calibration_error(answers) == pytest.approx(0.0)
+    assert calibration_error([(0.95, False)] * 10) == pytest.approx(0.95)
+    assert calibration_error([]) is None

@@ -1,0 +1,22 @@
+from types import SimpleNamespace
+
+import pytest
+
+from midastouch_benchmark.trials.mesh_frame import mesh_doubt
+from midastouch_common.errors import InputError
+
+
+def moved(sequence, metres, layout="simulated"):
+    """The sequence with its poses so far above the block."""
+    poses = sequence.poses_true.copy()
+    poses[:, 2, 3] += metres
+    return SimpleNamespace(path="block/00", layout=layout, poses_true=poses)
+
+
+def test_a_mesh_is_where_the_sensor_touches_it(sequence, mesh):
+    frames = list(range(sequence.n_frames))
+    assert mesh_doubt(moved(sequence, 0), frames, mesh) == ""
+    doubt = mesh_doubt(moved(sequence, 0.01), frames, mesh)
+    assert "block/00: the true poses are 10 mm off the surface of block" in doubt
+    with pytest.raises(InputError, match=r"mm off .* give the mesh in metres in the gel frame of the trial's first"):
+        mesh_doubt(moved(sequence, 0.05, "tactile_tracking"), frames, mesh)

@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from midastouch_benchmark.trials.setup import load_filter_config, untouched_of
+from midastouch_common.errors import InputError
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.presets import PRESETS
+
+
+def written(tmp_path, text: str) -> str:
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_without_a_file_the_defaults_hold():
+    assert load_filter_config(None) == FilterConfig()
+
+
+def test_plain_settings(tmp_path):
+    config = load_filter_config(written(tmp_path, "max_particles: 1234\nresample_ess: 0.25\n"))
+    assert (config.max_particles, config.resample_ess) == (1234, 0.25)
+
+
+def test_a_ros_parameter_file_counts_for_the_filter_only(tmp_path):
+    text = (
+        "tdn:\n  ros__parameters: {max_particles: 7}\n"
+        "particle_filter:\n  ros__parameters: {max_particles: 1234, base_frame_id: base}\n"
+    )
+    assert load_filter_config(written(tmp_path, text)).max_particles == 1234
+
+
+def test_settings_of_a_file_go_over_a_preset(tmp_path):
+    fast, accurate = PRESETS["fast"], PRESETS["accurate"]
+    assert load_filter_config(None, "fast") == FilterConfig(**fast)
+    path = written(tmp_path, "preset: fast\nrefined_modes: 3\n")
+    assert load_filter_config(path) == FilterConfig(**(fast | {"refined_modes": 3}))
+    assert load_filter_config(path, "accurate") == FilterConfig(**(accurate | {"refined_modes": 3}))
+
+
+def test_a_ros_parameter_file_names_a_preset(tmp_path):
+    path = written(tmp_path, "particle_filter:\n  ros__parameters: {preset: fast, base_frame_id: base}\n")
+    assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
+
+
+def test_an_unknown_preset_is_refused():
+    with pytest.raises(InputError, match="preset quick: not known"):
+        load_filter_config(None, "quick")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("max_partikles: 5", "max_partikles"),
+        ("max_particles: -5", "max_particles"),
+        ("max_particles: [", "not YAML"),
+        ("preset: quick", "preset quick: not known; there are fast, balanced"),
+        ("preset: [fast]", "preset .*not known"),
+        ("- 1", "holds no settings"),
+    ],
+)
+def test_bad_settings_are_refused_naming_the_file(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_filter_config(written(tmp_path, text))
+    assert "config.yaml" in str(caught.value)
+
+
+def test_the_background_of_a_sequence_is_taken_or_estimated(simulated_sequence):
+    sequence = simulated_sequence()
+    free = untouched_of(sequence)
+    assert free.source == "background.png"
+    assert (free.image == 90).all()
+    object.__setattr__(sequence, "background_path", None)
+    free = untouched_of(sequence)
+    assert free.source == "estimated from 5 frames"
+    assert np.abs(free.image.astype(int) - sequence.image(2)).mean() < 5  # the median of the ramp of frames
+
+
+def test_a_background_that_shows_contacts_is_doubted(simulated_sequence):
+    sequence = simulated_sequence()
+    object.__setattr__(sequence, "background_path", None)
+    same = sequence.image(0)
+    object.__setattr__(sequence, "image", lambda i: same)
+    assert untouched_of(sequence).doubt == ""
+    object.__setattr__(sequence, "image", lambda i: same + np.uint8(20 * i))
+    assert "do not show all of the gel untouched; give the sensor's with --background" in untouched_of(sequence).doubt
+    given = untouched_of(sequence, str(next((sequence.path / "tactile_images").glob("*.jpg"))))
+    assert given.doubt == ""
+    assert given.source.endswith(".jpg")

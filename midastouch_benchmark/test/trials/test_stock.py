@@ -1,0 +1,73 @@
+import pytest
+
+from midastouch_benchmark.trials import stock as module
+from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_benchmark.trials.touches import Touches
+from midastouch_common.errors import InputError
+from midastouch_perception.sensor_model import SensorModel
+
+
+@pytest.fixture
+def stock(tmp_path, networks, sequence, monkeypatch) -> Stock:
+    """A stock whose slides are all the stub sequence and whose networks know the answer."""
+    stock = Stock(tmp_path, slides=SlideKind(0.1))
+    networks.sensor = SensorModel.load("digit_tacto")
+    vars(stock)["networks"] = networks  # in place of those that would be loaded
+    monkeypatch.setattr(module, "load_sequence", lambda path: type(sequence)(**vars(sequence) | {"path": path}))
+    return stock
+
+
+def test_a_slide_that_gets_stuck_is_tried_with_other_seeds(stock, mesh, monkeypatch):
+    seeds = []
+
+    def simulate(mesh, sensor, length, seed, out, progress, leap):
+        seeds.append((length, seed))
+        if seed < 2000:
+            raise InputError("stuck")
+        out.mkdir(parents=True)
+
+    monkeypatch.setattr(module, "simulate_sequence", simulate)
+    path = stock.slide(mesh, 3).path
+    assert seeds == [(0.1, 3), (0.1, 1003), (0.1, 2003)]
+    assert path.parts[-2:] == ("block", "03")
+    stock.slide(mesh, 3)
+    assert len(seeds) == 3
+
+
+def test_codebooks_of_several_sizes_are_kept_apart(stock, mesh, codebook, monkeypatch):
+    built = []
+
+    def build(mesh, tcn, sensor, size, folder, jobs):
+        path = module.cached_codebook_path(mesh, size, folder)
+        if not path.is_file():
+            built.append(size)
+            type(codebook)(codebook.poses[:size], codebook.codes[:size], codebook.meta).save(path)
+        return codebook
+
+    stock.networks.tcn = None
+    monkeypatch.setattr(module, "cached_codebook", build)
+    for size in (None, 100, None, 200, 100):
+        stock.codebook(mesh, size)
+    assert built == [stock.codebook_size, 100, 200]
+    assert len({stock.codebook_digest(mesh, size) for size in (None, 100, 200)}) == 3
+
+
+def test_an_object_without_slides_is_refused(stock, mesh, monkeypatch):
+    def stuck(*_, **__):
+        raise InputError("stuck after 3 frames")
+
+    monkeypatch.setattr(module, "simulate_sequence", stuck)
+    with pytest.raises(InputError, match=r"block: no slide of 0\.1 m in 10 tries \(stuck after 3 frames\)"):
+        stock.slide(mesh, 0)
+
+
+def test_touches_are_perceived_once_per_networks(stock, mesh, networks, monkeypatch):
+    monkeypatch.setattr(module, "simulate_sequence", lambda *a, **_: a[4].mkdir(parents=True))
+    first = stock.touches(mesh, 0)[1]
+    monkeypatch.setattr(Touches, "perceive", lambda *_: pytest.fail("perceived again"))
+    again = stock.touches(mesh, 0)[1]
+    assert (again.ms == first.ms).all()
+    assert [m.in_contact for m in again.felt] == [m.in_contact for m in first.felt]
+    monkeypatch.setattr(networks, "describe", lambda: {"tdn": "newer", "tcn": "pose-code", "sensor": "none"})
+    with pytest.raises(pytest.fail.Exception, match="perceived again"):
+        stock.touches(mesh, 0)

@@ -1,0 +1,260 @@
+"""Figures: a run as in the paper's figure 7, errors over time, box plots, times per stage.
+
+Everything is drawn on `matplotlib.figure.Figure` directly, which needs neither a display nor global state.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from midastouch_common.files import atomic_path
+from midastouch_common.pose_metric import particle_rmse, pose_errors
+from midastouch_filter.identification.identity import UNKNOWN
+from midastouch_perception.codebook import Codebook
+
+from ..bags.snapshot import Snapshot
+from .object_view import ObjectView
+
+PARTICLE_COLOUR, MODE_COLOUR, ESTIMATE_COLOUR = "#7a7f87", "#1f77b4", "#cc1a73"
+PENETRATION_COLOURS = "viridis"
+_LEGEND = (
+    "particles coloured by their angle to the truth, blue 0° to red 180°; large axes: truth; "
+    "small axes with 2-sigma ellipse: modes"
+)
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure as PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=130)
+    return path
+
+
+def run_figure(view: ObjectView, codebook: Codebook, chosen: list[Snapshot], run: list[Snapshot], title: str) -> Figure:
+    """A run at the chosen moments: touch, likelihood over the object, particles; below, the errors over time.
+
+    The paper's figure 7. `run` holds every recorded frame, `chosen` the columns.
+    """
+    columns = len(chosen)
+    shape = 3.1 * view.camera.height / view.camera.width + 0.25
+    figure = Figure(figsize=(3.1 * columns, 4.9 + 2 * shape), layout="constrained")
+    figure.suptitle(f"{title}\n{_LEGEND}", fontsize=9)
+    rows = figure.subfigures(4, 1, height_ratios=[2.1, shape, shape, 2.8])
+    deepest = max(1e-4, max(float(s.penetration.max()) for s in chosen))
+    for axes, snapshot in zip(_row(rows[0], 2 * columns), _pairs(chosen), strict=True):
+        if snapshot[1] == "image":
+            axes.imshow(snapshot[0].image)
+            axes.set_title(f"{snapshot[0].time:.1f} s   tactile image", fontsize=9, loc="left")
+        else:
+            shown = axes.imshow(1e3 * snapshot[0].penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+            axes.set_title("penetration", fontsize=9, loc="left")
+    bar = rows[0].colorbar(shown, ax=rows[0].axes, location="right", fraction=0.012, pad=0.01)
+    bar.set_label("mm", fontsize=9)
+    for axes, snapshot in zip(_row(rows[1], columns), chosen, strict=True):
+        axes.imshow(view.likelihood(codebook, snapshot))
+        axes.set_title("likelihood of this touch, pale to red", fontsize=9, loc="left")
+    for axes, snapshot in zip(_row(rows[2], columns), chosen, strict=True):
+        axes.imshow(view.particles(snapshot))
+        e_trans, e_rot = particle_rmse(snapshot.particles, snapshot.truth)
+        label = f"particles: {1e3 * e_trans:.1f} mm, {np.degrees(e_rot):.1f}°, {snapshot.state}"
+        axes.set_title(label, fontsize=9, loc="left")
+    _draw_errors(rows[3].subplots(1, 2), run, [s.time for s in chosen])
+    return figure
+
+
+def error_figure(run: list[Snapshot]) -> Figure:
+    """Translation and rotation errors of particles, closest mode and published pose over time."""
+    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    _draw_errors(figure.subplots(1, 2), run, [])
+    return figure
+
+
+def identity_figure(run: list[Snapshot]) -> Figure:
+    """Probability of each object that may be touched, over time."""
+    figure = Figure(figsize=(10, 2.6), layout="constrained")
+    axes = figure.subplots()
+    for name in dict.fromkeys(name for snapshot in run for name in snapshot.objects):
+        shares = [100 * snapshot.objects.get(name, 0.0) for snapshot in run]
+        axes.step(
+            [s.time for s in run],
+            shares,
+            where="post",
+            lw=1.6,
+            label=name,
+            color="#7a7f87" if name == UNKNOWN else None,
+        )
+    style_axes(axes, "probability [%]")
+    axes.set_ylim(-3, 103)
+    axes.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def _row(subfigure, columns: int) -> list:
+    axes = np.atleast_1d(subfigure.subplots(1, columns))
+    for one in axes:
+        one.set_axis_off()
+    return list(axes)
+
+
+def _pairs(chosen: list[Snapshot]) -> list[tuple[Snapshot, str]]:
+    return [(snapshot, kind) for snapshot in chosen for kind in ("image", "penetration")]
+
+
+def error_series(run: list[Snapshot]) -> dict[str, np.ndarray]:
+    """Errors (2, N) [mm, deg] by what they belong to: "particles", "closest mode", "published pose"; and
+    "time" (N,)."""
+    series: dict[str, list] = {"particles": [], "closest mode": [], "published pose": []}
+    for snapshot in run:
+        series["particles"].append(particle_rmse(snapshot.particles, snapshot.truth))
+        modes = np.array([mode.pose for mode in snapshot.modes]).reshape(-1, 4, 4)
+        series["closest mode"].append(_closest(modes, snapshot.truth))
+        estimate = np.zeros((0, 4, 4)) if snapshot.estimate is None else snapshot.estimate[None]
+        series["published pose"].append(_closest(estimate, snapshot.truth))
+    scale = np.array([[1e3], [180 / np.pi]])
+    out = {name: scale * np.array(values).reshape(-1, 2).T for name, values in series.items()}
+    out["time"] = np.array([s.time for s in run])
+    return out
+
+
+def _closest(poses: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    if len(poses) == 0:
+        return float("nan"), float("nan")
+    distance, angle = pose_errors(poses, truth)
+    return float(distance.min()), float(angle.min())
+
+
+def _draw_errors(axes, run: list[Snapshot], marks: list[float]) -> None:
+    series = error_series(run)
+    styles = {
+        "particles": {"color": PARTICLE_COLOUR, "lw": 2.2},
+        "closest mode": {"color": MODE_COLOUR, "lw": 1.4},
+        "published pose": {"color": ESTIMATE_COLOUR, "lw": 1.4, "ls": "--"},
+    }
+    for k, (one, label) in enumerate(zip(axes, ("translation error [mm]", "rotation error [deg]"), strict=True)):
+        for name, style in styles.items():
+            one.plot(series["time"], series[name][k], label=name, **style)
+        for mark in marks:
+            one.axvline(mark, color="#c8ccd2", lw=1, zorder=0)
+        style_error_axes(one, label)
+    axes[1].legend(frameon=False, fontsize=9)
+
+
+def style_error_axes(axes, label: str, x_label: str = "time [s]") -> None:
+    """A logarithmic error axis with plain numbers, light grid, no box."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    style_axes(axes, label, x_label)
+
+
+def style_axes(axes, label: str, x_label: str = "time [s]") -> None:
+    """Light grid, no box."""
+    axes.set_xlabel(x_label, fontsize=9)
+    axes.set_ylabel(label, fontsize=9)
+    axes.tick_params(labelsize=8)
+    axes.grid(which="both", color="#eceef1", lw=0.7)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def trial_error_figure(title: str, trials: list[dict]) -> Figure:
+    """Mean over the trials of one sequence of the particle errors over the frames, with their quartiles.
+
+    `trials` as in the `evaluate` JSON. Right part of the paper's figures 7, 21, 22.
+    """
+    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    figure.suptitle(title, fontsize=11)
+    for axes, key, label in zip(
+        figure.subplots(1, 2),
+        ("trans_mm", "rot_deg"),
+        ("translation error [mm]", "rotation error [deg]"),
+        strict=True,
+    ):
+        frames = trials[0]["per_frame"]["frame"]
+        for prefix, name, colour in (
+            ("e", "particles", PARTICLE_COLOUR),
+            ("min_cluster", "closest mode", MODE_COLOUR),
+            ("estimate", "published pose", ESTIMATE_COLOUR),
+        ):
+            rows = np.array([t["per_frame"][f"{prefix}_{key}"] for t in trials], float)
+            low, middle, high = np.nanpercentile(rows, [25, 50, 75], axis=0)
+            axes.plot(frames, middle, color=colour, lw=1.6, label=name)
+            axes.fill_between(frames, low, high, color=colour, alpha=0.15, lw=0)
+        style_error_axes(axes, label, "frame")
+    axes.legend(frameon=False, fontsize=9, title=f"median and quartiles, {len(trials)} trials", title_fontsize=8)
+    return figure
+
+
+def final_error_figure(trials: list[dict]) -> Figure:
+    """Box plots per object of the final particle errors, beside the closest mode's: the paper's figures 8
+    and 20."""
+    objects = sorted({t["object"] for t in trials})
+    figure = Figure(figsize=(max(6.0, 1.5 * len(objects) + 3), 7), layout="constrained")
+    for axes, key, label in zip(
+        figure.subplots(2, 1),
+        ("trans_mm", "rot_deg"),
+        ("final translation error [mm]", "final rotation error [deg]"),
+        strict=True,
+    ):
+        for shift, prefix, name, colour in (
+            (-0.24, "e", "particles", PARTICLE_COLOUR),
+            (0.0, "min_cluster", "closest mode", MODE_COLOUR),
+            (0.24, "estimate", "published pose", ESTIMATE_COLOUR),
+        ):
+            values = [_finite(t["final"][f"{prefix}_{key}"] for t in trials if t["object"] == o) for o in objects]
+            axes.boxplot(
+                values,
+                positions=np.arange(len(objects)) + shift,
+                widths=0.2,
+                patch_artist=True,
+                boxprops={"facecolor": colour, "alpha": 0.55, "lw": 0},
+                medianprops={"color": "black"},
+                flierprops={"marker": ".", "markersize": 4, "markeredgecolor": colour},
+                manage_ticks=False,
+                label=name,
+            )
+        style_error_axes(axes, label, "")
+        axes.set_xticks(np.arange(len(objects)), objects, fontsize=9)
+    axes.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def _finite(values) -> list[float]:
+    return [v for v in values if v is not None]
+
+
+def stage_figure(speed: dict) -> Figure:
+    """Milliseconds per stage of a `bench` JSON: wall p50 and p95, and CPU time."""
+    names, rows = [], []
+    for key, label in (
+        ("tdn_ms", "TDN"),
+        ("tcn_ms", "TCN"),
+        ("filter_ms", "filter"),
+        ("lookup_ms", "look-up"),
+    ):
+        stage = speed.get(key, {})
+        if "p50" in stage:
+            names.append(label)
+            rows.append(stage)
+        else:
+            for count, value in stage.items():
+                names.append(f"{label}, {int(count):,} particles")
+                rows.append(value)
+    figure = Figure(figsize=(9, 0.45 * len(names) + 1.4), layout="constrained")
+    axes = figure.subplots()
+    y = np.arange(len(names))[::-1]
+    axes.barh(y, [r["p95"] for r in rows], height=0.6, color="#d5dbe3", label="p95")
+    axes.barh(y, [r["p50"] for r in rows], height=0.6, color=MODE_COLOUR, alpha=0.8, label="p50")
+    axes.plot([r["cpu"] for r in rows], y, "k|", ms=14, mew=2, label="CPU time")
+    axes.set_yticks(y, names, fontsize=9)
+    axes.set_xlabel("ms per call", fontsize=9)
+    axes.legend(frameon=False, fontsize=9)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return figure

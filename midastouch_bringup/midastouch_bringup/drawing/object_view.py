@@ -1,0 +1,136 @@
+"""Pictures of one object from one side: particles with modes and truth, likelihood of a touch, paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from matplotlib import colormaps
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
+from midastouch_perception.codebook import Codebook
+
+from ..bags.snapshot import Snapshot
+from .camera import Camera, best_direction
+from .canvas import Canvas
+from .place_blend import PlaceBlend
+
+ANGLE_COLOURS = colormaps["turbo"]
+HEAT_COLOURS = colormaps["YlOrRd"]
+TRUTH_COLOUR = np.array([0.05, 0.55, 0.25])
+ESTIMATE_COLOUR = np.array([0.80, 0.10, 0.45])
+_CELL = 0.003  # m; entries nearer together are at one place
+Colouring = Callable[[np.ndarray], np.ndarray]
+"""Blended values (P, ...) to RGB (P, 3) in [0, 1]."""
+
+
+class ObjectView:
+    """Draws pictures of the mesh, `width` px wide, from the side the poses `T_obj_gel` (N, 4, 4) touch.
+
+    Later poses count more in the choice of the side, so that the end of a run is in sight.
+    """
+
+    def __init__(self, mesh: ObjectMesh, poses: np.ndarray, width: int):
+        self.mesh = mesh
+        outward = np.asarray(poses)[:, :3, 2]
+        direction = best_direction(outward, np.linspace(0.3, 1.0, len(outward)))
+        tips = poses[:, :3, 3:] + self._axis_length * poses[:, :3, :3]
+        shown = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 3), np.swapaxes(tips, 1, 2).reshape(-1, 3)])
+        up = _up(mesh, direction)
+        spread = np.ptp(_spread(shown, direction, up), axis=0)
+        height = int(width * np.clip(1.06 * spread[1] / spread[0], 0.4, 0.9))
+        self.camera = Camera.around(shown, direction, up, width, height)
+        self._field: _LikelihoodField | None = None
+
+    @cached_property
+    def _bare(self) -> Canvas:
+        canvas = Canvas(self.camera)
+        canvas.draw_mesh(self.mesh)
+        return canvas
+
+    @property
+    def _axis_length(self) -> float:
+        return 0.11 * self.mesh.diagonal
+
+    def particles(self, snapshot: Snapshot) -> np.ndarray:
+        """Particles coloured by their angle to the truth (blue 0, red 180 deg), modes as axes with their
+        2-sigma ellipse, the truth as the large axes with a green outline; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        angle = pose_errors(snapshot.particles, snapshot.truth)[1]
+        canvas.draw_points(snapshot.particles[:, :3, 3], ANGLE_COLOURS(0.1 + 0.8 * angle / np.pi)[:, :3], radius=3.0)
+        for mode in snapshot.modes[:6]:
+            canvas.draw_axes(mode.pose, 0.55 * self._axis_length, radius=1.3)
+            canvas.draw_ellipse(mode.pose[:3, 3], mode.covariance[:3, :3], np.full(3, 0.15))
+        canvas.draw_points(snapshot.truth[None, :3, 3], TRUTH_COLOUR, radius=6.0, hidden_alpha=0.5)
+        canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
+        return canvas.image()
+
+    def likelihood(self, codebook: Codebook, snapshot: Snapshot) -> np.ndarray:
+        """How well a touch there would match this one, pale to red, with the truth; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        if snapshot.code is not None:
+            if self._field is None or self._field.codebook is not codebook:
+                self._field = _LikelihoodField(codebook, canvas.surface_points())
+            canvas.paint(self._field.colours(snapshot.code))
+        canvas.draw_axes(snapshot.truth, self._axis_length, halo=True)
+        return canvas.image()
+
+    def painted(self, places: np.ndarray, outward: np.ndarray, values: np.ndarray, colouring: Colouring) -> np.ndarray:
+        """The surface in the colours that `colouring` gives values (C, ...) known at places (C, 3) m; (H, W, 3) uint8.
+
+        Of the places, with normals `outward` (C, 3), only those on the viewer's side count: the far side of a thin
+        part is as near as its own surroundings.
+        """
+        canvas = self._bare.copy()
+        facing = outward @ self.camera.rotation[2] > 0
+        canvas.paint(colouring(PlaceBlend(places[facing], canvas.surface_points())(values[facing])))
+        return canvas.image()
+
+    def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
+        """The true path (N, 4, 4) in green and estimated ones in red; (H, W, 3) uint8."""
+        canvas = self._bare.copy()
+        for path in estimates:
+            canvas.draw_points(path[:, :3, 3], ESTIMATE_COLOUR, radius=1.8, alpha=0.6)
+        canvas.draw_lines(truth[:-1, :3, 3], truth[1:, :3, 3], TRUTH_COLOUR, radius=1.4)
+        canvas.draw_axes(truth[-1], 0.4 * self._axis_length, halo=True)
+        return canvas.image()
+
+
+def _up(mesh: ObjectMesh, direction: np.ndarray) -> np.ndarray:
+    """The picture's up direction: the object's z axis, unless the object would then stand taller than
+    wide."""
+    seen = [np.ptp(_spread(mesh.vertices, direction, up), axis=0) for up in np.eye(3)[[2, 0]]]
+    lying = seen[1][0] / seen[1][1] > 1.5 * seen[0][0] / seen[0][1]
+    return np.eye(3)[0 if lying else 2]
+
+
+def _spread(points: np.ndarray, direction: np.ndarray, up: np.ndarray) -> np.ndarray:
+    x = np.cross(up, direction)
+    x /= max(np.linalg.norm(x), 1e-9)
+    return points @ np.stack([x, np.cross(direction, x)], axis=1)
+
+
+class _LikelihoodField:
+    """Similarity of a touch to the codebook's entries as colours of surface points (P, 3) m.
+
+    Of the entries at one place, which differ in yaw and press, the most similar counts, as a touch may come with
+    any; points blend the places next to them. Which those are does not depend on the touch and is found once.
+    """
+
+    def __init__(self, codebook: Codebook, points: np.ndarray):
+        self.codebook = codebook
+        positions = codebook.poses[:, :3, 3]
+        cells, self._place = np.unique(np.round(positions / _CELL), axis=0, return_inverse=True)
+        self._blend = PlaceBlend(cells * _CELL, points)
+
+    def colours(self, code: np.ndarray) -> np.ndarray:
+        """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.
+
+        The root widens the range of what can be told apart by eye.
+        """
+        best = np.full(self._place.max() + 1, -np.inf)
+        np.maximum.at(best, self._place.ravel(), self.codebook.codes @ code)
+        heat = np.exp((best - best.max()) / (2 * self.codebook.meta["temperature"]))
+        return HEAT_COLOURS(self._blend(heat))[:, :3]

@@ -1,1 +1,0 @@
-"""Pictures and HTML, drawn in software: no display, no OpenGL."""

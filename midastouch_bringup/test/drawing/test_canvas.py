@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from midastouch_bringup.drawing.camera import Camera
+from midastouch_bringup.drawing.canvas import Canvas, corner_normals
+from midastouch_common.mesh import ObjectMesh
+
+RED, GREEN = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+
+
+@pytest.fixture
+def canvas(ball) -> Canvas:
+    """The ball seen from +x, 100 x 100 px."""
+    canvas = Canvas(Camera.around(ball.vertices, np.array([1.0, 0, 0]), np.array([0, 0, 1.0]), 100, 100))
+    canvas.draw_mesh(ball)
+    return canvas
+
+
+def reddish(image: np.ndarray) -> np.ndarray:
+    image = image.astype(int)
+    return (image[..., 0] > image[..., 1] + 60) & (image[..., 0] > image[..., 2] + 60)
+
+
+def test_a_ball_covers_its_disc(canvas):
+    image = canvas.image()
+    assert image.shape == (100, 100, 3)
+    covered = (image < 250).any(axis=-1).mean()
+    assert covered == pytest.approx(np.pi / 4 / 1.06**2, rel=0.02)
+
+
+def test_light_comes_from_above(canvas):
+    image = canvas.image().astype(int)
+    assert image[20, 50].sum() > image[80, 50].sum() + 60
+
+
+def test_surface_points_lie_on_the_ball(canvas):
+    points = canvas.surface_points()
+    assert np.linalg.norm(points, axis=1) == pytest.approx(np.full(len(points), 0.03), rel=0.01)
+    assert (points[:, 0] > -0.001).all()
+
+
+def test_paint_colours_point_by_point(canvas):
+    points = canvas.surface_points()
+    canvas.paint(np.where(points[:, 2:] > 0, RED, GREEN))
+    image = canvas.image().astype(int)
+    assert image[25, 50, 0] > image[25, 50, 1] + 60
+    assert image[75, 50, 1] > image[75, 50, 0] + 60
+
+
+@pytest.mark.parametrize(("x", "shown"), [(0.03, True), (-0.03, False)])
+def test_the_ball_hides_what_lies_behind_it(canvas, x, shown):
+    canvas.draw_points(np.array([[x, 0, 0]]), RED, radius=4, alpha=1.0, hidden_alpha=0.0)
+    assert reddish(canvas.image()).any() == shown
+
+
+def test_pressed_in_poses_stay_visible(canvas):
+    canvas.draw_points(np.array([[0.028, 0, 0]]), RED, radius=4, alpha=1.0, hidden_alpha=0.0)
+    assert reddish(canvas.image())[50, 50]
+
+
+def test_nearer_points_cover_farther_ones(canvas):
+    points = np.array([[0.05, 0, 0], [0.04, 0, 0]])
+    canvas.draw_points(points, np.array([RED, GREEN]), radius=4, alpha=1.0)
+    assert reddish(canvas.image())[50, 50]
+
+
+def test_points_outside_the_picture_are_no_error(canvas):
+    before = canvas.image()
+    canvas.draw_points(np.array([[0.0, 5.0, 5.0]]), RED)
+    canvas.draw_points(np.zeros((0, 3)), RED)
+    assert (canvas.image() == before).all()
+
+
+def test_a_copy_is_drawn_on_separately(canvas):
+    before = canvas.image()
+    canvas.copy().draw_axes(np.eye(4), 0.05)
+    assert (canvas.image() == before).all()
+
+
+def test_an_ellipse_has_the_size_of_its_covariance(canvas):
+    canvas.draw_ellipse(np.array([0.03, 0, 0]), np.diag([1e-6, 25e-6, 1e-6]), RED)
+    columns = np.nonzero(reddish(canvas.image()))[1]
+    assert np.ptp(columns) * 2 * canvas.camera.pixel_size == pytest.approx(2 * 2 * 5e-3, rel=0.15)
+
+
+def test_normals_are_smooth_on_a_ball_and_sharp_on_a_box(ball):
+    smooth = corner_normals(ball)
+    outward = ball.vertices[ball.faces] / 0.03
+    assert (smooth * outward).sum(axis=-1).min() > 0.995
+    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) * 0.05
+    faces = np.array([[0, 1, 3], [0, 3, 2], [0, 5, 1], [0, 4, 5]])  # two sides of a box, a shared edge
+    box = ObjectMesh.from_arrays(vertices, faces, "box")
+    assert corner_normals(box) == pytest.approx(box.face_normals[:, None].repeat(3, axis=1))

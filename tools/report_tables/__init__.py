@@ -1,1 +1,0 @@
-"""Generated tables of the documents, a file for each subject."""
