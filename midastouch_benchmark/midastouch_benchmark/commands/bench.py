@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
+from midastouch_common.errors import InputError
 
-from . import options, outcome
-from .timed_slide import TimedSlide
+from . import options
+
+if TYPE_CHECKING:
+    from midastouch_bringup.datasets import Sequence
+    from midastouch_common.mesh import ObjectMesh
+
+    from ..trials.setup import Networks
 
 
 def add_parser(subparsers) -> None:
@@ -30,7 +38,7 @@ def add_parser(subparsers) -> None:
         action="store_true",
         help="also time the paper's networks, FCRN and MinkLoc3D (with random weights: speed does not depend on them)",
     )
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -40,9 +48,9 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.result_file import to_json
 
     from ..ros.pose_age import pose_age
-    from ..speed.memory import peak_rss_mb
-    from ..speed.node_start import node_start
     from ..speed.stages import SpeedMeasurement
+    from ..speed.start import node_start
+    from ..speed.timing import peak_rss_mb
 
     slide = TimedSlide.of(args)
     mesh, networks = slide.mesh, slide.networks
@@ -65,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     if args.paper_networks:  # last, for they need more memory than all else
         result |= speed.paper_networks()
     result = to_json(result)
-    return outcome.conclude(args, result, _table(result))
+    return options.conclude(args, result, _table(result))
 
 
 def _table(result: dict) -> str:
@@ -113,3 +121,38 @@ def _table(result: dict) -> str:
 
 def _cells(stage: dict) -> list[str]:
     return [f"{stage[key]:.2f}" if key in stage else "" for key in ("p50", "p95", "cpu")]
+
+
+_FEWEST = 10  # frames, of which the first ones are dropped
+
+
+@dataclass(frozen=True)
+class TimedSlide:
+    """A simulated slide of --frames over a bundled object, and the networks that feel it."""
+
+    mesh: ObjectMesh
+    sequence: Sequence
+    networks: Networks
+
+    @classmethod
+    def of(cls, args: argparse.Namespace) -> TimedSlide:
+        """By --object, --frames and the networks' options. InputError for too few frames, or for what is not there."""
+        from midastouch_bringup.datasets import load_sequence
+        from midastouch_bringup.datasets.slide_simulation import cached_slide
+        from midastouch_perception.simulation.slide import STEP
+
+        from ..trials.setup import Networks
+
+        if args.frames < _FEWEST:
+            raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
+        networks = Networks.load(args.tdn, args.tcn, args.sensor)
+        mesh = arguments.load_mesh(args.object)
+        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames)), networks)
+
+    def result(self, **measured: object) -> dict:
+        """What was measured on it, and on which machine, object and networks."""
+        from midastouch_bringup.machine import machine_info
+
+        machine = machine_info()
+        about = {"machine": machine, "object": self.mesh.name, "networks": self.networks.describe()}
+        return {"threads": machine["cores"]} | about | measured

@@ -6,8 +6,8 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
-from .timed_slide import TimedSlide
+from . import options
+from .bench import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -30,7 +30,7 @@ def add_parser(subparsers) -> None:
         parser.add_argument(option, nargs="+", type=arguments.positive_int, metavar="N", help=what)
     parser.add_argument("--frames", type=arguments.positive_int, default=60, help="of the slide (default 60)")
     options.add_network_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.text_table import text_table
 
     from ..speed.scaling import PARTICLES, POSES, Slide, measure, scaling_table, sizes
-    from ..trials.touches import Touches
+    from ..trials.stock import Touches
 
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
@@ -54,4 +54,4 @@ def run(args: argparse.Namespace) -> int:
         measured = measure(mesh.path, cached_codebook_path(mesh, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
     result = timed.result(frames=args.frames, scaling=points)
-    return outcome.conclude(args, result, text_table(*scaling_table(points), left=0))
+    return options.conclude(args, result, text_table(*scaling_table(points), left=0))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 if TYPE_CHECKING:
     from ..trials.campaign import Plan
@@ -59,7 +59,7 @@ def add_parser(subparsers) -> None:
         help="what is done to the slides, and how trials start; see above (default plain)",
     )
     parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
-    campaigns.add_campaign_options(parser, "trial")
+    options.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -81,11 +81,11 @@ def run(args: argparse.Namespace) -> int:
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
     folder = plan.stock.folder
     meshes = (
-        small_parts(folder / "meshes") if protocol.small_parts else campaigns.chosen_meshes(args.meshes, args.objects)
+        small_parts(folder / "meshes") if protocol.small_parts else options.chosen_meshes(args.meshes, args.objects)
     )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    with campaigns.campaign(args, "trial") as workforce:
+    with options.campaign(args, "trial") as workforce:
         trials, missing = run_campaign(plan, meshes, log, workforce)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
-    return outcome.conclude(args, result, accuracy_text(result), *left_out, *campaigns.left(missing, "trial"))
+    return options.conclude(args, result, accuracy_text(result), *left_out, *options.left(missing, "trial"))
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     from midastouch_bringup.datasets import Sequence
@@ -58,7 +58,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
     options.add_network_options(parser, sensor="")
     options.add_sequence_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -72,10 +72,9 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.text_table import text_table
     from midastouch_common.errors import InputError
 
+    from ..statistics.accuracy import summarise_trials, summary_table
     from ..statistics.real_table import BETA, PAPER_REAL, real_table, require_real
-    from ..statistics.summary import summarise_trials, summary_table
-    from ..trials.mesh_frame import mesh_doubt
-    from ..trials.sequence_trials import TrialPlan, run_sequence
+    from ..trials.sequence_trials import TrialPlan, mesh_doubt, run_sequence
     from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
 
     config = load_filter_config(args.config, args.preset)
@@ -126,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     if args.real:
         result["paper_real"] = PAPER_REAL
     beside = ["", text_table(*real_table(result["summary"]))] if args.real else []
-    return outcome.conclude(args, result, summary_table(result["summary"]), *beside)
+    return options.conclude(args, result, summary_table(result["summary"]), *beside)
 
 
 def _identify(
@@ -166,4 +165,4 @@ def _identify(
     ]
     names = [entry.name for entry in catalogue.entries]
     result = {"machine": machine_info(), "catalogue": names, "identified": trials}
-    return outcome.conclude(args, result, text_table(["sequence", "answer", "probability", "right"], rows, left=2))
+    return options.conclude(args, result, text_table(["sequence", "answer", "probability", "right"], rows, left=2))

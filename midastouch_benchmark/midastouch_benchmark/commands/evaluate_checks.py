@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -29,7 +29,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from ..perception.check_tables import check_tables
 
     result = _measured(args)
-    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+    return options.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
 
 
 def _measured(args: argparse.Namespace) -> dict:
@@ -58,9 +58,14 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_perception.tdn import load_tdn
     from midastouch_perception.training.backgrounds import load_backgrounds
 
-    from ..perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
-    from ..perception.diameter_checks import diameter_checks
-    from ..perception.real_checks import real_checks
+    from ..perception.check_quality import (
+        CheckQuality,
+        causes_named,
+        diameter_checks,
+        imaginary_sensors,
+        layout_quality,
+        real_checks,
+    )
 
     sensor = SensorModel.load(args.sensor)
     presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}

@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -47,7 +47,7 @@ def add_parser(subparsers) -> None:
         help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
     )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,11 +61,9 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
-    from ..perception.brightness import brightness_effect
-    from ..perception.held_out_calibrations import calibrations_of
+    from ..perception.depth_quality import brightness_effect
     from ..perception.press_quality import measure_presses
-    from ..perception.press_truth import with_truth
-    from ..perception.usable_presses import usable_presses
+    from ..perception.press_truth import calibrations_of, usable_presses, with_truth
 
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
@@ -101,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
             **checked,
         }
     )
-    return outcome.conclude(args, result, *_notes(result), _table(result))
+    return options.conclude(args, result, *_notes(result), _table(result))
 
 
 def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
@@ -120,8 +118,8 @@ def _notes(result: dict) -> list[str]:
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
     from midastouch_common.errors import InputError
 
-    from ..perception.label_check import FittedBall
     from ..perception.press_quality import measure_presses
+    from ..perception.press_truth import FittedBall
 
     if presses.circles is None:
         raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")

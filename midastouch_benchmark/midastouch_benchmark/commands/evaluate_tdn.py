@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +33,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     options.add_sensor_option(parser, "")
     options.add_sequence_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
     rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])
     header = ["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"]
-    return outcome.conclude(args, result, text_table(header, rows))
+    return options.conclude(args, result, text_table(header, rows))
 
 
 def _measured(

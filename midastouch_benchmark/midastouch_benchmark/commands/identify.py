@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 if TYPE_CHECKING:
     from ..trials.identification import IdentityPlan
@@ -46,7 +46,7 @@ def add_parser(subparsers) -> None:
         type=arguments.positive_int,
         help="with --shapes: poses that a touch is compared with (default 1048576)",
     )
-    campaigns.add_campaign_options(parser, "slide")
+    options.add_campaign_options(parser, "slide")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     plan, found, missing, shown = (_of_shapes if args.shapes else _of_meshes)(args, stock)
     config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
     result = {"config": config, "machine": machine, "missing_slides": missing} | found
-    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+    return options.conclude(args, result, *shown, *options.left(missing, "slide"))
 
 
 def _of_meshes(args: argparse.Namespace, stock: Stock) -> tuple[IdentityPlan, dict, int, list[str]]:
@@ -76,8 +76,8 @@ def _of_meshes(args: argparse.Namespace, stock: Stock) -> tuple[IdentityPlan, di
     from ..trials.trial_log import TrialLog
 
     plan = IdentityPlan(stock, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
-    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
-    with campaigns.campaign(args, "slide") as workforce:
+    meshes = options.chosen_meshes(args.meshes, args.objects)
+    with options.campaign(args, "slide") as workforce:
         trials, missing = run_identification(plan, meshes, TrialLog(stock.folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None
     shown = []
@@ -103,7 +103,7 @@ def _of_shapes(args: argparse.Namespace, stock: Stock) -> tuple[ShapePlan, dict,
         raise InputError("--shapes makes its own objects; leave --meshes and --objects out")
     slides, sizes = tuple(range(args.slides)), tuple(sorted(set(args.shapes)))
     plan = ShapePlan(stock, load_filter_config(args.config, args.preset), slides, room=args.room or ROOM, sizes=sizes)
-    with campaigns.campaign(args, "slide") as workforce:
+    with options.campaign(args, "slide") as workforce:
         trials, missing = run_shapes(plan, TrialLog(stock.folder / "shape_catalogues.jsonl"), workforce)
     summary = summarise_shapes(trials)
     shown = [text_table(*shape_table(summary))] if summary else []

@@ -10,7 +10,7 @@ from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
@@ -58,7 +58,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     options.add_network_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    return outcome.conclude(args, content, single_touch_table(content))
+    return options.conclude(args, content, single_touch_table(content))
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

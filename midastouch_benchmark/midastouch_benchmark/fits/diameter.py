@@ -13,9 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_benchmark.perception.diameter_checks import felt_balls
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.training.backgrounds import load_backgrounds
+
+from ..perception.check_quality import felt_balls
 
 DOUBTED = 1 / 8
 """Share of right diameters."""

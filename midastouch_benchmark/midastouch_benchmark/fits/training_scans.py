@@ -9,9 +9,10 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from midastouch_benchmark.commands.campaigns import meshes_to_fit_on
 from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_common.mesh import ObjectMesh
+
+from ..commands.options import meshes_to_fit_on
 
 LENGTH = 0.3  # m of a slide
 

@@ -11,12 +11,15 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.diameter import diameter_doubt, felt_radius
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_perception.tdn import DepthNet
@@ -229,3 +232,57 @@ def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarr
     """Every image and the mean layout of the others."""
     for i, image in enumerate(backgrounds):
         yield image, mean_layout(np.delete(backgrounds, i, axis=0))
+
+
+_DRAWS = 2
+
+
+def real_checks(tdn: DepthNet, presses: BallPresses, rng: np.random.Generator) -> dict[str, float]:
+    """Share of alarms when the no-contact image is right, and when it shows one of the presses.
+
+    Every press is the no-contact image twice, for `TOUCHES` others that are drawn; the same others are judged with the
+    right one. Result: trials of each kind, alarms by kind.
+    """
+    names = list(presses.images)
+    alarms: dict[str, list[bool]] = {"right": [], "touched": []}
+    for name in np.repeat(names, _DRAWS):
+        others = rng.choice([other for other in names if other != name], TOUCHES, replace=False)
+        images = [presses.images[other] for other in others]
+        for kind, background in (("right", presses.background), ("touched", presses.images[name])):
+            check, touched = judge(tdn, images, background)
+            alarms[kind].append(bool(check.problem or touched.problem))
+    return {"trials": len(names) * _DRAWS, **{kind: float(np.mean(given)) for kind, given in alarms.items()}}
+
+
+FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
+"""Diameter given over the true one."""
+RADII = 2e-3, 5e-3
+"""Of the balls, from and to [m]."""
+_PRESSES = 8
+
+
+def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator) -> dict:
+    """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: felt over true radius (median), standard
+    deviation of its logarithm; by factor, share of doubts, which are refused unless said to be right."""
+    ratios, outcomes = [], {factor: [] for factor in FACTORS}
+    for radius, felt in felt_balls(sensor, backgrounds, n, rng):
+        if felt is not None:
+            ratios.append(felt / radius)
+        for factor, seen in outcomes.items():
+            seen.append(bool(diameter_doubt(felt, 2 * radius * factor)))
+    return {
+        "sensors": n,
+        "felt_over_true": float(np.median(ratios)),
+        "spread": float(np.std(np.log(ratios))),
+        "given": [{"factor": factor, "doubted": float(np.mean(seen))} for factor, seen in outcomes.items()],
+    }
+
+
+def felt_balls(
+    sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator
+) -> Iterator[tuple[float, float | None]]:
+    """Radius [m] of the ball on each of `n` sensors as above, and the one felt, None if nothing is."""
+    for _ in range(n):
+        radius = rng.uniform(*RADII)
+        digit = PressedSensor(sensor, backgrounds, radius, rng)
+        yield radius, felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)

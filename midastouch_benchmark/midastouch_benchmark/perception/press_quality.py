@@ -25,8 +25,16 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
-from .ball_cap import ball_penetration, centre_under, circle_outline, mask_outline, misfit, nearest_cap
-from .sphere_fit import fit_sphere, principal_curvatures
+from .ball_cap import (
+    ball_penetration,
+    centre_under,
+    circle_outline,
+    fit_sphere,
+    mask_outline,
+    misfit,
+    nearest_cap,
+    principal_curvatures,
+)
 
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
 _HALO = 0.5e-3  # m around what is visible

@@ -20,8 +20,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from .memory import peak_rss_mb
-from .timing import Stopwatch
+from .timing import Stopwatch, peak_rss_mb
 
 USUAL = 50_000
 """Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 import itertools
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -25,14 +27,17 @@ from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
+from midastouch_perception.state_dict import random_state
+from midastouch_perception.tcn import load_tcn, minkloc3d_network
+from midastouch_perception.tcn.minkloc3d import save_minkloc3d
+from midastouch_perception.tdn import fcrn_shapes, load_tdn
+from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
 
 from ..trials.setup import Networks, untouched_of
-from ..trials.touches import Touches
-from .lookup import lookup_speed
-from .paper_networks import paper_network_times
+from ..trials.stock import Touches
+from .lookup import AlikeCopies, lookup_speed
 from .timing import Stopwatch, time_calls
-from .twins import Twins
 
 COUNTS = (50_000, 10_000, 1_000)
 _FINE_STAGES = ("refinement", "hindsight")
@@ -87,7 +92,7 @@ class SpeedMeasurement:
     def four_modes(self) -> dict:
         """four_modes_ms: one step while the map aligns four modes, the particle number adapted, all of the fine stage
         included: on four copies of the object, started near the true pose on each. Nothing if they do not last."""
-        twins = Twins(self._mesh, self._codebook, _MODES)
+        twins = AlikeCopies(self._mesh, self._codebook, _MODES)
         config = FilterConfig()
         particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0)
         spread = np.diag(np.repeat(np.square(_GATHERED), 3))
@@ -229,3 +234,33 @@ class SpeedMeasurement:
 
     def _odometry(self, frame: int) -> np.ndarray | None:
         return None if frame == 0 else se3.inverse(self._measured[frame - 1]) @ self._measured[frame]
+
+
+_VOXEL_SIZE = 1e-3  # the official one
+
+
+def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray], sensor: SensorModel) -> dict:
+    """{"fcrn_ms", "minkloc3d_ms"}: times of one image (320, 240, 3) uint8 and one penetration map (160, 120) m.
+
+    With random weights, on which speed does not depend: official ones need not be at hand. Writes and removes 254 MB
+    of them.
+    """
+    rng = np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as folder:
+        state = random_state(fcrn_shapes.expected_shapes(), rng)
+        tdn = load_tdn(save_fcrn(state, {"network": "tdn_fcrn"}, Path(folder)), sensor)
+        state = random_state(minkloc3d_network.expected_shapes(), rng)
+        tcn = load_tcn(save_minkloc3d(state, {"network": "tcn_minkloc3d"}, Path(folder), _VOXEL_SIZE), sensor)
+    return {
+        "fcrn_ms": _each(lambda image: tdn.predict(image, image), images),
+        "minkloc3d_ms": _each(tcn.encode, penetrations),
+    }
+
+
+def _each(call: Callable[[np.ndarray], object], inputs: list[np.ndarray]) -> dict[str, float]:
+    call(inputs[0])  # what is made on first use
+    stopwatch = Stopwatch()
+    for values in inputs:
+        with stopwatch:
+            call(values)
+    return stopwatch.summary()

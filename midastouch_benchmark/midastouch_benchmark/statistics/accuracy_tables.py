@@ -9,9 +9,9 @@ from midastouch_bringup.text_table import number, text_table
 
 from ..trials.grasps import grasp_table
 from ..trials.variants import DEFAULT
+from .accuracy import SHOWN_LEVELS
 from .comparison import comparison_table, front_text, rows_by_init
 from .coverage import LEVELS
-from .trust import SHOWN_LEVELS
 
 _PAPER = {"particles": ("e", "mean", 7.4, 9.43), "closest mode": ("min_cluster", "median", 2.8, 2.03)}
 """The paper's final errors over its ten objects in simulation: metric, statistic, mm, deg."""

@@ -9,8 +9,8 @@ from midastouch_filter.core.state import CONVERGED
 
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
+from .accuracy import final_errors, is_right, wrong_converged
 from .intervals import ENOUGH, bootstrap_interval
-from .summary import final_errors, is_right
 
 _IDENTITY = ("object", "slide", "init", "seed")
 
@@ -112,12 +112,6 @@ def _figures(trials: list[dict]) -> dict:
         "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
         "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
     }
-
-
-def wrong_converged(trials: list[dict]) -> float:
-    """Share of all frames in which the filter was converged, but not within 10 mm of the truth."""
-    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
-    return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
 def pareto_front(rows: list[dict], error: str) -> list[dict]:

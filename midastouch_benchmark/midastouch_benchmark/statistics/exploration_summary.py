@@ -6,8 +6,7 @@ import numpy as np
 
 from midastouch_bringup.text_table import number
 
-from .figures import Figures
-from .intervals import ENOUGH
+from .intervals import ENOUGH, Figures
 
 
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:

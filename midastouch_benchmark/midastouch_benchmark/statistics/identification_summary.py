@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .figures import Figures
-from .intervals import ENOUGH
+from .intervals import ENOUGH, Figures
 
 _BINS = 10
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..trials.shape_catalogues import EARLY
-from .figures import Figures
-from .intervals import ENOUGH
+from .intervals import ENOUGH, Figures
 
 
 def summarise_shapes(trials: list[dict]) -> dict[str, dict]:

@@ -6,10 +6,9 @@ import numpy as np
 
 from midastouch_benchmark.statistics.comparison import pareto_front
 from midastouch_benchmark.statistics.intervals import bootstrap_interval, share_interval
-from midastouch_benchmark.statistics.summary import final_errors, is_right
-from midastouch_benchmark.statistics.trust import right_or_among_modes_at_end
 from midastouch_benchmark.trials.variants import DEFAULT, PRESET
 
+from ..statistics.accuracy import final_errors, is_right, right_or_among_modes_at_end
 from .cells import between, final_error, frames_cell, part_of, percent, pose_cell, share_cell
 from .perception import depth_summary
 from .reports import (

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from midastouch_benchmark.statistics.paired import error_ratio
-
+from ..statistics.intervals import error_ratio
 from .cells import final_error, percent, share_cell
 from .reports import ENOUGH, OPTICS, UNMEASURED, Table, benchmark_summary, report, reported
 

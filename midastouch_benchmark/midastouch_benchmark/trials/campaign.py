@@ -22,14 +22,12 @@ from midastouch_perception.objects import bundled_objects
 from ..baselines import dead_reckoning, paper_filter, registration
 from ..statistics.coverage import likelihood_counts
 from .disturbances import Disturbed, Scene
-from .open_trials import Workforce, make_books, run_open
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
-from .short_codes import ShortCodes
 from .stock import Stock
 from .trial import RECORD, TrialFrame, Yardstick, run_trial
-from .trial_log import TrialLog, key_of, source_digest
-from .variants import VARIANTS
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .variants import VARIANTS, ShortCodes
 
 _THREADS = 1  # of a filter: trials run beside each other
 

@@ -28,11 +28,10 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
-from .open_trials import Workforce, make_books, run_open
 from .setup import Networks
 from .stock import Stock
 from .trial import FRAME_TIME, RIGHT
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, slides only",

@@ -19,8 +19,7 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.simulation.grasp import CONTACTS
 
-from ..statistics.figures import Figures
-from ..statistics.intervals import ENOUGH
+from ..statistics.intervals import ENOUGH, Figures
 from .disturbances import Disturbed, Scene
 from .stock import Stock
 from .trial import FRAME_TIME, AnyFilter, TrialFrame, Yardstick

@@ -23,10 +23,9 @@ from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.identification.identity import UNKNOWN, Identification, Identity
 
-from .open_trials import Workforce, make_books, run_open
 from .stock import Stock
 from .trial import RIGHT, TrialFrame
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 
 ASKED = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""

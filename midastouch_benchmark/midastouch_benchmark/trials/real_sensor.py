@@ -23,8 +23,7 @@ from midastouch_perception.simulation.measured_optics import MeasuredOptics, Mea
 from midastouch_perception.tdn import load_tdn
 
 from .setup import Networks
-from .stock import Stock
-from .touches import Touches
+from .stock import Stock, Touches
 
 _BALL_DIAMETER = 6e-3  # m: a bearing's
 _PRESSES = 10

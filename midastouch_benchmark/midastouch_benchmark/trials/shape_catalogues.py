@@ -25,10 +25,9 @@ from midastouch_perception.simulation.procedural import random_shape
 
 from ..statistics.intervals import ENOUGH
 from .identification import Answers, IdentityPlan
-from .open_trials import Workforce, run_open
 from .stock import Stock
 from .trial import TrialFrame
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
 EARLY = 0.1
 """m of path after which is asked, besides the end."""

@@ -1,3 +1,7 @@
+import argparse
+import json
+import math
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -81,3 +85,48 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
         options.load_object("box", None, None, NETWORKS)
 
 
+def test_a_result_is_kept_with_the_command_that_made_it(tmp_path, capsys):
+    parser = argparse.ArgumentParser()
+    options.add_json_option(parser)
+    args = parser.parse_args(["--json", str(tmp_path / "r.json")])
+    args.command_line = "midastouch measure"
+    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line") == 0
+    assert capsys.readouterr().out == "a table\na line\n"
+    assert json.loads((tmp_path / "r.json").read_text()) == {"command": "midastouch measure", "mm": 0.3333}
+
+
+def test_it_is_shown_without_being_kept(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert options.conclude(argparse.Namespace(json=None), {}, "a table") == 0
+    assert (capsys.readouterr().out, list(tmp_path.iterdir())) == ("a table\n", [])
+
+
+def parsed(*given: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    options.add_campaign_options(parser, "trial")
+    return parser.parse_args(["--jobs", "1", *given])
+
+
+def test_the_deadline_is_counted_from_the_start():
+    with options.campaign(parsed(), "trial") as workforce:
+        assert workforce.deadline == math.inf
+    before = time.monotonic()
+    with options.campaign(parsed("--minutes", "2"), "trial") as workforce:
+        progress = workforce.start_progress(2)
+        for number, square in enumerate(workforce.cluster.map(pow, [(1, 2), (3, 2)], workforce.deadline)):
+            assert square == (2 * number + 1) ** 2
+            progress(1)
+    assert before + 120 <= workforce.deadline <= time.monotonic() + 120
+
+
+def test_it_is_said_how_it_goes_on():
+    assert options.left(0, "trial") == []
+    assert options.left(3, "slide") == ["3 slides are left; the same command goes on with them"]
+
+
+def test_objects_are_named_by_how_they_begin():
+    assert [mesh.name for mesh in options.chosen_meshes(None, ["eye", "ball"])] == ["eyebolt", "ball"]
+    with pytest.raises(InputError, match=r"no object 'cup': there are ball, .*; give its name with --objects"):
+        options.chosen_meshes(None, ["cup"])
+    with pytest.raises(InputError, match="nowhere: no such folder"):
+        options.chosen_meshes("nowhere", None)

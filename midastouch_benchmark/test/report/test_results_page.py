@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.statistics.summary import summarise_trials
+from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 

@@ -1,11 +1,14 @@
 import numpy as np
 import pytest
+import trimesh
 
-from midastouch_benchmark.speed.lookup import lookup_speed
+from midastouch_benchmark.speed.lookup import AlikeCopies, lookup_speed
 from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import Codebook
 
 
 @pytest.fixture
@@ -31,3 +34,32 @@ def test_a_leap_beyond_the_walk_s_reach_shows(running_filter, codebook):
     """A figure that were good whatever happens would say nothing."""
     speed = lookup_speed(running_filter, codebook.poses, se3.exp([0.03, 0, -0.02, 0, 2, 0]), np.random.default_rng(0))
     assert speed.exact_share < 0.9
+
+
+COUNT = 3
+
+
+@pytest.fixture(scope="module")
+def twins():
+    box = trimesh.creation.box((0.04, 0.02, 0.03))
+    mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
+    rng = np.random.default_rng(0)
+    points, normals, _ = mesh.sample_surface(600, rng)
+    poses = se3.make(se3.frame_from_normal(normals, rng.uniform(0, 6, len(points))), points)
+    codes = np.eye(8, dtype=np.float32)[rng.integers(0, 8, len(poses))]
+    return AlikeCopies(mesh, Codebook(poses, codes, {"temperature": 0.1, "outlier": 0.05}), COUNT)
+
+
+def test_copies_are_alike_and_apart(twins):
+    assert twins.mesh.area == pytest.approx(COUNT * 2 * (0.04 * 0.02 + 0.04 * 0.03 + 0.02 * 0.03))
+    poses = twins.codebook.poses.reshape(COUNT, 200, 4, 4)
+    shift = poses[:, 0, :3, 3] - poses[0, 0, :3, 3]
+    np.testing.assert_allclose(shift, np.outer(np.arange(COUNT), [0, 0.05, 0]), atol=1e-12)
+    for copy, offset in zip(poses, shift, strict=True):
+        np.testing.assert_allclose(copy[:, :3, 3], poses[0, :, :3, 3] + offset)
+    np.testing.assert_array_equal(twins.codebook.codes[:200], twins.codebook.codes[-200:])
+
+
+def test_a_pose_has_its_twin_on_every_copy(twins):
+    poses = twins.on_every_copy(twins.codebook.poses[7])
+    np.testing.assert_allclose(poses, twins.codebook.poses[7::200], atol=1e-12)

@@ -7,11 +7,9 @@ import pytest
 import trimesh
 
 from midastouch_benchmark.trials.campaign import Plan, likelihood_levels, run_campaign
-from midastouch_benchmark.trials.open_trials import Workforce
-from midastouch_benchmark.trials.stock import SlideKind
+from midastouch_benchmark.trials.stock import SlideKind, Touches
 from midastouch_benchmark.trials.symmetry import Symmetry
-from midastouch_benchmark.trials.touches import Touches
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import INPUT, VARIANTS, Variant
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh

@@ -3,9 +3,8 @@
 import pytest
 
 from midastouch_benchmark.trials.exploration import Plan, run_exploration
-from midastouch_benchmark.trials.open_trials import Workforce
 from midastouch_benchmark.trials.stock import Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig

@@ -9,9 +9,8 @@ from midastouch_benchmark.statistics.identification_summary import (
     summarise_identification,
 )
 from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
-from midastouch_benchmark.trials.open_trials import Workforce
 from midastouch_benchmark.trials.stock import SlideKind, Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig

@@ -1,10 +1,9 @@
 import pytest
 
 from midastouch_benchmark.statistics.shape_summary import shape_table, summarise_shapes
-from midastouch_benchmark.trials.open_trials import Workforce
 from midastouch_benchmark.trials.shape_catalogues import ShapePlan, run_shapes
 from midastouch_benchmark.trials.stock import SlideKind, Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup import cli
 from midastouch_bringup.cluster import open_cluster
 from midastouch_filter.core.config import FilterConfig

@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.summary import summarise_trials, summary_table
+from midastouch_benchmark.statistics.accuracy import summarise_trials, summary_table
 from midastouch_benchmark.trials.sequence_trials import TrialPlan, run_sequence
 from midastouch_benchmark.trials.symmetry import Symmetry
 from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial

@@ -2,7 +2,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from midastouch_benchmark.trials.mesh_frame import mesh_doubt
+from midastouch_benchmark.trials.sequence_trials import mesh_doubt
 from midastouch_common.errors import InputError
 
 

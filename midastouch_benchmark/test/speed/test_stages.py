@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.speed import paper_networks
-from midastouch_benchmark.speed.paper_networks import paper_network_times
+from midastouch_benchmark.speed import stages
+from midastouch_benchmark.speed.stages import paper_network_times
 from midastouch_perception.sensor_model import SensorModel
 
 
 @pytest.mark.slow
 def test_both_networks_are_timed_with_random_weights(monkeypatch, tmp_path):
-    monkeypatch.setattr(paper_networks.tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(stages.tempfile, "tempdir", str(tmp_path))
     image = np.random.default_rng(0).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     penetration = np.full((160, 120), 1e-3, np.float32)
     times = paper_network_times([image] * 2, [penetration] * 2, SensorModel.load("digit_tacto"))

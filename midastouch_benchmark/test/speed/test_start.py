@@ -1,6 +1,6 @@
 import pytest
 
-from midastouch_benchmark.speed.first_pose import first_poses, summarise_first_poses
+from midastouch_benchmark.speed.start import first_poses, summarise_first_poses
 from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import growth, quick_start
