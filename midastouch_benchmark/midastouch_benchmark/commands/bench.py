@@ -51,13 +51,15 @@ def run(args: argparse.Namespace) -> int:
     from ..speed.stages import SpeedMeasurement
     from ..speed.start import node_start
     from ..speed.timing import peak_rss_mb
+    from ..tables.speed import rates, stages
+    from ..tables.table import terminal
 
     slide = TimedSlide.of(args)
     mesh, networks = slide.mesh, slide.networks
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
     speed = SpeedMeasurement(mesh, codebook, slide.sequence, networks)
     result = slide.result(codebook_size=len(codebook.poses), frames=args.frames)
-    stages = (
+    measured = (
         speed.networks,
         speed.filter,
         speed.lookup,
@@ -67,60 +69,13 @@ def run(args: argparse.Namespace) -> int:
         lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
         speed.simulator,
     )
-    for stage in progress_bar(iterable=stages, unit="stage"):
+    for stage in progress_bar(iterable=measured, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
     if args.paper_networks:  # last, for they need more memory than all else
         result |= speed.paper_networks()
     result = to_json(result)
-    return options.conclude(args, result, _table(result))
-
-
-def _table(result: dict) -> str:
-    from midastouch_bringup.text_table import number, text_table
-
-    rows = []
-    for key, label in (
-        ("tdn_ms", "TDN"),
-        ("tcn_ms", "TCN"),
-        ("fit_check_ms", "fit check, every fifth frame"),
-        ("fcrn_ms", "the paper's TDN (FCRN)"),
-        ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
-        ("end_to_end_ms", "image to estimate, 50,000 particles"),
-        ("frame_ms", "image to the end of the frame, 50,000 particles"),
-        ("four_modes_ms", "filter step, four modes aligned"),
-        ("pose_age_ms", "age of an image when its transform is found, 500 Hz of 20 links"),
-    ):
-        if key in result:
-            rows.append([label, *_cells(result[key])])
-    for light, stage in result["sim_image_ms"].items():
-        rows.append([f"simulated image, light {light}", *_cells(stage)])
-    for key, label in (
-        ("filter_ms", "filter step without fine stage"),
-        ("fine_stage_ms", "fine stage"),
-        ("lookup_ms", "look-up, spread"),
-        ("lookup_converged_ms", "look-up, converged"),
-    ):
-        rows += [[f"{label}, {int(n):,} particles", *_cells(stage)] for n, stage in result[key].items()]
-    if "converged_ms" in result:
-        rows.append(["image to estimate, converged", *_cells(result["converged_ms"])])
-        rows.append(["image to the end of the frame, converged", *_cells(result["converged_frame_ms"])])
-    rates = [
-        f"{number(result['end_to_end_hz'])} Hz with 50,000 particles",
-        f"{number(result.get('converged_hz'))} Hz once converged",
-        *(f"{100 * share:.2f} % exact look-ups ({name})" for name, share in result["lookup_exact_share"].items()),
-        f"{number(result['renders_per_s'], 0)} renders/s",
-        f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
-        f"{number(result['peak_rss_mb'], 0)} MiB at most",
-        f"the filter's process active after {result['filter_start_s']['p50']:.1f} s"
-        f" with {number(result['filter_rss_mb'], 0)} MiB",
-        f"transforms kept by {result['transform_source']}",
-    ]
-    return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)
-
-
-def _cells(stage: dict) -> list[str]:
-    return [f"{stage[key]:.2f}" if key in stage else "" for key in ("p50", "p95", "cpu")]
+    return options.conclude(args, result, terminal(stages(result)), "", terminal(rates(result)))
 
 
 _FEWEST = 10  # frames, of which the first ones are dropped

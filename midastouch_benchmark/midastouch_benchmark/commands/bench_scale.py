@@ -37,9 +37,10 @@ def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
     from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.text_table import text_table
 
-    from ..speed.scaling import PARTICLES, POSES, Slide, measure, scaling_table, sizes
+    from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
+    from ..tables.speed import scaling_table
+    from ..tables.table import terminal
     from ..trials.stock import Touches
 
     timed = TimedSlide.of(args)
@@ -54,4 +55,4 @@ def run(args: argparse.Namespace) -> int:
         measured = measure(mesh.path, cached_codebook_path(mesh, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
     result = timed.result(frames=args.frames, scaling=points)
-    return options.conclude(args, result, text_table(*scaling_table(points), left=0))
+    return options.conclude(args, result, terminal(scaling_table(points)))

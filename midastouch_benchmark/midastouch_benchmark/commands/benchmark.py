@@ -67,14 +67,14 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.machine import machine_info
 
     from ..statistics.accuracy import compact_trials, summarise_accuracy
-    from ..statistics.accuracy_tables import accuracy_text
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
+    from ..tables.results import of_start, of_variants, shown
     from ..trials.campaign import likelihood_levels, run_campaign
     from ..trials.protocols import chosen_protocol
     from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog
-    from ..trials.variants import VARIANTS, chosen_variants
+    from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
@@ -109,7 +109,10 @@ def run(args: argparse.Namespace) -> int:
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
-    return options.conclude(args, result, accuracy_text(result), *left_out, *options.left(missing, "trial"))
+    parts = [part for init in result["summary"].get(DEFAULT, {}) for part in of_start(result, init)]
+    return options.conclude(
+        args, result, shown([*parts, *of_variants(result)]), *left_out, *options.left(missing, "trial")
+    )
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:

@@ -34,12 +34,11 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.text_table import text_table
-
-    from ..perception.check_tables import check_tables
+    from ..tables.checks import check_tables
+    from ..tables.table import terminal
 
     result = _measured(args)
-    return options.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+    return options.conclude(args, result, "\n\n".join(map(terminal, check_tables(result))))
 
 
 def _measured(args: argparse.Namespace) -> dict:

@@ -35,9 +35,10 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.text_table import text_table
 
-    from ..statistics.exploration_summary import exploration_table, summarise_exploration
+    from ..statistics.exploration import summarise_exploration
+    from ..tables.exploring import exploration_table
+    from ..tables.table import terminal
     from ..trials.exploration import Plan, chosen_policies, run_exploration
     from ..trials.setup import load_filter_config
     from ..trials.stock import Stock
@@ -58,5 +59,5 @@ def run(args: argparse.Namespace) -> int:
         "exploration": summary,
         "trials": trials,
     }
-    table = text_table(*exploration_table(summary), left=2)
+    table = terminal(exploration_table(trials, result["config"]["policies"], by_object=True))
     return options.conclude(args, result, table, *options.left(missing, "trial"))

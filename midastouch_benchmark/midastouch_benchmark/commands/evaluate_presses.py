@@ -64,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
     from ..perception.depth_quality import brightness_effect
     from ..perception.press_quality import measure_presses
     from ..perception.press_truth import calibrations_of, usable_presses, with_truth
+    from ..tables.perception import presses_table
+    from ..tables.table import terminal
 
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
@@ -99,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
             **checked,
         }
     )
-    return options.conclude(args, result, *_notes(result), _table(result))
+    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])))
 
 
 def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
@@ -128,52 +130,3 @@ def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) 
         "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],
         "against_fit": measure_presses(tdn, ball.presses, radius, calibrations=calibrations)[1],
     }
-
-
-def _table(result: dict) -> str:
-    from midastouch_bringup.text_table import number, text_table
-
-    columns = {
-        "felt": result["summary"],
-        "felt, by the images' ball": result.get("against_fit"),
-        "that ball, by the labels": result.get("labels"),
-    }
-    columns = {title: _figures(summary, result["ball_diameter"]) for title, summary in columns.items() if summary}
-    rows = [[cells[0][0], *(value for _, value in cells)] for cells in zip(*columns.values(), strict=True)]
-    unsteady = f"{number(result['summary']['brightness_mm'], 3)} mm"
-    rows.append(["depth changed by 10 % more or less light", unsteady, *[""] * (len(columns) - 1)])
-    return text_table(["median over presses", *columns], rows)
-
-
-def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
-    from midastouch_bringup.text_table import number
-
-    truth = {"labels": "the labelled circle", "images": "the images' circle"}.get(summary["truth"], "a known outline")
-    judged = summary["truth"] != "felt outline"
-
-    def of_truth(figure: str) -> str:
-        # a felt outline is the network's own, and flatters it
-        return figure if judged else "not judged"
-
-    return [
-        ("presses", summary["presses"]),
-        ("contact found", f"{100 * summary['found_share']:.0f} %"),
-        ("relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"),
-        (f"RMSE to the ball under {truth}, inside", of_truth(f"{number(summary['rmse_in_circle_mm'], 2)} mm")),
-        ("deepest felt over deepest of that ball", of_truth(number(summary["peak_ratio"], 2))),
-        ("correlation of both over the presses", of_truth(number(summary["depth_correlation"], 2))),
-        ("contact's IoU with it; centre off by", of_truth(_pair(summary, "iou_ideal", "centre_mm"))),
-        ("IoU with the nearest ball of that size", number(summary["iou"], 2)),
-        (
-            f"radius of the ball felt, {500 * ball_diameter:g} mm in truth",
-            f"{number(summary['felt_radius_mm'], 1)} mm",
-        ),
-        ("roundness of the outline", number(summary["roundness"], 2)),
-        ("penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"),
-    ]
-
-
-def _pair(summary: dict, share: str, distance: str) -> str:
-    from midastouch_bringup.text_table import number
-
-    return f"{number(summary[share], 2)}; {number(summary[distance], 2)} mm"

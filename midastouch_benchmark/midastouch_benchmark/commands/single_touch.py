@@ -70,9 +70,10 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.files import require_file
     from midastouch_perception.tcn import load_tcn
 
-    from ..single_touch.per_object import SingleTouchPlan, measure_object
+    from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
     from ..single_touch.simulated_touch import Lighting
-    from ..single_touch.summary import single_touch_table, summarise_objects
+    from ..tables.perception import single_touch_notes, single_touch_table
+    from ..tables.table import terminal
     from ..trials.setup import Networks
 
     wanted = _wanted(args)
@@ -104,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    return options.conclude(args, content, single_touch_table(content))
+    return options.conclude(args, content, terminal(single_touch_table(content)), *single_touch_notes(content))
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

@@ -10,17 +10,9 @@ from matplotlib.figure import Figure
 from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save
 from midastouch_bringup.drawing.page import Page
 
-from ..statistics.accuracy_tables import (
-    coverage_table,
-    object_table,
-    paper_text,
-    peer_table,
-    peers_of,
-    recovery_text,
-    trust_table,
-)
-from ..statistics.comparison import comparison_table, front_text, rows_by_init
 from ..statistics.coverage import observed_shares
+from ..tables.results import of_start, of_variants
+from ..tables.table import on_page
 from ..trials.variants import DEFAULT
 from .front import front_figure
 
@@ -50,20 +42,11 @@ def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -> None:
-    page.heading(f"Start: {init}")
-    page.table(*object_table(summary, content["objects"]))
-    if init == "paper":
-        page.note(paper_text(summary))
+    for title, table in of_start(content, init):
+        page.heading(title)
+        on_page(page, table)
     trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
     page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
-    if summary["recovery"]:
-        page.note(recovery_text(summary["recovery"]))
-    if "trust" in summary:  # results of before 2026-11-22 have no intervals
-        page.table(*trust_table(summary["trust"]))
-    if len(peers := peers_of(content["summary"], init)) > 1:
-        page.note("Methods on the same slides:")
-        page.table(*peer_table(peers))
-    page.table(*coverage_table(summary["coverage"]))
     curves = {
         (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
         for kind, one in summary["coverage"].items()
@@ -81,10 +64,9 @@ def _variants(page: Page, content: dict, path: Path) -> None:
     page.heading("Run time against error")
     caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
     page.picture(save(front_figure(comparison, content["variants"]), path), caption)
-    for init, rows in rows_by_init(comparison).items():
-        page.heading(f"Variants, start: {init}")
-        page.note(f"All on the same {rows[0]['trials']} trials; {front_text(rows)}.")
-        page.table(*comparison_table(rows, content["variants"]))
+    for title, table in of_variants(content):
+        page.heading(title)
+        on_page(page, table)
 
 
 def _likelihood(page: Page, content: dict, path: Path) -> None:

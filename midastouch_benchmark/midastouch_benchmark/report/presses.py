@@ -10,13 +10,14 @@ from matplotlib.figure import Figure
 from midastouch_bringup.datasets.ball_presses import load_ball_presses
 from midastouch_bringup.drawing.figures import PENETRATION_COLOURS, save
 from midastouch_bringup.drawing.page import Page
-from midastouch_bringup.text_table import number
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
 from ..perception.press_quality import Press, feel_presses
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth
+from ..tables.perception import presses_table
+from ..tables.table import on_page
 
 _ACROSS = 2  # presses side by side
 _TITLES = ("image", "difference", "felt", "ideal")
@@ -66,19 +67,6 @@ def depth_figure(content: dict) -> Figure:
 
 
 _SHOWN = 12
-_HEADER = [
-    "folder",
-    "network",
-    "calibration",
-    "ball mm",
-    "truth",
-    "presses",
-    "found",
-    "bulging",
-    "RMSE in circle mm",
-    "peak ratio",
-]
-_HEADER += ["depth correlation", "radius felt mm", "IoU nearest", "IoU ideal", "centre mm", "roundness", "felt outside"]
 
 
 def press_section(page: Page, contents: list[dict], folder: Path) -> None:
@@ -90,7 +78,7 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
         "flatters the network: do not judge depth by it. A good network has peak ratio and correlation near 1, and "
         "feels the true radius."
     )
-    page.table(_HEADER, [_row(content) for content in contents])
+    on_page(page, presses_table(contents))
     for i, content in enumerate(contents):
         page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Felt over the presses")
         try:
@@ -99,31 +87,6 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
             page.note(f"no pictures of the presses: {error}")
             continue
         page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
-
-
-def _row(content: dict) -> list[object]:
-    s = content["summary"]
-    return [
-        Path(content["folder"]).name,
-        content["network"],
-        _calibration(content),
-        number(1e3 * content["ball_diameter"], 1),
-        s.get("truth", "labels" if s["labelled"] else "felt outline"),
-        s["presses"],
-        number(s["found_share"], 2),
-        number(s["bulges_share"], 2),
-        number(s["rmse_in_circle_mm"], 2),
-        number(s["peak_ratio"], 2),
-        number(s["depth_correlation"], 2),
-        number(s["felt_radius_mm"], 1),
-        *(number(s[k], 2) for k in ("iou", "iou_ideal", "centre_mm", "roundness", "outside_share")),
-    ]
-
-
-def _calibration(content: dict) -> str:
-    if content.get("calibration"):
-        return Path(content["calibration"]).name
-    return f"from {content['calibrated_with']} other presses" if content.get("calibrated_with") else "none"
 
 
 def _felt_again(content: dict) -> list[Press]:

@@ -23,7 +23,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
 
 from ..single_touch.per_object import BASELINES, OURS
-from ..single_touch.summary import table_cells, table_notes
+from ..tables.perception import single_touch_notes, single_touch_table
+from ..tables.table import on_page
 
 _CELL = 3e-3  # m
 _MAPPED = 1000  # codes; t-SNE takes some 3 s for them
@@ -87,8 +88,8 @@ def single_touch_section(page: Page, contents: list[dict], folder: Path) -> None
             f"{config['lighting']} lighting, backgrounds {config['backgrounds'] or 'invented'}; networks "
             f"{config['networks']['tdn']}, {config['networks']['tcn']}"
         )
-        page.table(*table_cells(content))
-        page.note(" ".join(table_notes(content)))
+        on_page(page, single_touch_table(content))
+        page.note(" ".join(single_touch_notes(content)))
         objects = sorted(content["objects"], key=lambda one: one["summary"]["normalised_top25_error"])
         path = save(violin_figure({OURS: objects}), folder / f"single_touch_{i}.png")
         page.picture(path, "Error over that of random touches, whole codebook, best object first; bars: median")

@@ -18,7 +18,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.tcn import TactileCodeNet
 
 from ..trials.setup import Networks
-from .matches import SingleTouchErrors, best_matches, single_touch_errors
+from .matches import SingleTouchErrors, best_matches, mean_summary, single_touch_errors
 from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"
@@ -146,3 +146,23 @@ def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
     mean = [np.bincount(cell, value) / touches for value in (*(1e3 * place.T), errors)]
     columns = [*(np.round(m, 1) for m in mean[:3]), *keys[:, 3:].astype(int).T, np.round(mean[3], 3), touches]
     return [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def summarise_objects(objects: list[dict]) -> dict:
+    """`object`, `queries`, `summary` and `baselines` as for one object, means over all of them; and `objects`."""
+    name = objects[0]["object"] if len(objects) == 1 else f"mean of {len(objects)} objects"
+    baselines = {key: _mean(one["baselines"].get(key) for one in objects) for key in (OURS, *BASELINES)}
+    return {
+        "object": name,
+        "queries": objects[0]["queries"],
+        "missed": sum(one["missed"] for one in objects),
+        "summary": mean_summary([one["summary"] for one in objects]),
+        "baselines": baselines | {"missing": objects[0]["baselines"]["missing"]},
+        "cell_columns": CELL_COLUMNS,
+        "objects": objects,
+    }
+
+
+def _mean(values) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None

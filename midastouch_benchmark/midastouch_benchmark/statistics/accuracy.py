@@ -7,7 +7,6 @@ from collections import Counter
 import numpy as np
 from scipy.stats import chi2
 
-from midastouch_bringup.text_table import number, text_table
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
 from ..trials.grasps import grasp_summary
@@ -68,34 +67,6 @@ def _summarise(trials: list[dict]) -> dict:
     out["hz_p05"] = min(t["hz_p05"] for t in trials)
     out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}
     return out
-
-
-def summary_table(summary: dict) -> str:
-    """Text table, one line per object and one for all: final errors, rates, states."""
-    errors = ("particles mm", "deg", "closest mode mm", "deg", "pose mm", "deg")
-    header = ["object", "trials", *errors, "Hz", "Hz p05", "converged", "right"]
-    lines = dict(summary["objects"])
-    if len(lines) > 1:
-        lines["all"] = summary
-    rows = []
-    for name, one in lines.items():
-        errors = [
-            _value(one, "e", "mean"),
-            _value(one, "min_cluster", "median"),
-            _value(one, "estimate", "median"),
-        ]
-        flat = [cell for pair in errors for cell in pair]
-        rates = [number(one["hz_mean"]), number(one["hz_p05"])]
-        rows.append([name, one["trials"], *flat, *rates, one["converged"], one["right"]])
-    note = (
-        "final errors: particles (Eq. 3) mean over trials; closest mode (Eq. 4) and published pose median; "
-        "right: converged, and within 10 mm"
-    )
-    return f"{text_table(header, rows)}\n{note}"
-
-
-def _value(one: dict, prefix: str, statistic: str) -> tuple[str, str]:
-    return tuple(number(one[f"{prefix}_{unit}"].get(statistic)) for unit in ("trans_mm", "rot_deg"))
 
 
 _SUMMARISED = ("coverage", "reliability", "filter_stages_ms", "initial", "protocol")

@@ -151,22 +151,3 @@ def difference_text(row: dict) -> str:
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
     """Rows of `compare_variants` by their init."""
     return {init: [row for row in rows if row["init"] == init] for init in dict.fromkeys(row["init"] for row in rows)}
-
-
-def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows of the variants under one init; `variants`, their descriptions by name."""
-    header = ["variant", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm", "deg", "pose mm"]
-    header += ["right", "converged", "converged but wrong", "filter ms", "CPU ms", "error - default's mm"]
-    header += ["error ratio", "deg ratio", "CPU ratio", "against the default", "what differs"]
-    errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
-    cells = []
-    for row in rows:
-        name = row["variant"]
-        row_cells = [name, row["trials"], *(number(row[key]) for key in (*errors, "estimate_trans_mm"))]
-        row_cells += [f"{100 * row[key]:.0f} %" for key in ("right", "converged")]
-        row_cells += [f"{100 * row['wrong_converged']:.1f} % of frames"]
-        row_cells += [number(row[key], 2) for key in ("ms_filter", "cpu_ms_filter")]
-        row_cells += ["-" if name == DEFAULT else difference_text(row)]
-        row_cells += [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
-        cells.append([*row_cells, "-" if name == DEFAULT else row.get("verdict", "-"), variants[name]["summary"]])
-    return header, cells

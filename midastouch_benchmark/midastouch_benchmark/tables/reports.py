@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+import pandas as pd
+
+from .table import tidy
 
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
@@ -91,16 +96,12 @@ COMMANDS = {
     "load_eyebolt": f"SOAK_MINUTES=10 {_LOAD}",
     "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
 }
-ENOUGH = 100
-"""Fewer trials than this claim nothing."""
-UNMEASURED = "*not measured yet*"
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
 OPTICS = {
     "real_plain": "TACTO's",
     "real_sensor": "of two real sensors, not calibrated",
     "real_sensor_calibrated": "of the same, calibrated with ten presses each",
 }
-Table = tuple[list[str], list[list[object]]]
 
 
 def report_path(name: str) -> Path:
@@ -125,6 +126,16 @@ def benchmark_summary(name: str) -> dict:
     """Summary of a benchmark of the filter as shipped, in its only way to start."""
     (summary,) = report(name)["summary"]["default"].values()
     return summary
+
+
+def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.DataFrame:
+    """A tidy frame of reports, one row each: `what`, as named; `report`; `measured`, whether there is one; its
+    record."""
+    there = reported()
+    return tidy(
+        {"what": what, "report": name, "measured": name in there} | (record(name) if name in there else {})
+        for name, what in names.items()
+    )
 
 
 def conditions_of(name: str) -> str:

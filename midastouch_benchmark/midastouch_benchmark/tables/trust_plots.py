@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 from midastouch_common.files import atomic_path
 
-from .reports import ENOUGH, ROOT, report
-from .trust import PROMISED_WRONG, conditions, trusted
+from ..statistics.intervals import ENOUGH
+from .reports import ROOT, benchmark_summary, report, reported
+from .trust import PROMISED_WRONG, conditions
 
 FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"
@@ -33,15 +34,16 @@ _TOO_MANY = "#f6dedb"
 def shown() -> dict[str, dict]:
     """By condition, what the reports with trials enough say: levels and the share of frames whose region of that level
     holds the truth, by kind of frame; share of converged frames that are wrong; each with intervals."""
-    out = {}
+    out, there = {}, reported()
     for name, what in conditions().items():
-        one = trusted(name)
-        if one is None or one["trials"] < ENOUGH:
+        if name not in there:
             continue
-        content = report(name)
-        (summary,) = content["summary"]["default"].values()
+        summary = benchmark_summary(name)
+        one = summary["trust"]
+        if one["trials"] < ENOUGH:
+            continue
         out[what] = {
-            "levels": content["levels"],
+            "levels": report(name)["levels"],
             "observed": {kind: summary["coverage"][kind]["observed"] for kind in one["regions"]},
             "regions": one["regions"],
             "wrong": one["converged_frames_wrong"],

@@ -19,7 +19,7 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.simulation.grasp import CONTACTS
 
-from ..statistics.intervals import ENOUGH, Figures
+from ..statistics.intervals import Figures
 from .disturbances import Disturbed, Scene
 from .stock import Stock
 from .trial import FRAME_TIME, AnyFilter, TrialFrame, Yardstick
@@ -105,23 +105,3 @@ def grasp_summary(trials: list[dict]) -> list[dict] | None:
         parts["converged_wrong"] = wrong
         out.append({"trials": len(rows)} | {name: figures.share(part) for name, part in parts.items()})
     return out
-
-
-def grasp_table(summaries: dict[str, list[dict]], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows of `grasp_summary` by variant; `variants`, their descriptions by name."""
-    figures = {
-        "found": "closest mode found",
-        "share": "probability at the true place",
-        "right": "pose right",
-        "converged": "converged",
-        "converged_wrong": "converged, but wrong",
-    }
-    rows = []
-    for name, grasps in summaries.items():
-        for number, one in enumerate(grasps, 1):
-            cells = [f"{one[key]['share']:.0%} ({' ... '.join(map('{:.0%}'.format, one[key]['interval']))})" for key in
-                     figures]  # fmt: skip
-            if one["trials"] < ENOUGH:
-                cells = [f"too few ({one['trials']})"] * len(figures)
-            rows.append([variants[name]["summary"], number, *cells])
-    return ["grasps", "number", *figures.values()], rows

@@ -85,7 +85,7 @@ def test_without_labels_the_images_tell_the_depth(digit, presses, tmp_path, caps
     assert "cut.png: depth not judged: cut off at the edge of the view" in said
     judged = {row["image"]: row["ideal_peak_mm"] is not None for row in result["presses"]}
     assert judged == {**dict.fromkeys(presses, True), "cut.png": False}
-    assert "under the images' circle" in said
+    assert "images" in next(line for line in said.splitlines() if line.startswith("outline")).split()
 
 
 def test_where_images_tell_no_ball_depth_is_not_judged(digit, presses, tmp_path, capsys):
@@ -96,7 +96,7 @@ def test_where_images_tell_no_ball_depth_is_not_judged(digit, presses, tmp_path,
     assert result["summary"]["truth"] == "felt outline"
     assert "3 images; calibration needs 5" in result["depth_problem"]
     assert "depth cannot be judged: no circles.csv, and the images do not tell where the ball is: 3 images" in said
-    assert said.count("not judged") == 4
+    assert next(line for line in said.splitlines() if line.startswith("RMSE inside")).split()[-1] == "-"
 
 
 def test_a_calibration_of_another_gel_is_refused(digit, presses, tmp_path, capsys):

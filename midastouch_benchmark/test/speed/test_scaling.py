@@ -3,7 +3,7 @@ import signal
 import pytest
 import trimesh
 
-from midastouch_benchmark.speed.scaling import Slide, measure, scaling_table, sizes
+from midastouch_benchmark.speed.scaling import Slide, measure, sizes
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import Measurement
@@ -39,10 +39,3 @@ def test_a_process_that_dies_says_so(tmp_path):
 
 def test_one_number_is_varied_at_a_time():
     assert list(sizes((100, 50_000), (1_000, 50_000))) == [(100, 50_000), (50_000, 50_000), (50_000, 1_000)]
-
-
-def test_the_table_has_a_row_for_each_filter():
-    point = {"particles": 1000, "poses": 50_000, "step_ms": {"cpu": 1.234, "p50": 1.0, "p95": 2.0}, "memory_mb": 99.7}
-    header, rows = scaling_table([point])
-    assert rows == [["1,000", "50,000", "1.23", "1.00", "2.00", "100"]]
-    assert len(header) == len(rows[0])

@@ -3,11 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.identification_summary import (
+from midastouch_benchmark.statistics.identification import (
     calibration_error,
-    identification_table,
     summarise_identification,
 )
+from midastouch_benchmark.tables.results import of_identification
 from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
 from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
@@ -82,14 +82,14 @@ def test_the_summary_counts_both_kinds_of_trials():
     assert summary["calibration_error"] == pytest.approx(0.05)
     assert summary["answers"]["object_0 -> that"] == 2
     assert summary["enough"]
-    header, rows = identification_table(summary)
-    assert header[0] == "5 objects, 100 slides"
-    assert rows[0][1] == "90%"
+    ((_, table),) = of_identification({"identification": summary})
+    assert table["slides"][0] == "100 with, 100 without"
+    assert table["right at the end"][0].startswith("90 % (")
 
 
 def test_few_trials_claim_nothing():
-    _, rows = identification_table(summarise_identification([trial(0), trial(1, False)]))
-    assert {row[1] for row in rows} == {"too few (1)"}
+    ((_, table),) = of_identification({"identification": summarise_identification([trial(0), trial(1, False)])})
+    assert set(table.iloc[0, 2:]) == {"too few (1)"}
 
 
 def test_probabilities_that_come_true_are_calibrated():

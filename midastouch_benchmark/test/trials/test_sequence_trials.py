@@ -1,8 +1,9 @@
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from midastouch_benchmark.trials.sequence_trials import mesh_doubt
+from midastouch_benchmark.trials.sequence_trials import mesh_doubt, require_real
 from midastouch_common.errors import InputError
 
 
@@ -20,3 +21,10 @@ def test_a_mesh_is_where_the_sensor_touches_it(sequence, mesh):
     assert "block/00: the true poses are 10 mm off the surface of block" in doubt
     with pytest.raises(InputError, match=r"mm off .* give the mesh in metres in the gel frame of the trial's first"):
         mesh_doubt(moved(sequence, 0.05, "tactile_tracking"), frames, mesh)
+
+
+def test_simulated_slides_are_no_real_ones():
+    real, simulated = (SimpleNamespace(path=Path(layout), layout=layout) for layout in ("real", "simulated"))
+    require_real([real])
+    with pytest.raises(InputError, match=r"simulated: not a real slide.*download ycb-slide real"):
+        require_real([real, simulated])

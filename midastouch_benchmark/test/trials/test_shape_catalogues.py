@@ -1,6 +1,7 @@
 import pytest
 
-from midastouch_benchmark.statistics.shape_summary import shape_table, summarise_shapes
+from midastouch_benchmark.statistics.identification import summarise_shapes
+from midastouch_benchmark.tables.exploring import shapes_table
 from midastouch_benchmark.trials.shape_catalogues import ShapePlan, run_shapes
 from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
@@ -62,10 +63,9 @@ def test_the_summary_is_by_the_size_of_the_catalogue():
     assert shares == pytest.approx(
         {"compared_early": 0.8, "leads_early": 0.0, "compared": 1.0, "leads": 0.9, "right": 0.9, "refused": 0.7}
     )
-    header, rows = shape_table(summary)
-    assert len(header) == len(rows[0]) == len(rows[1])
-    assert rows[0][2].startswith("80%")
-    assert rows[1][2:8] == ["too few"] * 6
+    table = shapes_table(summary)
+    assert table["compared after 0.1 m"][0].startswith("80 %")
+    assert set(table.iloc[1, 2:]) == {f"too few ({summary['1000']['known']})"}
 
 
 def test_shapes_and_meshes_do_not_go_together(capsys):

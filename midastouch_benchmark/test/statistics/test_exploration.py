@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.exploration_summary import exploration_table, summarise_exploration
+from midastouch_benchmark.statistics.exploration import summarise_exploration
 from midastouch_benchmark.trials.exploration import chosen_policies
 from midastouch_common.errors import InputError
 
@@ -45,12 +45,6 @@ def test_who_does_not_find_out_has_an_endless_path(summary):
     assert np.isinf(lost["path_m"]["value"])
     assert lost["path_ratio"] is None
     assert lost["alike_truly"]["share"] is None
-
-
-def test_the_table_has_a_row_per_object_and_one_for_all(summary):
-    header, rows = exploration_table(summary)
-    assert [row[:2] for row in rows] == [[p, o] for p in ("suggested", "random") for o in ("mug", "all")]
-    assert all(len(row) == len(header) for row in rows)
 
 
 def test_an_unknown_policy_is_named():

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from midastouch_bringup.text_table import number
-
 from .intervals import ENOUGH, Figures
 
 
@@ -56,20 +54,3 @@ def _figures(trials: list[dict]) -> dict:
         "path_m": figures.value(paths, np.median),
         "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
     }
-
-
-def exploration_table(summary: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows for the terminal: by policy and object."""
-    rows = []
-    for policy, one in summary.items():
-        for name, each in [*one["objects"].items(), ("all", one)]:
-            path = each["path_m"]["value"]
-            cells = [_percent(each[key]["share"]) for key in ("right", "wrong", "alike", "told_apart")]
-            median = "never" if np.isinf(path) else f"{1e3 * path:.0f} mm"
-            rows.append([policy, name, each["trials"], *cells, median, number(each["asked_ms"], 0)])
-    header = ["policy", "object", "trials", "converged right", "converged wrong", "said alike", "rivals told apart"]
-    return [*header, "path until right, median", "answers within, CPU ms"], rows
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.0f} %"

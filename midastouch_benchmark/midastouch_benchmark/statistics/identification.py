@@ -1,4 +1,4 @@
-"""Figures of how well objects are told apart, each with its 95 % interval, and their table."""
+"""Figures of how well objects are told apart, in one catalogue and in ever larger ones of random shapes."""
 
 from __future__ import annotations
 
@@ -58,24 +58,35 @@ def confusions(trials: list[dict]) -> dict[str, int]:
     return dict(sorted(((name, names.count(name)) for name in dict.fromkeys(names)), key=lambda each: -each[1]))
 
 
-def identification_table(summary: dict) -> tuple[list[str], list[list[object]]]:
-    """Header and rows: what, figure, 95 % interval; "too few" in place of figures below `ENOUGH` trials."""
-    rows = [
-        ["right at the end", *_figure(summary["right"], "share", "{:.0%}")],
-        ["and the pose converged within 10 mm", *_figure(summary["pose_right"], "share", "{:.0%}")],
-        ["the same where the object is known", *_figure(summary["alone_pose_right"], "share", "{:.0%}")],
-        ["refused, when left out of the catalogue", *_figure(summary["refused"], "share", "{:.0%}")],
-        ["path until right, median, m", *_figure(summary["path_until_right"], "value", "{:.2f}")],
-        ["expected calibration error", f"{summary['calibration_error']:.3f}", "-"],
-        ["CPU a frame, over that of one known object", *_figure(summary["cpu_ratio"], "value", "{:.2f}")],
-    ]
-    if not summary["enough"]:
-        rows = [[what, f"too few ({summary['known']})", "-"] for what, *_ in rows]
-    return [f"{summary['objects']} objects, {summary['known']} slides", "figure", "95 % interval"], rows
+def summarise_shapes(trials: list[dict]) -> dict[str, dict]:
+    """For each size of the catalogue: {"share" or "value", "interval"} of each figure, and what they are of.
+
+    known, unknown: numbers of trials with the shape in the catalogue and without; of the former after `EARLY` m
+    compared_early and leads_early: the shape was compared, no other one was more probable; compared and leads, likewise
+    at the end; right, that it was more probable than `unknown`, too; refused, of the latter; cpu_ms of a frame, without
+    the networks; slowest_ms, of all frames; memory_mib of the process, at most; enough: whether there are trials enough
+    for a claim.
+    """
+    return {
+        str(size): _of_size([t for t in trials if t["size"] == size]) for size in sorted({t["size"] for t in trials})
+    }
 
 
-def _figure(one: dict, key: str, form: str) -> tuple[str, str]:
-    def said(value: float | None) -> str:
-        return "never" if value is None or np.isinf(value) else form.format(value)
-
-    return said(one[key]), "-" if one["interval"] is None else "...".join(map(said, one["interval"]))
+def _of_size(trials: list[dict]) -> dict:
+    known = [trial for trial in trials if trial["in_catalogue"]]
+    unknown = [trial for trial in trials if not trial["in_catalogue"]]
+    of_known = Figures.by_slide(known)
+    return {
+        "known": len(known),
+        "unknown": len(unknown),
+        "enough": len(known) >= ENOUGH,
+        "compared_early": of_known.share([trial["early"]["compared"] for trial in known]),
+        "leads_early": of_known.share([trial["early"]["leads"] for trial in known]),
+        "compared": of_known.share([trial["late"]["compared"] for trial in known]),
+        "leads": of_known.share([trial["late"]["leads"] for trial in known]),
+        "right": of_known.share([trial["right"] for trial in known]),
+        "refused": Figures.by_slide(unknown).share([trial["right"] for trial in unknown]),
+        "cpu_ms": Figures.by_slide(trials).value([trial["cpu_ms"] for trial in trials], np.mean),
+        "slowest_ms": max(trial["slowest_ms"] for trial in trials),
+        "memory_mib": max(trial["memory_mib"] for trial in trials),
+    }
