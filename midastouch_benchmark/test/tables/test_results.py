@@ -24,7 +24,7 @@ def result(trials) -> dict:
 
 def test_a_terminal_is_shown_every_table_of_a_benchmark(result):
     text = shown([*of_start(result, "paper"), *of_variants(result)])
-    for word in ("can", "axis", "2 of 3", "7.4 mm, 9.4 deg", "too few (3)", VARIANTS["paper"].summary, "0 of 2"):
+    for word in ("can", "axis", "2 of 3", "7.4 mm, 9.4 deg", "too few trials (3)", VARIANTS["paper"].summary, "0 of 2"):
         assert word in text
 
 
@@ -37,15 +37,18 @@ def test_a_result_file_is_compact(result, tmp_path):
     assert len((tmp_path / "r.json").read_text().splitlines()) < 40
 
 
-def test_events_and_grasps_have_their_tables(result):
-    summary = result["summary"][DEFAULT]["paper"]
+def test_events_grasps_and_other_methods_have_their_tables(trials):
     figure = {"share": 0.5, "interval": [0.4, 0.6]}
     grasp = {"trials": 3} | dict.fromkeys(("found", "share", "right", "converged", "converged_wrong"), figure)
-    for by_init in result["summary"].values():
+    many = [trial | {"slide": k, "event_at": 2} for k in range(40) for trial in trials]
+    summary = summarise_accuracy(many)
+    for by_init in summary.values():
         by_init["paper"]["grasps"] = [grasp]
-    summary["recovery"] = {"trials": 3, "recovered": 2}
-    titles = [title for title, _ in of_start(result, "paper")]
-    assert {"around the event", "after each grasp"} <= set(titles)
+    variants = {name: VARIANTS[name].describe() for name in summary}
+    tables = dict(of_start({"objects": [], "variants": variants, "summary": summary, "trials": many}, "paper"))
+    assert {"around the event", "after each grasp", "methods on the same slides"} <= set(tables)
+    assert len(tables["methods on the same slides"]) == 2
+    assert list(tables["after each grasp"]["pose right"]) == ["too few (3)"] * 3
 
 
 def test_the_paper_s_real_slides_stand_beside_ours(trials):
