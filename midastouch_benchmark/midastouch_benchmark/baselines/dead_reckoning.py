@@ -77,7 +77,7 @@ class DeadReckoning:
         return Estimate([Mode(1.0, self._pose, self._covariance, 1)], status, self._covariance)
 
     def _look(self, odometry: np.ndarray | None, measurement: Measurement) -> None:
-        """What is felt changes nothing."""
+        """What is measured changes nothing."""
 
     @property
     def poses(self) -> np.ndarray:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class RegistrationConfig:
     """voxel [m] of both clouds, the rest in multiples of it as Open3D's documents have them; every, touches between two
-    registrations; iterations of RANSAC; sure, share of the cloud that must lie on the surface to be believed."""
+    registrations; iterations of RANSAC; sure, fraction of the cloud that must lie on the surface to be believed."""
 
     voxel: float = 2e-3
     every: int = 20
@@ -79,16 +79,16 @@ class Registration(DeadReckoning):
             self._since_start = self._since_start @ odometry
         if not measurement.in_contact or measurement.penetration is None:
             return
-        felt = cloud_from_penetration(measurement.penetration, measurement.penetration > 0, self._sensor)
-        self._points = np.concatenate([self._points, felt @ self._since_start[:3, :3].T + self._since_start[:3, 3]])
+        points = cloud_from_penetration(measurement.penetration, measurement.penetration > 0, self._sensor)
+        self._points = np.concatenate([self._points, points @ self._since_start[:3, :3].T + self._since_start[:3, 3]])
         # the surface faces the gel
-        self._normals = np.concatenate([self._normals, np.tile(self._since_start[:3, 2], (len(felt), 1))])
+        self._normals = np.concatenate([self._normals, np.tile(self._since_start[:3, 2], (len(points), 1))])
         self._touches += 1
         if self._touches % self._config.every == 0 and len(self._points) > 10:
             self._register()
 
     def _register(self) -> None:
-        """Align all points felt so far."""
+        """Align all points measured so far."""
         c, registration = self._config, self._open3d.pipelines.registration
         cloud = self._cloud(self._points, self._normals)
         # those given only say which way is out: where normals are there, Open3D keeps to their side

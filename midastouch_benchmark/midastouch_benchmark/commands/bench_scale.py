@@ -41,12 +41,12 @@ def run(args: argparse.Namespace) -> int:
     from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
     from ..tables.speed import scaling_table
     from ..tables.table import terminal
-    from ..trials.stock import Touches
+    from ..trials.cache import Touches
 
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
-    felt = Touches.perceive(sequence, networks).felt
-    slide = Slide(felt, sequence.poses_measured, sequence.poses_true[0])
+    measurements = Touches.perceive(sequence, networks).measurements
+    slide = Slide(measurements, sequence.poses_measured, sequence.poses_true[0])
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
-    folder = plan.stock.folder
+    folder = plan.cache.folder
     meshes = (
         small_parts(folder / "meshes") if protocol.small_parts else options.chosen_meshes(args.meshes, args.objects)
     )
@@ -95,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
-                "symmetry": plan.stock.symmetry(mesh).describe(),
+                "symmetry": plan.cache.symmetry(mesh).describe(),
                 "likelihood_levels": levels.get(mesh.name),
             }
             for mesh in meshes
@@ -127,7 +127,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     size = args.codebook_size or protocol.codebook_size
     return Plan(
-        protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size),
+        protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),
         load_filter_config(args.config, args.preset),
         tuple(variants),
         tuple(dict.fromkeys(args.init or protocol.starts)),

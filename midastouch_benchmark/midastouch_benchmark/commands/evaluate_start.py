@@ -34,19 +34,19 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_filter.quick_start import SIZE
 
     from ..speed.start import first_poses, summarise_first_poses
+    from ..trials.cache import Cache, SlideKind
     from ..trials.setup import load_filter_config
-    from ..trials.stock import SlideKind, Stock
 
-    stock = Stock(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
+    cache = Cache(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
     config, meshes = load_filter_config(args.config, args.preset), options.chosen_meshes(args.meshes, args.objects)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
-        trials += first_poses(mesh, stock, range(args.slides), config)
+        trials += first_poses(mesh, cache, range(args.slides), config)
     summary = summarise_first_poses(trials)
     seconds = summary["first_pose_s"]
     settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
     result = {
-        "config": settings | {"networks": stock.describe()},
+        "config": settings | {"networks": cache.describe()},
         "machine": machine,
         "start": summary,
         "trials": trials,

@@ -2,7 +2,7 @@
 
     .venv/bin/python -m midastouch_benchmark.fits.object_motion --objects 40
 
-Slides over random shapes are felt through the depth network, by sensors near TACTO's and far from it. The gel is
+Slides over random shapes are measured through the depth network, by sensors near TACTO's and far from it. The gel is
 tracked as `OdometryCorrection` does, from the truth on, with a right mount and with one 2 mm and 2 deg off. Printed are
 the log-odds of a jump while the object rests, the level that an exponential tail through the largest hundredth exceeds
 once in ten minutes at 30 Hz, and how often a motion is told: falsely, and within 10 frames of a push by 5 mm and 5 deg.
@@ -50,7 +50,7 @@ class SureBelief:
 
 
 def slides(networks: Networks, objects: int) -> Iterator[tuple[ObjectMesh, np.ndarray, np.ndarray]]:
-    """Mesh, poses (N, 4, 4) and felt maps (N, 80, 60) of a slide over each of so many objects."""
+    """Mesh, poses (N, 4, 4) and measured maps (N, 80, 60) of a slide over each of so many objects."""
     sensor = networks.sensor.for_maps
     for number in range(objects):
         rng = np.random.default_rng([77, number])
@@ -67,11 +67,11 @@ def slides(networks: Networks, objects: int) -> Iterator[tuple[ObjectMesh, np.nd
             optics = TactoOptics(sensor)
             images = [optics.image(p, background, rng, n, 1.0) for p, n in zip(penetration, normals, strict=True)]
         detector = ContactDetector(sensor)
-        felt = [
+        measurement = [
             detector.update(networks.tdn.penetration(image.astype(np.float32) - background)).penetration
             for image in images
         ]
-        yield mesh, poses, np.array([reduced_penetration(each) for each in felt])
+        yield mesh, poses, np.array([reduced_penetration(each) for each in measurement])
 
 
 def random_motion(rng: np.random.Generator, translation: float, rotation_deg: float) -> np.ndarray:
@@ -88,8 +88,8 @@ def play(
     config, jump_hypotheses.DECISIVE = FilterConfig(), decisive
     correction = OdometryCorrection(alignment, config, NoiseModel.of(config), Stopwatch(lambda: 0.0))
     odds, told = np.full(len(truth), -np.inf), np.zeros(len(truth), bool)
-    for i, (pose, felt) in enumerate(zip(truth, maps, strict=True)):
-        touch = Measurement(bool(felt.any()), penetration=felt)
+    for i, (pose, measurement) in enumerate(zip(truth, maps, strict=True)):
+        touch = Measurement(bool(measurement.any()), penetration=measurement)
         correction(se3.inverse(measured[i - 1]) @ measured[i] if i else None, touch, FRAME_TIME)
         odds[i], told[i] = correction.suspicion, correction.jump is not None
         correction.observe(SureBelief(pose), touch, trusted=True)
@@ -113,8 +113,8 @@ def main() -> None:
             at_rest.append(play(alignment, truth, maps, measured, np.inf)[0])
             false.append(play(alignment, truth, maps, measured, decisive)[1].sum())
             start = int(rng.integers(len(truth) // 3, len(truth) - WITHIN))
-            share = np.clip((np.arange(len(truth)) - start + 1) / PUSHED, 0, 1)
-            push = se3.exp(share[:, None] * random_motion(rng, 5e-3, 5.0))
+            fraction = np.clip((np.arange(len(truth)) - start + 1) / PUSHED, 0, 1)
+            push = se3.exp(fraction[:, None] * random_motion(rng, 5e-3, 5.0))
             pushed = truth[start] @ push @ se3.inverse(truth[start]) @ measured
             end = start + WITHIN + 1
             noticed.append(play(alignment, truth[:end], maps[:end], pushed[:end], decisive)[1][start:].any())

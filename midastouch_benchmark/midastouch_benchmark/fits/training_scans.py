@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_common.mesh import ObjectMesh
 
 from ..commands.options import meshes_to_fit_on
@@ -28,9 +28,9 @@ def parser_of(description: str, out: str, every: int, poses: int) -> argparse.Ar
     return parser
 
 
-def stock_of(args: argparse.Namespace) -> Stock:
+def cache_of(args: argparse.Namespace) -> Cache:
     """Slides and codebooks, kept in the folder of the fit."""
-    return Stock(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
+    return Cache(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
 
 
 def scans_of(args: argparse.Namespace) -> Iterator[ObjectMesh]:

@@ -80,7 +80,7 @@ def centre_under(outline: np.ndarray, radius: float) -> np.ndarray:
     return fit_sphere(outline, radius).centre
 
 
-def misfit(outline: np.ndarray, centre: np.ndarray, radius: float) -> float:
+def outline_residual(outline: np.ndarray, centre: np.ndarray, radius: float) -> float:
     """Root mean square distance [m] of an outline (N, 3) m from a ball."""
     return float(np.sqrt(np.mean((np.linalg.norm(outline - centre, axis=1) - radius) ** 2)))
 
@@ -112,7 +112,8 @@ def mask_outline(mask: np.ndarray, sensor: SensorModel) -> np.ndarray:
 
 
 def nearest_cap(penetration: np.ndarray, contact: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray:
-    """Centre (3,) m of the ball whose penetration is nearest to a relief (H, W) m, by the squares over all pixels.
+    """Centre (3,) m of the ball whose penetration is nearest to a penetration map (H, W) m, by the squares over all
+    pixels.
 
     contact (H, W) bool, not empty: where the search starts from.
     """

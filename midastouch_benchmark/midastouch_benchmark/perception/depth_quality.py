@@ -71,8 +71,8 @@ def brightness_effect(
     for name, image in presses.images.items():
         if calibrations is not None:
             tdn.calibration = calibrations[name]
-        felt = tdn.predict(image, presses.background)
+        measured = tdn.predict(image, presses.background)
         changed = [np.clip(np.rint(factor * image.astype(np.float32)), 0, 255).astype(np.uint8) for factor in CHANGES]
-        errors = [tdn.predict(other, presses.background) - felt for other in changed]
+        errors = [tdn.predict(other, presses.background) - measured for other in changed]
         effects.append(max(float(np.sqrt(np.mean(error**2))) for error in errors))
     return float(np.median(effects))

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save
 from midastouch_bringup.drawing.page import Page
 
-from ..statistics.coverage import observed_shares
+from ..statistics.coverage import observed_fractions
 from ..tables.results import of_start, of_variants
 from ..tables.table import on_page
 from ..trials.variants import DEFAULT
@@ -74,17 +74,17 @@ def _likelihood(page: Page, content: dict, path: Path) -> None:
     counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
     if not counts:
         return
-    curves = {name: (observed_shares(one), {"lw": 1, "alpha": 0.7}) for name, one in counts.items()}
+    curves = {name: (observed_fractions(one), {"lw": 1, "alpha": 0.7}) for name, one in counts.items()}
     total = np.sum(list(counts.values()), axis=0)
-    curves[f"all ({total.sum()} touches)"] = observed_shares(total), {"color": "black", "lw": 2.2}
+    curves[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
     page.heading("Calibration of the likelihood")
     figure = reliability_figure(content["levels"], curves, "mass of the codebook's likeliest poses given one touch")
     page.picture(save(figure, path), "How often the true pose is among them")
 
 
 def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Observed share (L,) over predicted share `levels` (L,) of each curve, (shares, line style) by its name; the
-    diagonal is perfect calibration."""
+    """Observed fraction (L,) over predicted fraction `levels` (L,) of each curve, (fractions, line style) by its name;
+    the diagonal is perfect calibration."""
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)

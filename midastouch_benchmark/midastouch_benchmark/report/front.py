@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from midastouch_bringup.drawing.figures import style_error_axes
 
 from ..statistics.comparison import pareto_front, rows_by_init
-from ..trials.variants import BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PEER, PRESET
+from ..trials.variants import BASELINE, BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PRESET
 
 _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
@@ -71,7 +71,7 @@ _GROUPS = {
     DEFAULT: ("default, as shipped", "#cc1a73", "*"),
     PRESET: ("a preset", "#cc1a73", "d"),
     PAPER: ("the paper's filter", "black", "s"),
-    PEER: ("another method", "#555555", "P"),
+    BASELINE: ("another method", "#555555", "P"),
     COUNT: ("fewer particles", "#1f77b4", "o"),
     INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
     BUDGET: ("fewer or more modes aligned", "#17a2b8", "X"),

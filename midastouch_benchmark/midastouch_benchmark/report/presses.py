@@ -14,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
-from ..perception.press_quality import Press, feel_presses
+from ..perception.press_quality import Press, as_measured
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth
 from ..tables.perception import presses_table
 from ..tables.table import on_page
@@ -30,14 +30,14 @@ def press_figure(presses: list[Press]) -> Figure:
     axes = figure.subplots(rows, 4 * _ACROSS, squeeze=False)
     for one in axes.ravel():
         one.set_axis_off()
-    deepest = max(1e-4, *(float(map_.max()) for p in presses for map_ in (p.felt, p.ideal) if map_ is not None))
+    deepest = max(1e-4, *(float(map_.max()) for p in presses for map_ in (p.measured, p.ideal) if map_ is not None))
     for k, press in enumerate(presses):
         four = axes[k // _ACROSS, 4 * (k % _ACROSS) :][:4]
         four[0].imshow(press.image)
         four[1].imshow(np.clip(128 + press.difference, 0, 255).astype(np.uint8))
-        for cell, relief in zip(four[2:], (press.felt, press.ideal), strict=True):
-            if relief is not None:
-                shown = cell.imshow(1e3 * relief, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+        for cell, penetration in zip(four[2:], (press.measured, press.ideal), strict=True):
+            if penetration is not None:
+                shown = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
         for cell, title in zip(four, (press.name, *_TITLES[1:]), strict=True):
             cell.set_title(title, fontsize=8, loc="left")
     bar = figure.colorbar(shown, ax=axes, location="right", fraction=0.012, pad=0.01)
@@ -46,7 +46,8 @@ def press_figure(presses: list[Press]) -> Figure:
 
 
 def depth_figure(content: dict) -> Figure:
-    """Felt over pressed depth, and the radius felt, of every press of an `evaluate-presses` result, with the truth."""
+    """Measured over pressed depth, and the radius measured, of every press of an `evaluate-presses` result, with the
+    truth."""
     known = [row for row in content["presses"] if row["ideal_peak_mm"] is not None]
     figure = Figure(figsize=(10, 3), layout="constrained")
     depth, radius = figure.subplots(1, 2)
@@ -55,8 +56,8 @@ def depth_figure(content: dict) -> Figure:
     depth.plot([0, max(pressed, default=1)], [0, max(pressed, default=1)], color="#2ca02c", lw=1)
     depth.set_ylabel("deepest felt [mm]", fontsize=9)
     round_ones = [row for row in known if row["felt_radius_mm"] is not None]
-    felt = [row["felt_radius_mm"] for row in round_ones]
-    radius.plot([row["ideal_peak_mm"] for row in round_ones], felt, "o", ms=4, color="#1f77b4")
+    measured = [row["felt_radius_mm"] for row in round_ones]
+    radius.plot([row["ideal_peak_mm"] for row in round_ones], measured, "o", ms=4, color="#1f77b4")
     radius.axhline(500 * content["ball_diameter"], color="#2ca02c", lw=1)
     radius.set_ylabel("radius felt [mm]", fontsize=9)
     for axes in (depth, radius):
@@ -70,7 +71,7 @@ _SHOWN = 12
 
 
 def press_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Table, felt over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
+    """Table, measured over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
     page.heading("Real presses of a ball")
     page.note(
         "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
@@ -82,14 +83,14 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
     for i, content in enumerate(contents):
         page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Felt over the presses")
         try:
-            shown = _felt_again(content)
+            shown = _measured_again(content)
         except InputError as error:
             page.note(f"no pictures of the presses: {error}")
             continue
         page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
 
 
-def _felt_again(content: dict) -> list[Press]:
+def _measured_again(content: dict) -> list[Press]:
     """Some presses with the network of the result; InputError if that or the images are not there any more."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:
@@ -102,4 +103,4 @@ def _felt_again(content: dict) -> list[Press]:
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
     calibrations = calibrations_of(content, presses, sensor)
     shown = with_truth(presses, content["ball_diameter"], sensor).presses.only([names[k] for k in some])
-    return list(feel_presses(tdn, shown, content["ball_diameter"] / 2, calibrations))
+    return list(as_measured(tdn, shown, content["ball_diameter"] / 2, calibrations))

@@ -67,8 +67,8 @@ def measure_object(
     ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
     others, missing = other_encoders(networks, plan)
     split = plan.baseline_queries if others else 0
-    compared, felt = _encode(simulator, poses[:split], ours | others, rng, progress)
-    rest, felt_rest = _encode(simulator, poses[split:], ours, rng, progress)
+    compared, in_contact = _encode(simulator, poses[:split], ours | others, rng, progress)
+    rest, in_contact_rest = _encode(simulator, poses[split:], ours, rng, progress)
     codes = np.concatenate([part[OURS] for part in (compared, rest) if OURS in part])
     errors = single_touch_errors(codebook.poses, poses, best_matches(codebook.codes, codes), rng)
     baselines: dict = dict.fromkeys(BASELINES) | {"missing": missing}
@@ -79,7 +79,7 @@ def measure_object(
     return {
         "object": mesh.name,
         "queries": plan.queries,
-        "missed": int(plan.queries - felt.sum() - felt_rest.sum()),
+        "missed": int(plan.queries - in_contact.sum() - in_contact_rest.sum()),
         "summary": errors.summary(),
         "baselines": baselines,
         "errors": _quantiles(errors),

@@ -26,7 +26,7 @@ class LookupSpeed:
     """times of one look-up; exact_share, of the particles whose entry is as near, within 1 %, as the nearest one."""
 
     times: Stopwatch
-    exact_share: float
+    exact_fraction: float
 
 
 def lookup_speed(

@@ -34,8 +34,8 @@ from midastouch_perception.tdn import fcrn_shapes, load_tdn
 from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
 
+from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of
-from ..trials.stock import Touches
 from .lookup import AlikeCopies, lookup_speed
 from .timing import Stopwatch, time_calls
 
@@ -92,15 +92,15 @@ class SpeedMeasurement:
     def four_modes(self) -> dict:
         """four_modes_ms: one step while the map aligns four modes, the particle number adapted, all of the fine stage
         included: on four copies of the object, started near the true pose on each. Nothing if they do not last."""
-        twins = AlikeCopies(self._mesh, self._codebook, _MODES)
+        copies = AlikeCopies(self._mesh, self._codebook, _MODES)
         config = FilterConfig()
-        particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0)
+        particle_filter = ParticleFilter(copies.mesh, copies.codebook, config, seed=0)
         spread = np.diag(np.repeat(np.square(_GATHERED), 3))
         particle_filter.initialise_places(
-            [Place(pose, spread, 1 / _MODES) for pose in twins.on_every_copy(self._truth[0])]
+            [Place(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
         )
         stopwatch, narrow = Stopwatch(), []
-        for i, touch in enumerate(self._felt):
+        for i, touch in enumerate(self._measurements):
             with stopwatch:
                 modes = particle_filter.step(self._odometry(i), touch).modes
             narrow.append(sum(is_narrow(mode, config) for mode in modes[:_MODES]))
@@ -108,14 +108,14 @@ class SpeedMeasurement:
         return {"four_modes_ms": stopwatch.where(chosen).summary()} if sum(chosen) >= _LEAST_STEPS else {}
 
     @functools.cached_property
-    def _felt(self) -> list[Measurement]:
+    def _measurements(self) -> list[Measurement]:
         """What the filter is told of each frame, where the networks are not timed."""
-        return Touches.of_images(self._images, self._background, self._networks, {}).felt
+        return Touches.of_images(self._images, self._background, self._networks, {}).measurements
 
     def _steps(self, count: int) -> Stopwatch:
         particle_filter = self._filter(count, refinement=False)
         stopwatch = Stopwatch()
-        for i, touch in enumerate(self._felt):
+        for i, touch in enumerate(self._measurements):
             with stopwatch:
                 particle_filter.step(self._odometry(i), touch)
         stopwatch.drop(2)
@@ -123,14 +123,16 @@ class SpeedMeasurement:
 
     def _fine_stage(self, count: int) -> dict[str, float]:
         particle_filter = self._filter(count)
-        stages = [particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(self._felt)]
+        stages = [
+            particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(self._measurements)
+        ]
         wall = [sum(ms.get(name, 0.0) for name in _FINE_STAGES) for ms in stages[2:]]
         return {"p50": float(np.median(wall)), "p95": float(np.percentile(wall, 95))}
 
     def lookup(self) -> dict:
         """lookup_ms: nearest codebook entries of particles one frame after the last look-up, spread over the object;
         lookup_converged_ms: gathered around the true pose; lookup_exact_share: of particles given the nearest entry."""
-        touches = self._felt[:_LOOKUP_FRAMES]
+        touches = self._measurements[:_LOOKUP_FRAMES]
         gathered = self._filter(COUNTS[0])
         gathered.initialise_gaussian(self._truth[0], *_GATHERED)
         speeds = {}
@@ -142,7 +144,7 @@ class SpeedMeasurement:
         return {
             "lookup_ms": {str(COUNTS[0]): speeds["spread"].times.summary()},
             "lookup_converged_ms": {str(COUNTS[0]): speeds["converged"].times.summary()},
-            "lookup_exact_share": {name: speed.exact_share for name, speed in speeds.items()},
+            "lookup_exact_share": {name: speed.exact_fraction for name, speed in speeds.items()},
         }
 
     def end_to_end(self) -> dict:
@@ -185,7 +187,7 @@ class SpeedMeasurement:
 
     def stepper(self) -> Callable[[], None]:
         """A function that takes one step of the slide, over and over, with 50k particles."""
-        particle_filter, touches = self._filter(COUNTS[0]), self._felt
+        particle_filter, touches = self._filter(COUNTS[0]), self._measurements
         frames = itertools.cycle(range(len(touches)))
 
         def step() -> None:
@@ -213,7 +215,7 @@ class SpeedMeasurement:
         }
 
     def _simulated_images(self, model: SensorModel) -> dict[str, float]:
-        """Of the slide's touches, each seed's sensor taking its share of them."""
+        """Of the slide's touches, each seed's sensor taking its fraction of them."""
         stopwatch = Stopwatch()
         for seed, poses in enumerate(np.array_split(self._truth[: len(self._images)], _SEEDS)):
             background = no_contact_image(model, np.random.default_rng(seed))

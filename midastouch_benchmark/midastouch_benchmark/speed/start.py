@@ -22,10 +22,10 @@ from midastouch_filter.localiser import Localiser
 from midastouch_filter.quick_start import build_object
 
 from ..statistics.intervals import ENOUGH, bootstrap_interval
-from ..trials.stock import Stock
+from ..trials.cache import Cache
 
 _NODE = "particle_filter"
-_PATIENCE_S = 300.0
+_TIMEOUT_S = 300.0
 _REPEATS = 5
 
 
@@ -48,8 +48,8 @@ def node_start(mesh: Path, codebook: Path) -> dict:
                 supervisor.start(node_program(_NODE, parameters))
                 while not active.said.wait(0.05):
                     supervisor.look_after()
-                    if time.monotonic() - begin > _PATIENCE_S:
-                        raise InputError(f"{_NODE} is not active after {_PATIENCE_S:.0f} s: is the machine overloaded?")
+                    if time.monotonic() - begin > _TIMEOUT_S:
+                        raise InputError(f"{_NODE} is not active after {_TIMEOUT_S:.0f} s: is the machine overloaded?")
                 seconds.append(active.at - begin)
                 memory.append(resident_mb(supervisor.pids[_NODE]))
     p50, most = np.percentile(seconds, [50, 100]).round(3).tolist()
@@ -68,32 +68,32 @@ class _Active:
             self.said.set()
 
 
-def first_poses(mesh: ObjectMesh, stock: Stock, slides: Iterable[int], config: FilterConfig) -> list[dict]:
+def first_poses(mesh: ObjectMesh, cache: Cache, slides: Iterable[int], config: FilterConfig) -> list[dict]:
     """Of the first touch of each slide over an object that is asked for by its mesh alone.
 
     build_s, until the filter has a codebook, once for all slides; step_s, from there to the touch's pose, while the
     codebook already grows; build_cpu_s, processor time of the former, which survives a busy machine.
     """
-    touches = {number: _first_touch(stock, mesh, number) for number in slides}
+    touches = {number: _first_touch(cache, mesh, number) for number in slides}
     wall, cpu = time.perf_counter(), time.process_time()
     localiser = Localiser(None, wait=False)
-    localiser.set_object(build_object(mesh.path, stock.tcn, stock.sensor, config, seed=0))
+    localiser.set_object(build_object(mesh.path, cache.tcn, cache.sensor, config, seed=0))
     build = {"build_s": time.perf_counter() - wall, "build_cpu_s": time.process_time() - cpu}
     trials = []
     try:
         for number, frame in touches.items():
             localiser.restart()
             wall = time.perf_counter()
-            localiser.process(frame.measured, frame.felt)
+            localiser.process(frame.measured, frame.measurement)
             trials.append({"object": mesh.name, "slide": number, "step_s": time.perf_counter() - wall} | build)
     finally:
         localiser.close()
     return trials
 
 
-def _first_touch(stock: Stock, mesh: ObjectMesh, number: int):
-    sequence, touches = stock.touches(mesh, number)
-    return next(frame for frame in touches.frames(sequence, 1) if frame.felt.in_contact)
+def _first_touch(cache: Cache, mesh: ObjectMesh, number: int):
+    sequence, touches = cache.touches(mesh, number)
+    return next(frame for frame in touches.frames(sequence, 1) if frame.measurement.in_contact)
 
 
 def summarise_first_poses(trials: list[dict]) -> dict:

@@ -11,8 +11,8 @@ from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
 from ..trials.grasps import grasp_summary
 from ..trials.trial import AFTER_EVENT, ERROR_KEYS, STAGES, SYMMETRIC_KEYS
-from ..trials.variants import DEFAULT, PAPER, PEER, VARIANTS
-from .coverage import KINDS, LEVELS, WEIGHTS, observed_shares
+from ..trials.variants import BASELINE, DEFAULT, PAPER, VARIANTS
+from .coverage import KINDS, LEVELS, WEIGHTS, observed_fractions
 from .intervals import ENOUGH, Figures
 
 
@@ -38,7 +38,7 @@ def is_right(trial: dict, key: str = "estimate_trans_mm") -> bool:
 
 
 def wrong_converged(trials: list[dict]) -> float:
-    """Share of all frames in which the filter was converged, but not within 10 mm of the truth."""
+    """Fraction of all frames in which the filter was converged, but not within 10 mm of the truth."""
     wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
     return wrong / max(sum(t["frames"] for t in trials), 1)
 
@@ -77,7 +77,7 @@ def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
     groups: dict[str, dict[str, list[dict]]] = {}
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
-    in_full = {name for name in groups if VARIANTS[name].group in (DEFAULT, PAPER, PEER)}
+    in_full = {name for name in groups if VARIANTS[name].group in (DEFAULT, PAPER, BASELINE)}
     return {
         variant: {init: _summary(some, variant in in_full) for init, some in by_init.items()}
         for variant, by_init in groups.items()
@@ -130,18 +130,18 @@ def recovery(trials: list[dict]) -> dict | None:
 
 
 def coverage(trials: list[dict]) -> dict[str, dict]:
-    """By kind of frame: number of frames; observed, share of them whose truth lies within each of `LEVELS`;
+    """By kind of frame: number of frames; observed, fraction of them whose truth lies within each of `LEVELS`;
     median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
     out = {}
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
-        observed = observed_shares(counts)
+        observed = observed_fractions(counts)
         out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": _median_nees(observed)}
     return out
 
 
 def _median_nees(observed: np.ndarray) -> float | None:
-    """Median of a chi-square of six degrees from the shares (L,) within each of `LEVELS`."""
+    """Median of a chi-square of six degrees from the fractions (L,) within each of `LEVELS`."""
     if not observed[-1] >= 0.5:
         return None
     return float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6))
@@ -157,13 +157,13 @@ def trust(trials: list[dict]) -> dict:
 
     converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; right_at_end;
     right_modulo_symmetry_at_end; right_or_among_modes_at_end, as of that function; right_if_converged_at_end, of
-    trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, share of frames
+    trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, fraction of frames
     whose region of that level holds the truth, and region_95, that of converged frames at 95 %; right_before_event,
     right_after_event, of trials, the latter so many frames later; found_again, of those that were right before;
     misled, of these too, which are ever converged at a wrong place, and misled_frames, in how many frames;
     frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
     ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
-    right, share of them whose pose is.
+    right, fraction of them whose pose is.
     enough: whether there are trials enough to claim anything.
     """
     figures = Figures.by_slide(trials)
@@ -191,10 +191,10 @@ def frames_until_right(trial: dict) -> float:
 
 
 def right_or_among_modes_at_end(trials: list[dict]) -> dict:
-    """Share of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
+    """Fraction of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
     near = [float(t["final"]["min_cluster_trans_mm"] or np.inf) <= 1e3 * t["right_m"] for t in trials]
     among = [t["final"]["state"] == AMBIGUOUS and each for t, each in zip(trials, near, strict=True)]
-    return Figures.by_slide(trials).share(np.logical_or([is_right(t) for t in trials], among))
+    return Figures.by_slide(trials).fraction(np.logical_or([is_right(t) for t in trials], among))
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
@@ -211,16 +211,16 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     def regions(kind: str) -> dict:
         counts = np.array([t["coverage"][kind] for t in trials])
         within = np.cumsum(counts, axis=1)
-        return {f"{level:g}": figures.share(within[:, k], counts.sum(axis=1)) for level, k in SHOWN_LEVELS.items()}
+        return {f"{level:g}": figures.fraction(within[:, k], counts.sum(axis=1)) for level, k in SHOWN_LEVELS.items()}
 
     return {
-        "converged_wrong": figures.share(wrong, [t["frames"] for t in trials]),
-        "converged_frames_wrong": figures.share(wrong, [t["frames_converged"] for t in trials]),
-        "right_at_end": figures.share(right[""]),
-        "right_modulo_symmetry_at_end": figures.share(right["symmetric_"]),
+        "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
+        "converged_frames_wrong": figures.fraction(wrong, [t["frames_converged"] for t in trials]),
+        "right_at_end": figures.fraction(right[""]),
+        "right_modulo_symmetry_at_end": figures.fraction(right["symmetric_"]),
         "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
-        "right_if_converged_at_end": figures.share(right[""], ends_converged),
-        "right_if_converged_modulo_symmetry_at_end": figures.share(right["symmetric_"], ends_converged),
+        "right_if_converged_at_end": figures.fraction(right[""], ends_converged),
+        "right_if_converged_modulo_symmetry_at_end": figures.fraction(right["symmetric_"], ends_converged),
         "region_95": regions(CONVERGED)["0.95"],
         "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
     }
@@ -232,10 +232,10 @@ def _around_an_event(trials: list[dict], figures: Figures) -> dict:
     before = [bool(t["right_before_event"]) for t in trials]
     after = [bool(t["right_after_event"]) for t in trials]
     return {
-        "right_before_event": figures.share(before, [t["right_before_event"] is not None for t in trials]),
-        "right_after_event": figures.share(after, asked) | {"frames": AFTER_EVENT},
-        "found_again": figures.share(np.logical_and(before, after), np.logical_and(before, asked)),
-        "misled": figures.share(np.logical_and(before, wrong > 0), before),
+        "right_before_event": figures.fraction(before, [t["right_before_event"] is not None for t in trials]),
+        "right_after_event": figures.fraction(after, asked) | {"frames": AFTER_EVENT},
+        "found_again": figures.fraction(np.logical_and(before, after), np.logical_and(before, asked)),
+        "misled": figures.fraction(np.logical_and(before, wrong > 0), before),
         "misled_frames": figures.values(np.where(before, wrong, np.nan)),
         "frames_until_right": {"median": figures.value([frames_until_right(t) for t in trials], np.median)},
     }
@@ -247,5 +247,5 @@ def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
         frames, right, weight = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right", "weight"))
         count = int(np.sum(frames))
         mean = float(np.sum(weight)) / count if count else None
-        out.append({"frames": count, "mean_weight": mean, "right": figures.share(right, frames)})
+        out.append({"frames": count, "mean_weight": mean, "right": figures.fraction(right, frames)})
     return out

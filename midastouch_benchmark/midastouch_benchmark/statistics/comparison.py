@@ -22,8 +22,8 @@ def compare_variants(trials: list[dict]) -> list[dict]:
     the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
     mean time of the whole frame. Differences, taken trial by trial, each with its 95 % `_interval` over slides (None
     where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
-    right at the end; `wrong_converged_difference`, of the mean share of frames converged wrong; `cpu_difference_ms`, of
-    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+    right at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`,
+    of the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
     """
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
@@ -69,14 +69,14 @@ def _verdict(differences: dict, trials: int) -> str:
     if trials < ENOUGH:
         return f"too few ({trials})"
     found: dict[str, list[str]] = {"worse": [], "better": []}
-    for name, (what, sign) in _TOLD_BY.items():
+    for name, (what, sign) in _JUDGED_BY.items():
         low, high = sorted(sign * bound for bound in differences[f"{name}_interval"] or (0, 0))
         found["worse"] += [what] * (low > 0)
         found["better"] += [what] * (high < 0)
     return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"
 
 
-_TOLD_BY = {
+_JUDGED_BY = {
     "difference_mm": ("error", 1),
     "right_difference": ("right", -1),
     "wrong_converged_difference": ("converged wrong", 1),

@@ -1,8 +1,8 @@
 """Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of likelihood and weights.
 
 Covariances and likelihood are judged by the level at which the truth is found: if a method is calibrated, the truth
-lies within the region to which it gives the share q in a share q of all cases, for every q. A mode of weight q is right
-in a share q of all cases.
+lies within the region to which it gives the fraction q in a fraction q of all cases, for every q. A mode of weight q is
+right in a fraction q of all cases.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class WeightReliability:
         return {"frames": self._frames.tolist(), "right": self._right.tolist(), "weight": sums.tolist()}
 
 
-def observed_shares(counts: np.ndarray) -> np.ndarray:
-    """Share of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
+def observed_fractions(counts: np.ndarray) -> np.ndarray:
+    """Fraction of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
     counts = np.asarray(counts, float)
     total = counts.sum()
     return np.cumsum(counts)[:-1] / total if total else np.full(len(LEVELS), np.nan)

@@ -8,13 +8,13 @@ from .intervals import ENOUGH, Figures
 
 
 def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
-    """By policy, over all trials and by object, shares and medians with their 95 % intervals.
+    """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
 
-    trials; shares that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of the
-    latter those with the truth among the places; rivalled, share in which another place competed with the true one, and
-    of these `told_apart`, those that end right, and `said_alike`, those in which it was said that nothing tells places
-    apart; path_m, median until converged and right, infinite for all others; asked_ms, CPU time that no answer takes
-    longer than in 95 % of the trials; path_ratio, of the median path to that of `random`.
+    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of
+    the latter those with the truth among the places; rivalled, fraction in which another place competed with the true
+    one, and of these `told_apart`, those that end right, and `said_alike`, those in which it was said that nothing
+    tells places apart; path_m, median until converged and right, infinite for all others; asked_ms, CPU time that no
+    answer takes longer than in 95 % of the trials; path_ratio, of the median path to that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}
@@ -38,17 +38,17 @@ def _figures(trials: list[dict]) -> dict:
     paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
 
     def of_rivalled(part: list[bool]) -> dict:
-        return figures.share([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
+        return figures.fraction([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
 
     asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
     return {
         "trials": len(trials),
         "enough": len(trials) >= ENOUGH,
-        "right": figures.share(right),
-        "wrong": figures.share([c and not r for c, r in zip(converged, right, strict=True)]),
-        "alike": figures.share(alike),
-        "alike_truly": figures.share(named, [int(a) for a in alike]),
-        "rivalled": figures.share(rivalled),
+        "right": figures.fraction(right),
+        "wrong": figures.fraction([c and not r for c, r in zip(converged, right, strict=True)]),
+        "alike": figures.fraction(alike),
+        "alike_truly": figures.fraction(named, [int(a) for a in alike]),
+        "rivalled": figures.fraction(rivalled),
         "told_apart": of_rivalled(right),
         "said_alike": of_rivalled(alike),
         "path_m": figures.value(paths, np.median),

@@ -1,6 +1,6 @@
 """95 % confidence intervals over trials that are not all independent: those on one slide share it.
 
-The slides are the independent draws. Shares: Wilson's interval at the effective number of cases, which the variance
+The slides are the independent draws. Fractions: Wilson's interval at the effective number of cases, which the variance
 between slides gives (design effect, Kish 1965). Means and medians: percentile bootstrap over slides.
 """
 
@@ -21,11 +21,12 @@ ENOUGH = 100
 _RESAMPLES = 1000
 
 
-def share_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
+def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
     """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
     where nothing was counted.
 
-    Without any variance between groups, as at a share of 0 or 1, each group in which something was counted is one case.
+    Without any variance between groups, as at a fraction of 0 or 1, each group in which something was counted is one
+    case.
     """
     index, n_groups = _numbered(groups)
     part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
@@ -91,13 +92,13 @@ class Figures:
         """Trials on one slide over an object are not independent."""
         return cls([(trial["object"], trial["slide"]) for trial in trials])
 
-    def share(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
+    def fraction(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
         """{"share", "interval"}: what `part` is of `whole`, both summed; of all trials if that is not given."""
         whole = np.ones(len(part)) if whole is None else whole
         total = float(np.sum(whole))
         return {
             "share": float(np.sum(part)) / total if total else None,
-            "interval": share_interval(part, whole, self._groups),
+            "interval": fraction_interval(part, whole, self._groups),
         }
 
     def value(self, some: Sequence[float], statistic: Callable[..., np.ndarray]) -> dict:

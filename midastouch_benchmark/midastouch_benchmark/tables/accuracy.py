@@ -90,7 +90,7 @@ def areas() -> pd.DataFrame:
         rows.append({
             "what": what, "trials": len(some), "area": area[chosen].mean(), "report": "] [".join(STARTS),
             "error": figures.value(final_errors(some, "e_trans_mm"), np.mean),
-            "right": figures.share([is_right(trial) for trial in some]),
+            "right": figures.fraction([is_right(trial) for trial in some]),
         })  # fmt: skip
     claims = {
         "its mean": text("area", "{:.0f} mm2"),

@@ -96,7 +96,7 @@ def codebooks() -> pd.DataFrame:
     return written(frame, {"poses": text("what")}, claims, "report")
 
 
-def peers() -> pd.DataFrame:
+def baselines() -> pd.DataFrame:
     """Other methods behind the same networks, on the same trials."""
     if "peers" not in reported():
         return written(frame_of({"peers": "-"}, report), {"method": text("what"), "trials": text("trials")}, METHODS)

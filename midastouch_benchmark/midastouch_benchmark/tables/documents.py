@@ -34,14 +34,14 @@ TABLES = {
     table.__name__: table
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
-        comparisons.codebooks, comparisons.grasps, comparisons.peers, comparisons.variants, comparisons.front,
+        comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
         trust.converged, trust.weights, trust.regions, trust.events,
-        exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
+        exploring.identification, exploring.shapes, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
         perception.single_touch, checks.checks, checks.diameters, checks.contacts, checks.brightness,
         speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
-}  # fmt: skip
+} | {"peers": comparisons.baselines, "twins": exploring.alike_objects}  # fmt: skip
 """Tables by the name in their mark."""
 
 

@@ -116,7 +116,7 @@ def exploration() -> pd.DataFrame:
     return exploration_table(content["trials"], content["config"]["policies"])
 
 
-def twins() -> pd.DataFrame:
+def alike_objects() -> pd.DataFrame:
     """Positions that feel alike but for what lies elsewhere: are they told apart, or is it said that they cannot be?"""
 
     def row(name: str) -> dict:

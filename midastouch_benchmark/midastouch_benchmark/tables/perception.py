@@ -138,7 +138,7 @@ def presses() -> pd.DataFrame:
 
 
 def presses_table(contents: Iterable[dict]) -> pd.DataFrame:
-    """Results of `evaluate-presses`. By the felt outline, which is the network's own, depth is not judged."""
+    """Results of `evaluate-presses`. By the measured outline, which is the network's own, depth is not judged."""
     rows = []
     for content in contents:
         rows.append({"what": Path(content["folder"]).name, "network": content["network"]} | _press_row(content))

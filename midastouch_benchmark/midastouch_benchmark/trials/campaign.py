@@ -21,10 +21,10 @@ from midastouch_perception.objects import bundled_objects
 
 from ..baselines import dead_reckoning, paper_filter, registration
 from ..statistics.coverage import likelihood_counts
+from .cache import Cache
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
-from .stock import Stock
 from .trial import RECORD, TrialFrame, Yardstick, run_trial
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 from .variants import VARIANTS, ShortCodes
@@ -34,10 +34,10 @@ _THREADS = 1  # of a filter: trials run beside each other
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What is run: stock; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
+    """What is run: cache; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
     of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`."""
 
-    stock: Stock
+    cache: Cache
     config: FilterConfig
     variants: tuple[str, ...]
     inits: tuple[str, ...] = ("paper", "uniform")
@@ -56,10 +56,10 @@ class Plan:
             "seeds": self.seeds,
             "stride": self.stride,
             "protocol": self.protocol,
-            "slide_length_m": self.stock.slides.length,
+            "slide_length_m": self.cache.slides.length,
             **PROTOCOLS[self.protocol].describe(),
-            "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.describe(),
+            "codebook_size": self.cache.codebook_size,
+            "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
             "filter_code": _filter_code(),
             "threads": _THREADS,
@@ -85,39 +85,39 @@ class Plan:
             "settings": dataclasses.asdict(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
-            "slides": self.stock.slides.name,
+            "slides": self.cache.slides.name,
             "foreign": foreign.sha256 if foreign else None,
             "protocol_code": _protocol_code(PROTOCOLS[self.protocol]),
             **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
-            "networks": self.stock.describe(),
+            "networks": self.cache.describe(),
             "filter_code": _filter_code(),
             "record": RECORD,
         }
         return key_of(labels | depends_on | variant.inputs)
 
     def codebook_sizes(self) -> list[int | None]:
-        """Of all variants; None is the stock's own."""
+        """Of all variants; None is the cache's own."""
         return list(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))
 
 
 def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`; first the slides and codebooks that this needs.
 
-    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the stock's
+    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the cache's
     folder.
     """
     foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
-    _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, workforce)
+    _make_cache(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, workforce)
     return run_open(_run_unit, _units(plan, meshes, foreign), log, workforce)
 
 
-def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], workforce: Workforce) -> None:
+def _make_cache(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], workforce: Workforce) -> None:
     """Make what the trials need, as far as it is not there."""
     objects = {mesh.path for mesh in meshes}
-    make_books(plan.stock, sorted(objects), workforce.cluster, tuple(plan.codebook_sizes()))
+    make_books(plan.cache, sorted(objects), workforce.cluster, tuple(plan.codebook_sizes()))
     touched = product(sorted(objects | foreign), plan.slides)
-    for _ in workforce.cluster.map(_make_touches, [(plan.stock, *one) for one in touched], workforce.deadline):
+    for _ in workforce.cluster.map(_make_touches, [(plan.cache, *one) for one in touched], workforce.deadline):
         pass
 
 
@@ -126,7 +126,7 @@ def _units(
 ) -> Iterator[tuple[tuple, dict[str, dict]]]:
     """One filter's work each: arguments of `_run_unit`, and the labels of the trials by their keys."""
     sizes, code = plan.codebook_sizes(), _filter_code()
-    digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
+    digests = {(mesh.path, size): plan.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
     for seed, mesh, variant in product(plan.seeds, meshes, plan.variants):
         other, digest = foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size]
         trials = [plan.labels(mesh, variant, slide, init, seed) for slide, init in product(plan.slides, plan.inits)]
@@ -136,19 +136,19 @@ def _units(
 
 def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
-    networks = plan.stock.describe()
-    digest = plan.stock.codebook_digest(mesh)
-    content = [mesh.sha256, networks, digest, plan.stock.slides.name, plan.slides, _filter_code()]
+    networks = plan.cache.describe()
+    digest = plan.cache.codebook_digest(mesh)
+    content = [mesh.sha256, networks, digest, plan.cache.slides.name, plan.slides, _filter_code()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
     if (entry := log.get(key)) is None:
         codes, poses = [], []
         for slide in plan.slides:
-            sequence, touches = plan.stock.touches(mesh, slide)
+            sequence, touches = plan.cache.touches(mesh, slide)
             for frame in touches.frames(sequence, stride=5):
-                if frame.felt.in_contact:
-                    codes.append(frame.felt.code)
+                if frame.measurement.in_contact:
+                    codes.append(frame.measurement.code)
                     poses.append(frame.truth)
-        entry = {"counts": likelihood_counts(plan.stock.codebook(mesh), codes, np.array(poses), plan.config)}
+        entry = {"counts": likelihood_counts(plan.cache.codebook(mesh), codes, np.array(poses), plan.config)}
         log.add(key, entry)
     return entry["counts"]
 
@@ -163,8 +163,8 @@ def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | 
     return [bundled] * len(meshes)
 
 
-def _make_touches(stock: Stock, path: Path, slide: int) -> None:
-    stock.touches(ObjectMesh.load(path), slide)
+def _make_touches(cache: Cache, path: Path, slide: int) -> None:
+    cache.touches(ObjectMesh.load(path), slide)
 
 
 def _run_unit(
@@ -179,8 +179,8 @@ def _run_unit(
     mesh = ObjectMesh.load(path)
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
-    yardstick = Yardstick(plan.stock.symmetry(mesh), protocol.right, protocol.twins)
-    codebook = plan.stock.codebook(mesh, variant.codebook_size)
+    yardstick = Yardstick(plan.cache.symmetry(mesh), protocol.right, protocol.modulo_symmetry)
+    codebook = plan.cache.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
     particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, _THREADS)
 
@@ -204,12 +204,12 @@ def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: 
     """One slide as the plan's protocol has it."""
 
     def frames(mesh: ObjectMesh) -> list[TrialFrame]:
-        sequence, touches = plan.stock.touches(mesh, slide)
+        sequence, touches = plan.cache.touches(mesh, slide)
         return touches.frames(sequence, plan.stride)
 
     scene = Scene(frames(mesh), np.random.default_rng(slide))
-    if foreign:  # the stock's own codebook: all variants meet the same scene
-        scene = dataclasses.replace(scene, foreign=frames(foreign), codebook=plan.stock.codebook(mesh))
+    if foreign:  # the cache's own codebook: all variants meet the same scene
+        scene = dataclasses.replace(scene, foreign=frames(foreign), codebook=plan.cache.codebook(mesh))
     return PROTOCOLS[plan.protocol].disturb(scene)
 
 

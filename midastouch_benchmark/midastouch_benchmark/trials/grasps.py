@@ -20,17 +20,17 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_perception.simulation.grasp import CONTACTS
 
 from ..statistics.intervals import Figures
+from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .stock import Stock
 from .trial import FRAME_TIME, AnyFilter, TrialFrame, Yardstick
 
-_HELD = 10  # frames, half a second
+_HELD_FRAMES = 10  # frames, half a second
 _HEIGHT = 0.02  # m, of the open hand on its way to the next grasp
 
 
 @dataclasses.dataclass(frozen=True)
-class GraspStock(Stock):
-    """A stock whose sequences are grasps."""
+class GraspCache(Cache):
+    """A cache whose sequences are grasps."""
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
         simulate_grasp_sequence(mesh, self.networks.sensor, self.slides.grasps, number, path, True)
@@ -47,18 +47,18 @@ def grasp(scene: Scene) -> Disturbed:
         if frames:
             frames += [_open(frames[-1]), _open(first)]
         back = se3.inverse(first.truth)
-        felt = {
-            f"finger_{k}": dataclasses.replace(other.felt, T_gel_finger=back @ other.measured)
+        fingers = {
+            f"finger_{k}": dataclasses.replace(other.measurement, T_gel_finger=back @ other.measured)
             for k, other in enumerate(others, 2)
         }
-        frames += [dataclasses.replace(first, others=felt, seconds=FRAME_TIME)] * _HELD
+        frames += [dataclasses.replace(first, others=fingers, seconds=FRAME_TIME)] * _HELD_FRAMES
     return Disturbed(frames)
 
 
 def _open(frame: TrialFrame) -> TrialFrame:
     """The hand above a place that it grasps, before or after."""
     up = se3.make(np.eye(3), np.array([0.0, 0.0, _HEIGHT]))
-    air = {"felt": Measurement(in_contact=False), "ms": {}, "others": {}, "seconds": FRAME_TIME}
+    air = {"measurement": Measurement(in_contact=False), "ms": {}, "others": {}, "seconds": FRAME_TIME}
     return dataclasses.replace(frame, measured=frame.measured @ up, truth=frame.truth @ up, **air)
 
 
@@ -70,7 +70,7 @@ class GraspRecord:
         self._rows: dict[int, dict] = {}  # by the index of the grasp's frame
 
     def __call__(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> None:
-        if not frame.felt.in_contact:
+        if not frame.measurement.in_contact:
             return
         truth, right = frame.truth, self._yardstick.right
         poses = self._yardstick.counted(particle_filter.poses, truth)
@@ -88,13 +88,13 @@ class GraspRecord:
 
     def result(self) -> dict:
         """For the trial: grasps, in their order, each with the error of the closest mode, whether that is `found`
-        within the yardstick's limit, the belief's share within it, and whether the published pose is `right`."""
+        within the yardstick's limit, the belief's fraction within it, and whether the published pose is `right`."""
         return {"grasps": list(self._rows.values())}
 
 
 def grasp_summary(trials: list[dict]) -> list[dict] | None:
-    """After each grasp: trials, and with 95 % intervals the shares of trials whose closest mode is `found`, whose pose
-    is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
+    """After each grasp: trials, and with 95 % intervals the fractions of trials whose closest mode is `found`, whose
+    pose is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
     if not all("grasps" in trial for trial in trials):
         return None
     figures = Figures.by_slide(trials)
@@ -103,5 +103,5 @@ def grasp_summary(trials: list[dict]) -> list[dict] | None:
         wrong = [row["converged"] and not row["right"] for row in rows]
         parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
         parts["converged_wrong"] = wrong
-        out.append({"trials": len(rows)} | {name: figures.share(part) for name, part in parts.items()})
+        out.append({"trials": len(rows)} | {name: figures.fraction(part) for name, part in parts.items()})
     return out

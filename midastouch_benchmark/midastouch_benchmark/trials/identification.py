@@ -23,7 +23,7 @@ from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.identification.identity import UNKNOWN, Identification, Identity
 
-from .stock import Stock
+from .cache import Cache
 from .trial import RIGHT, TrialFrame
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 
@@ -35,10 +35,10 @@ _THREADS = 1
 
 @dataclasses.dataclass(frozen=True)
 class IdentityPlan:
-    """stock; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
+    """cache; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
     the catalogue."""
 
-    stock: Stock
+    cache: Cache
     config: FilterConfig
     slides: tuple[int, ...]
     unknown: float = 0.5
@@ -52,10 +52,10 @@ class IdentityPlan:
         """For the JSON."""
         return {
             "slides": self.slides,
-            "slide_length_m": self.stock.slides.length,
+            "slide_length_m": self.cache.slides.length,
             "unknown": self.unknown,
-            "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.describe(),
+            "codebook_size": self.cache.codebook_size,
+            "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
             "filter_code": _code(),
             "threads": _THREADS,
@@ -70,9 +70,9 @@ def run_identification(
     Slides come outermost, so that what a bounded run leaves out is spread over all objects.
     """
     paths = [mesh.path for mesh in meshes]
-    make_books(plan.stock, paths, workforce.cluster)
-    books = sorted([mesh.sha256, plan.stock.codebook_digest(mesh)] for mesh in meshes)
-    depends_on = {"identify": plan.describe() | {"slides": plan.stock.slides.name}, "catalogue": books}
+    make_books(plan.cache, paths, workforce.cluster)
+    books = sorted([mesh.sha256, plan.cache.codebook_digest(mesh)] for mesh in meshes)
+    depends_on = {"identify": plan.describe() | {"slides": plan.cache.slides.name}, "catalogue": books}
     units = [
         ((plan, paths), {key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}): (mesh.name, slide)})
         for slide in plan.slides
@@ -88,9 +88,9 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 
 
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
-    catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
+    catalogue = _catalogue(plan.cache, tuple(paths), plan.settings)
     entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
-    sequence, touches = plan.stock.touches(entry.mesh, slide)
+    sequence, touches = plan.cache.touches(entry.mesh, slide)
     frames = touches.frames(sequence, 1)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
     trials = [labels | identify(catalogue, frames, entry.name, plan.settings, plan.unknown)]
@@ -105,8 +105,8 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
 
 
 @cache
-def _catalogue(stock: Stock, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
-    books = [stock.codebook_path(ObjectMesh.load(path)) for path in paths]
+def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
+    books = [cache.codebook_path(ObjectMesh.load(path)) for path in paths]
     return read_catalogue(books, lambda path: None, NoiseModel.of(config))
 
 
@@ -122,7 +122,7 @@ def identify(
     cpu, count = 0.0, 0
     for frame in frames:
         start = time.process_time()
-        estimate = localiser.process(frame.measured, frame.felt)
+        estimate = localiser.process(frame.measured, frame.measurement)
         cpu += time.process_time() - start
         count += 1
         answers.note(frame, localiser.identity)
@@ -140,7 +140,7 @@ def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterCo
     identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), Answers(UNKNOWN)
     last = None
     for frame in frames:
-        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         answers.note(frame, identification.identity)
         last = frame.measured
     return answers.describe()
@@ -187,7 +187,7 @@ def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:
     """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
     start, last = time.process_time(), None
     for frame in frames:
-        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         last = frame.measured
     cpu = 1e3 * (time.process_time() - start) / len(frames)
     return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1])}

@@ -12,10 +12,10 @@ from midastouch_common.errors import InputError
 from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances
+from .cache import Cache, SlideKind
 from .disturbances import Disturbance
-from .grasps import GraspRecord, GraspStock, grasp
-from .real_sensor import RealSensorStock
-from .stock import SlideKind, Stock
+from .grasps import GraspCache, GraspRecord, grasp
+from .real_sensor import RealSensorCache
 from .trial import RIGHT, Yardstick
 
 NEXT = "next"
@@ -35,9 +35,9 @@ _NARROW = 0.2  # of the paper's start
 class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
-    touched in place of the campaign's objects; make_stock, of slides as its sensors see them; codebook_size, poses;
-    right [m], how near a pose must be to the truth; twins, as of `Yardstick`; record, of what a trial is asked on its
-    way."""
+    touched in place of the campaign's objects; make_cache, of slides as its sensors see them; codebook_size, poses;
+    right [m], how near a pose must be to the truth; modulo_symmetry, as of `Yardstick`; record, of what a trial is
+    asked on its way."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -46,15 +46,15 @@ class Protocol:
     beta: float = 1.0
     foreign: str | None = None
     small_parts: bool = False
-    make_stock: Callable[..., Stock] = Stock
+    make_cache: Callable[..., Cache] = Cache
     codebook_size: int = 50_000
     right: float = RIGHT
-    twins: bool = False
+    modulo_symmetry: bool = False
     record: Callable[[Yardstick], GraspRecord] | None = None
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
-        return {"foreign": self.foreign, "right_m": self.right, "twins": self.twins}
+        return {"foreign": self.foreign, "right_m": self.right, "twins": self.modulo_symmetry}
 
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
@@ -75,23 +75,23 @@ PROTOCOLS = {
     "unexplained": _event("12 touches that nothing explains", disturbances.unexplained, foreign="eyebolt"),
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
     "wrong_mesh": Protocol("another object is touched", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT),
-    "real_sensor": Protocol("seen by real sensors", make_stock=RealSensorStock),
-    "real_sensor_calibrated": Protocol("... each calibrated", make_stock=partial(RealSensorStock, calibrated=True)),
+    "real_sensor": Protocol("seen by real sensors", make_cache=RealSensorCache),
+    "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
     "small_parts": Protocol(
         "parts smaller than the gel",
         slides=SlideKind(0.075),
         small_parts=True,
         codebook_size=10_000,
         right=0.004,
-        twins=True,
+        modulo_symmetry=True,
     ),
     "grasp": Protocol(
         "grasped without sliding, by four fingers",
         grasp,
         SlideKind(grasps=4),
         (UNIFORM,),
-        make_stock=GraspStock,
-        twins=True,
+        make_cache=GraspCache,
+        modulo_symmetry=True,
         record=GraspRecord,
     ),
 }

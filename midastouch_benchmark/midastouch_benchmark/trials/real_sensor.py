@@ -22,8 +22,8 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.tdn import load_tdn
 
+from .cache import Cache, Touches
 from .setup import Networks
-from .stock import Stock, Touches
 
 _BALL_DIAMETER = 6e-3  # m: a bearing's
 _PRESSES = 10
@@ -32,8 +32,8 @@ _CHUNK = 32  # maps rendered at a time: bounds memory
 
 
 @dataclasses.dataclass(frozen=True)
-class RealSensorStock(Stock):
-    """A stock whose slides are seen by measured sensors. calibrated: whether each was calibrated before."""
+class RealSensorCache(Cache):
+    """A cache whose slides are seen by measured sensors. calibrated: whether each was calibrated before."""
 
     calibrated: bool = False
 

@@ -102,8 +102,8 @@ def perceived(
     """What networks without a memory of earlier frames make of the images (320, 240, 3) at these indices."""
     pipeline = networks.pipeline()
     for i, image in zip(indices, images, strict=True):
-        felt = measurement_of(pipeline.process(image, background))
-        yield TrialFrame(i, felt, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
+        measurement = measurement_of(pipeline.process(image, background))
+        yield TrialFrame(i, measurement, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
 
 
 _NEAR, _FAR = 5e-3, 20e-3  # m: gel is pressed 2 mm deep, trackers are some millimetres off; no surface there

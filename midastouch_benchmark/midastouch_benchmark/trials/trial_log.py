@@ -16,7 +16,7 @@ from midastouch_bringup.cluster import Cluster
 from midastouch_bringup.result_file import to_json
 from midastouch_common.mesh import ObjectMesh
 
-from .stock import Stock
+from .cache import Cache
 
 
 class TrialLog:
@@ -68,7 +68,7 @@ def source_digest(*places: Path) -> str:
     return digest.hexdigest()[:12]
 
 
-def untold(total: int) -> Callable[[int], object]:
+def unwatched(total: int) -> Callable[[int], object]:
     """Progress that nobody watches, as `Workforce` takes it."""
     return lambda done: None
 
@@ -83,19 +83,19 @@ class Workforce:
 
     cluster: Cluster
     deadline: float = np.inf
-    start_progress: Callable[[int], Callable[[int], object]] = untold
+    start_progress: Callable[[int], Callable[[int], object]] = unwatched
 
 
-def make_books(stock: Stock, meshes: Iterable[Path], cluster: Cluster, sizes: tuple[int | None, ...] = (None,)) -> None:
+def make_books(cache: Cache, meshes: Iterable[Path], cluster: Cluster, sizes: tuple[int | None, ...] = (None,)) -> None:
     """Codebooks of these sizes, as far as they are not there, whatever the time: keys of trials depend on them."""
-    for _ in cluster.map(_make_book, [(stock, path, sizes) for path in meshes]):
+    for _ in cluster.map(_make_book, [(cache, path, sizes) for path in meshes]):
         pass
 
 
-def _make_book(stock: Stock, path: Path, sizes: tuple[int | None, ...]) -> None:
+def _make_book(cache: Cache, path: Path, sizes: tuple[int | None, ...]) -> None:
     mesh = ObjectMesh.load(path)
     for size in sizes:
-        stock.codebook(mesh, size)
+        cache.codebook(mesh, size)
 
 
 def run_open(

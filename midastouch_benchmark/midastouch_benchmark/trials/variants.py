@@ -47,15 +47,15 @@ class ShortCodes:
 
     def frame(self, frame: TrialFrame) -> TrialFrame:
         """A frame with short codes."""
-        others = {name: self._felt(touch) for name, touch in frame.others.items()}
-        return dataclasses.replace(frame, felt=self._felt(frame.felt), others=others)
+        others = {name: self._short(touch) for name, touch in frame.others.items()}
+        return dataclasses.replace(frame, measurement=self._short(frame.measurement), others=others)
 
-    def _felt(self, touch: Measurement) -> Measurement:
+    def _short(self, touch: Measurement) -> Measurement:
         return touch if touch.code is None else dataclasses.replace(touch, code=self.shorten(touch.code))
 
 
 DEFAULT, PRESET = "default", "preset"
-PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
+PAPER, BASELINE, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
 COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
@@ -136,8 +136,8 @@ VARIANTS = {
         "the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER, method="paper"
     ),
     "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}, method="paper"),
-    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", PEER, method="registration"),
-    "odometry": Variant("the arm's odometry alone, from one draw of the start", PEER, method="odometry"),
+    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", BASELINE, method="registration"),
+    "odometry": Variant("the arm's odometry alone, from one draw of the start", BASELINE, method="odometry"),
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
     "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
@@ -199,7 +199,7 @@ def _group(*groups: str) -> tuple[str, ...]:
 
 
 SETS = {
-    "peers": ("paper", *_group(PEER)),
+    "peers": ("paper", *_group(BASELINE)),
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),

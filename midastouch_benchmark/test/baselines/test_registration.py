@@ -32,8 +32,8 @@ def test_a_slide_over_a_tool_is_laid_onto_it():
     first = registration.poses[0]
     odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses[40:]))]
     states = []
-    for motion, felt in zip(odometry, maps[40:], strict=True):
-        estimate = registration.step(motion, Measurement(True, penetration=felt))
+    for motion, measurement in zip(odometry, maps[40:], strict=True):
+        estimate = registration.step(motion, Measurement(True, penetration=measurement))
         states.append(estimate.status.state)
     assert (states[0], states[-1]) == ("ambiguous", "converged")
     started, ended = (np.linalg.norm(a[:3, 3] - b[:3, 3]) for a, b in ((first, poses[40]), (estimate.pose, poses[-1])))

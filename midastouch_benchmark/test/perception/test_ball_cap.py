@@ -10,8 +10,8 @@ from midastouch_benchmark.perception.ball_cap import (
     circle_outline,
     fit_sphere,
     mask_outline,
-    misfit,
     nearest_cap,
+    outline_residual,
     principal_curvatures,
 )
 from midastouch_common import se3
@@ -51,7 +51,7 @@ def test_an_outline_tells_the_ball(sensor, x, y, depth):
     outline = mask_outline(ball_penetration(truth, RADIUS, sensor) > 0, sensor)
     found = centre_under(outline, RADIUS)
     np.testing.assert_allclose(found, truth, atol=6e-5)  # half a pixel
-    assert misfit(outline, found, RADIUS) < 6e-5
+    assert outline_residual(outline, found, RADIUS) < 6e-5
 
 
 def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
@@ -65,19 +65,19 @@ def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
 
 def test_a_circle_wider_than_the_ball_misses_it(sensor):
     wide = circle_outline((120, 160, 100), 0.5, sensor)  # 5.4 mm
-    assert misfit(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
+    assert outline_residual(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
 
 
 def test_the_nearest_cap_of_a_cap_is_itself(sensor):
     truth = centre(sensor)
-    felt = ball_penetration(truth, RADIUS, sensor)
-    np.testing.assert_allclose(nearest_cap(felt, felt > 0, RADIUS, sensor), truth, atol=5e-6)
+    measured = ball_penetration(truth, RADIUS, sensor)
+    np.testing.assert_allclose(nearest_cap(measured, measured > 0, RADIUS, sensor), truth, atol=5e-6)
 
 
 def test_the_nearest_cap_of_one_pixel(sensor):
-    felt = np.zeros((160, 120), np.float32)
-    felt[80, 60] = 2e-4
-    assert np.isfinite(nearest_cap(felt, felt > 0, RADIUS, sensor)).all()
+    measured = np.zeros((160, 120), np.float32)
+    measured[80, 60] = 2e-4
+    assert np.isfinite(nearest_cap(measured, measured > 0, RADIUS, sensor)).all()
 
 
 CENTRE = np.array([1e-3, -2e-3, -3e-3])

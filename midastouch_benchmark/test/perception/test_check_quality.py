@@ -4,7 +4,7 @@ import pytest
 from midastouch_benchmark.perception import check_quality
 from midastouch_benchmark.perception.check_quality import (
     FACTORS,
-    MISFITS,
+    FAULTS,
     TOUCHES,
     CheckQuality,
     ImaginarySensor,
@@ -26,7 +26,7 @@ from midastouch_perception.tdn import load_tdn
 
 
 class SlopeTdn:
-    """Feels the relief that the fake images code as brightness: 10 um a grey level of their mean change."""
+    """Feels the penetration map that the fake images code as brightness: 10 um a grey level of their mean change."""
 
     network_id = "fake"
 
@@ -67,7 +67,7 @@ def quality():
 
 def test_fit_check_alarms(quality):
     fit = quality.fit()
-    assert set(fit) == {"right", *MISFITS}
+    assert set(fit) == {"right", *FAULTS}
     assert fit["right"]["alarms"] == 0
     assert fit["right"]["auc_quietest_tenth"] == 0.5
     assert fit["another sensor's background"]["alarms"] == 1

@@ -77,8 +77,8 @@ def presses():
 
 def test_what_follows_the_light_is_told(presses):
     untouched, touched = 10.0, 15.0
-    share = 100 * 80 / (320 * 240)
-    expected = 1e-5 * np.sqrt((1 - share) * untouched**2 + share * touched**2)
+    fraction = 100 * 80 / (320 * 240)
+    expected = 1e-5 * np.sqrt((1 - fraction) * untouched**2 + fraction * touched**2)
     assert brightness_effect(FakeTdn(gain=False), presses) == pytest.approx(expected)
 
 

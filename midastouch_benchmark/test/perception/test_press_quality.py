@@ -22,14 +22,14 @@ class FakeTdn:
 
     network_id = "fake"
 
-    def __init__(self, sensor, felt=lambda penetration: penetration):
-        self.sensor, self._felt = sensor, felt
+    def __init__(self, sensor, measured=lambda penetration: penetration):
+        self.sensor, self._measured = sensor, measured
 
     def difference(self, image, background):
         return image[::2, ::2].astype(np.float32) - background[::2, ::2]
 
     def predict(self, image, background, difference=None):
-        return self._felt(self.difference(image, background)[..., 0] * np.float32(1e-5))
+        return self._measured(self.difference(image, background)[..., 0] * np.float32(1e-5))
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +57,8 @@ def labelled(presses):
     return BallPresses(presses.images, FREE, circles)
 
 
-def summary_of(sensor, presses, felt=lambda penetration: penetration):
-    return measure_presses(FakeTdn(sensor, felt), presses, RADIUS)[1]
+def summary_of(sensor, presses, measured=lambda penetration: penetration):
+    return measure_presses(FakeTdn(sensor, measured), presses, RADIUS)[1]
 
 
 @pytest.mark.parametrize("kind", ["presses", "labelled"])
@@ -83,10 +83,10 @@ def test_what_is_right_is_found_right(sensor, kind, request):
 @pytest.mark.parametrize("factor", [0.4, 1.5])
 @pytest.mark.parametrize("kind", ["presses", "labelled"])
 def test_a_depth_that_is_scaled_is_reported_so(sensor, kind, factor, request):
-    """What a comparison with a sphere fitted to the felt depth cannot see; labels or not."""
+    """What a comparison with a sphere fitted to the measured depth cannot see; labels or not."""
     summary = summary_of(sensor, request.getfixturevalue(kind), lambda penetration: factor * penetration)
     assert summary["peak_ratio"] == pytest.approx(factor, rel=0.05)
-    # curvatures scale with the depth; what is added to the relief of the gel is scaled, the dome itself is not
+    # curvatures scale with the depth; what is added to the penetration map of the gel is scaled, the dome itself is not
     dome = np.mean([1 / dict(sensor.dome)[key] for key in ("radius_x", "radius_y")])
     curvature = factor / RADIUS + (factor - 1) * dome
     assert summary["felt_radius_mm"] == pytest.approx(1e3 / curvature, rel=0.1)

@@ -1,7 +1,7 @@
 import pytest
 
 from midastouch_benchmark.speed.start import first_poses, summarise_first_poses
-from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter import growth, quick_start
 from midastouch_filter.core.config import FilterConfig
@@ -12,8 +12,8 @@ def test_the_first_touch_of_each_slide_is_answered(tmp_path, monkeypatch):
     monkeypatch.setattr(quick_start, "SIZE", 300)
     monkeypatch.setattr(growth, "LEVELS", (400,))  # not what is measured
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
-    stock = Stock(tmp_path, slides=SlideKind(0.02))
-    trials = first_poses(mesh, stock, (0, 1), FilterConfig(max_particles=500, threads=1))
+    cache = Cache(tmp_path, slides=SlideKind(0.02))
+    trials = first_poses(mesh, cache, (0, 1), FilterConfig(max_particles=500, threads=1))
     assert [(trial["object"], trial["slide"]) for trial in trials] == [("eyebolt", 0), ("eyebolt", 1)]
     assert trials[0]["build_s"] == trials[1]["build_s"] > 0
     assert all(trial["step_s"] > 0 for trial in trials)

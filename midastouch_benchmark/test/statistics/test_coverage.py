@@ -9,7 +9,7 @@ from midastouch_benchmark.statistics.coverage import (
     WeightReliability,
     likelihood_counts,
     nees,
-    observed_shares,
+    observed_fractions,
 )
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
@@ -42,15 +42,15 @@ def test_nees_averages_six_for_a_right_covariance():
 
 
 def test_a_right_covariance_covers_as_often_as_it_says_and_a_small_one_less():
-    shares = []
+    fractions = []
     for scale in (1.0, 2.0):
         coverage = Coverage()
         for estimate, truth in draws(500, scale):
             coverage.add(estimate, truth, right=True)
-        shares.append(observed_shares(coverage.counts()["right"]))
-    assert shares[0] == pytest.approx(LEVELS, abs=0.05)
-    assert (shares[1][:-2] < LEVELS[:-2]).all()
-    assert shares[1][9] < 0.2
+        fractions.append(observed_fractions(coverage.counts()["right"]))
+    assert fractions[0] == pytest.approx(LEVELS, abs=0.05)
+    assert (fractions[1][:-2] < LEVELS[:-2]).all()
+    assert fractions[1][9] < 0.2
 
 
 def test_frames_are_counted_by_kind():
@@ -60,7 +60,7 @@ def test_frames_are_counted_by_kind():
     coverage.add(estimate_of(pose, covariance, n_modes=3, state="ambiguous"), pose, right=False)
     counts = {kind: sum(values) for kind, values in coverage.counts().items()}
     assert counts == {"one_mode": 1, "several_modes": 1, "converged": 1, "right": 1}
-    assert np.isnan(observed_shares(np.zeros(len(LEVELS) + 1))).all()
+    assert np.isnan(observed_fractions(np.zeros(len(LEVELS) + 1))).all()
 
 
 def test_published_poses_are_counted_by_the_weight_of_their_mode():
@@ -87,11 +87,11 @@ def test_the_likelihood_is_judged_by_the_rank_of_the_true_entry(temperature, cal
     book = Codebook(poses, codes, {"temperature": temperature, "outlier": 0.02})
     # codes as a temperature of 0.1 means them: density exp(s / 0.1) around the true entry's
     true = rng.integers(0, 400, 600)
-    felt = [vonmises_fisher(codes[k] / np.linalg.norm(codes[k]), 10).rvs(1, rng)[0] for k in true.tolist()]
-    counts = likelihood_counts(book, felt, poses[true], FilterConfig(threads=1))
+    measurement = [vonmises_fisher(codes[k] / np.linalg.norm(codes[k]), 10).rvs(1, rng)[0] for k in true.tolist()]
+    counts = likelihood_counts(book, measurement, poses[true], FilterConfig(threads=1))
     assert sum(counts) == 600
-    shares = observed_shares(counts)
+    fractions = observed_fractions(counts)
     if calibrated:
-        assert shares == pytest.approx(LEVELS, abs=0.08)
+        assert fractions == pytest.approx(LEVELS, abs=0.08)
     else:
-        assert shares[9] < LEVELS[9] - 0.1  # half of the mass, but not half of the truths
+        assert fractions[9] < LEVELS[9] - 0.1  # half of the mass, but not half of the truths

@@ -1,37 +1,37 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.intervals import bootstrap_interval, error_ratio, share_interval
+from midastouch_benchmark.statistics.intervals import bootstrap_interval, error_ratio, fraction_interval
 from midastouch_common.errors import InputError
 
 
 def test_independent_cases_have_wilsons_interval():
-    interval = share_interval([1] * 8 + [0] * 2, [1] * 10, range(10))
+    interval = fraction_interval([1] * 8 + [0] * 2, [1] * 10, range(10))
     assert interval == pytest.approx([0.49, 0.943], abs=0.03)
 
 
 def test_cases_that_go_together_count_once():
     """Ten slides of ten trials, each all right or all wrong, tell no more than ten trials."""
     right = np.repeat([1, 1, 1, 1, 1, 1, 1, 1, 0, 0], 10)
-    together = share_interval(right, np.ones(100), np.repeat(range(10), 10))
-    assert together == pytest.approx(share_interval(right[::10], np.ones(10), range(10)), abs=1e-9)
-    alone = share_interval(right, np.ones(100), range(100))
+    together = fraction_interval(right, np.ones(100), np.repeat(range(10), 10))
+    assert together == pytest.approx(fraction_interval(right[::10], np.ones(10), range(10)), abs=1e-9)
+    alone = fraction_interval(right, np.ones(100), range(100))
     assert alone[1] - alone[0] < 0.4 * (together[1] - together[0])
 
 
 def test_never_seen_is_not_impossible():
-    low, high = share_interval([0] * 100, [50] * 100, range(100))
+    low, high = fraction_interval([0] * 100, [50] * 100, range(100))
     assert low == 0
     assert high == pytest.approx(0.037, abs=0.001)
 
 
 def test_cases_in_which_nothing_was_counted_make_nothing_surer():
-    some = share_interval([1] * 10, [1] * 10, range(10))
-    assert share_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some
+    some = fraction_interval([1] * 10, [1] * 10, range(10))
+    assert fraction_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some
 
 
 def test_nothing_counted_has_no_interval():
-    assert share_interval([0, 0], [0, 0], range(2)) is None
+    assert fraction_interval([0, 0], [0, 0], range(2)) is None
     assert bootstrap_interval([1.0, np.nan], range(2)) is None
 
 

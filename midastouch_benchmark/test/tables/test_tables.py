@@ -8,12 +8,12 @@ from midastouch_benchmark.trials.variants import VARIANTS
 
 
 @pytest.mark.parametrize(
-    ("share", "interval", "verdict"),
+    ("fraction", "interval", "verdict"),
     [(0.04, [0.03, 0.049], "kept"), (0.04, [0.03, 0.06], "not shown"), (0.08, [0.06, 0.1], "*not kept*")],
 )
-def test_trust_is_claimed_by_whole_intervals_only(share, interval, verdict):
+def test_trust_is_claimed_by_whole_intervals_only(fraction, interval, verdict):
     form = trust.verdict("a", 0.05, "kept", "*not kept*", "not shown")
-    assert form({"a.share": share, "a.interval": interval}) == verdict
+    assert form({"a.share": fraction, "a.interval": interval}) == verdict
     assert form({"a.share": None, "a.interval": None}) == "-"
 
 
@@ -41,7 +41,7 @@ def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_tr
 
 
 @pytest.mark.parametrize(
-    "table", [comparisons.variants, comparisons.front, comparisons.peers, comparisons.grasps, comparisons.codebooks]
+    "table", [comparisons.variants, comparisons.front, comparisons.baselines, comparisons.grasps, comparisons.codebooks]
 )
 def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     for module in (reports, comparisons):

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from midastouch_benchmark.trials.cache import SlideKind, Touches
 from midastouch_benchmark.trials.campaign import Plan, likelihood_levels, run_campaign
-from midastouch_benchmark.trials.stock import SlideKind, Touches
 from midastouch_benchmark.trials.symmetry import Symmetry
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import INPUT, VARIANTS, Variant
@@ -17,8 +17,8 @@ from midastouch_filter.core.config import FilterConfig
 
 
 @dataclass(frozen=True)
-class StubStock:
-    """A stock without files, over one slide."""
+class StubCache:
+    """A cache without files, over one slide."""
 
     sequence: object
     book: object
@@ -52,7 +52,7 @@ def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
 @pytest.fixture
 def plan(sequence, codebook, networks) -> Plan:
     return Plan(
-        StubStock(sequence, codebook, networks),
+        StubCache(sequence, codebook, networks),
         FilterConfig(max_particles=1000, min_particles=300),
         ("default", "no_kld"),
         ("paper",),
@@ -81,8 +81,8 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
         totals.append(total)
         return done.append
 
-    told = replace(here, start_progress=start_progress)
-    trials, missing = run_campaign(plan, [saved_mesh], log, told)
+    reported = replace(here, start_progress=start_progress)
+    trials, missing = run_campaign(plan, [saved_mesh], log, reported)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
@@ -91,7 +91,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert (totals, sum(done)) == ([4], 4)
     # again: nothing is left to do
     kept = TrialLog(tmp_path / "trials.jsonl")
-    again, _ = run_campaign(plan, [saved_mesh], kept, told)
+    again, _ = run_campaign(plan, [saved_mesh], kept, reported)
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
@@ -148,5 +148,5 @@ def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
 def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
     counts = likelihood_levels(plan, saved_mesh, log)
     assert sum(counts) == 6
-    monkeypatch.setattr(StubStock, "touches", lambda *_: pytest.fail("judged again"))
+    monkeypatch.setattr(StubCache, "touches", lambda *_: pytest.fail("judged again"))
     assert likelihood_levels(plan, saved_mesh, log) == counts

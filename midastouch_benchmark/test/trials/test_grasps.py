@@ -32,7 +32,7 @@ def frames(contacts) -> list[TrialFrame]:
 
 
 def test_a_grasp_is_held_then_the_hand_opens_and_goes_on(frames, contacts):
-    touching = [frame.felt.in_contact for frame in frames]
+    touching = [frame.measurement.in_contact for frame in frames]
     assert touching == [True] * 10 + [False] * 2 + [True] * 10
     assert [frames[k].index for k in (0, 9, 12, 21)] == [0, 0, 4, 4]
     np.testing.assert_array_equal(frames[0].measured, frames[9].measured)
@@ -45,7 +45,7 @@ def test_a_grasp_is_held_then_the_hand_opens_and_goes_on(frames, contacts):
 def test_further_fingers_are_known_relative_to_the_first(frames, contacts):
     for k, name in enumerate(("finger_2", "finger_3", "finger_4"), 1):
         touch = frames[12].others[name]
-        np.testing.assert_array_equal(touch.code, contacts[4 + k].felt.code)
+        np.testing.assert_array_equal(touch.code, contacts[4 + k].measurement.code)
         there = contacts[4].truth @ touch.T_gel_finger
         np.testing.assert_allclose(there, contacts[4 + k].truth @ NOISE, atol=1e-9)
 
@@ -63,20 +63,20 @@ def test_the_set_has_every_number_of_contacts():
 
 def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, codebook):
     particle_filter = ParticleFilter(mesh, codebook, FilterConfig(max_particles=5000, threads=1))
-    shares = []
+    fractions = []
     for name in ("contact_1", DEFAULT):
         particle_filter.reset(0)
         particle_filter.initialise_uniform()
         record = GraspRecord(Yardstick())
         run_trial([VARIANTS[name].fingers(f) for f in frames[:10]], particle_filter, record, series=False)
         (row,) = record.result()["grasps"]
-        shares.append(row["share"])
+        fractions.append(row["share"])
         assert row["found"] == (row["closest_mode_trans_mm"] <= 10)
-    assert shares[1] > shares[0] + 0.1
+    assert fractions[1] > fractions[0] + 0.1
 
 
-def row(found: bool, share: float, right: bool, converged: bool) -> dict:
-    return {"found": found, "share": share, "right": right, "converged": converged}
+def row(found: bool, fraction: float, right: bool, converged: bool) -> dict:
+    return {"found": found, "share": fraction, "right": right, "converged": converged}
 
 
 def test_the_summary_is_by_grasp(make_trial):

@@ -8,8 +8,8 @@ from midastouch_benchmark.statistics.identification import (
     summarise_identification,
 )
 from midastouch_benchmark.tables.results import of_identification
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
-from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
@@ -21,8 +21,8 @@ from midastouch_perception.objects import bundled_objects
 def campaign(tmp_path_factory):
     """Two bundled objects, slid over for 60 mm each: the plan, meshes, log and trials."""
     folder = tmp_path_factory.mktemp("identify")
-    stock = Stock(folder, slides=SlideKind(0.06), codebook_size=800)
-    plan = IdentityPlan(stock, FilterConfig(max_particles=1000), (0,))
+    cache = Cache(folder, slides=SlideKind(0.06), codebook_size=800)
+    plan = IdentityPlan(cache, FilterConfig(max_particles=1000), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
@@ -48,8 +48,8 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
     plan, meshes, log, trials = campaign
     begun = []
     with open_cluster() as cluster:
-        told = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
-        again, _ = run_identification(plan, meshes, log, told)
+        reported = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
+        again, _ = run_identification(plan, meshes, log, reported)
         further = dataclasses.replace(plan, slides=(0, 1))
         _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), Workforce(cluster, -np.inf))
     assert begun == [0]
@@ -58,7 +58,7 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
 
 
 def log_path(plan):
-    return plan.stock.folder / "other.jsonl"
+    return plan.cache.folder / "other.jsonl"
 
 
 def trial(number, in_catalogue=True, right=True, confidence=0.9, **other):

@@ -73,10 +73,10 @@ def complete(log, run, **options):
 
 def test_only_what_the_log_lacks_is_run_and_all_is_returned_in_order(log):
     log.add("a1", {"found": -1})
-    run, told = Run(), []
-    trials, missing = complete(log, run, start_progress=lambda total: told.append(total) or told.append)
+    run, reported = Run(), []
+    trials, missing = complete(log, run, start_progress=lambda total: reported.append(total) or reported.append)
     assert run.asked == [("a", {"a2": 2}), ("b", {"b1": 1})]
-    assert ([each["found"] for each in trials], missing, told) == ([-1, 4, 3], 0, [2, 1, 1])
+    assert ([each["found"] for each in trials], missing, reported) == ([-1, 4, 3], 0, [2, 1, 1])
 
 
 def test_what_is_done_is_not_run_again(log):

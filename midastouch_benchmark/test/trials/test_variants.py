@@ -40,10 +40,10 @@ def test_a_gate_is_opened_by_its_name_in_the_status(mesh, codebook, name):
         config = FilterConfig(min_particles=10, max_particles=20)
         particle_filter = variant.filter(mesh, codebook, config, threads=1)
         particle_filter.initialise_uniform()
-        felt = Measurement(True, codebook.codes[0], 1e-4)
+        measurement = Measurement(True, codebook.codes[0], 1e-4)
         step = se3.make(np.eye(3), np.array([1e-3, 0, 0]))
         for odometry in (None, np.eye(4), step, np.eye(4)):
-            status = particle_filter.step(odometry, felt).status
+            status = particle_filter.step(odometry, measurement).status
         return [status.skipped[gate] for gate in VARIANTS[name].open_gates]
 
     assert all(count > 0 for count in skipped(VARIANTS[DEFAULT]))
@@ -105,10 +105,10 @@ def test_book_and_touch_are_cut_alike(codes):
     book = short.codebook(Codebook(np.repeat(np.eye(4)[None], 500, axis=0), codes, {"tcn": "t"}))
     frame = TrialFrame(4, Measurement(True, codes[7].astype(np.float32), 1e-4, "t"), {}, np.eye(4), np.eye(4))
     cut = short.frame(frame)
-    np.testing.assert_allclose(book.codes[7], cut.felt.code, atol=1e-6)
-    assert (book.meta, cut.index, cut.felt.network_id) == ({"tcn": "t"}, 4, "t")
+    np.testing.assert_allclose(book.codes[7], cut.measurement.code, atol=1e-6)
+    assert (book.meta, cut.index, cut.measurement.network_id) == ({"tcn": "t"}, 4, "t")
 
 
 def test_a_frame_without_contact_stays_as_it_is(codes):
     frame = TrialFrame(0, Measurement(False), {}, np.eye(4), np.eye(4))
-    assert ShortCodes(codes, 3).frame(frame).felt is frame.felt
+    assert ShortCodes(codes, 3).frame(frame).measurement is frame.measurement

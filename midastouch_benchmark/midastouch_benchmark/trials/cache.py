@@ -32,10 +32,10 @@ _STAGES = ("tdn", "tcn")
 
 @dataclass(frozen=True)
 class Touches:
-    """Of N frames: felt, what the filter is told; ms (N, 2), time of depth and code network; made_from, what they
-    depend on."""
+    """Of N frames: measurements, what the filter is told; ms (N, 2), time of depth and code network; made_from, what
+    they depend on."""
 
-    felt: list[Measurement]
+    measurements: list[Measurement]
     ms: np.ndarray
     made_from: dict
 
@@ -53,23 +53,23 @@ class Touches:
         for image in images[:_WARM_UP_FRAMES]:
             pipeline.process(image, background)
         pipeline = networks.pipeline()
-        felt, ms = [], np.zeros((len(images), len(_STAGES)))
+        measurements, ms = [], np.zeros((len(images), len(_STAGES)))
         for image, row in zip(images, ms, strict=True):
-            felt.append(measurement_of(pipeline.process(image, background)))
+            measurements.append(measurement_of(pipeline.process(image, background)))
             row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
-        return cls(felt, ms, origin)
+        return cls(measurements, ms, origin)
 
     def save(self, path: Path) -> None:
         """Write one `.npz`."""
-        code = np.array([m.code for m in self.felt if m.in_contact], np.float32)
-        relief = np.array([m.penetration for m in self.felt if m.in_contact], np.float32)
+        code = np.array([m.code for m in self.measurements if m.in_contact], np.float32)
+        penetration = np.array([m.penetration for m in self.measurements if m.in_contact], np.float32)
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
             np.savez_compressed(
                 stream,
-                in_contact=np.array([m.in_contact for m in self.felt]),
-                area=np.array([m.contact_area for m in self.felt]),
+                in_contact=np.array([m.in_contact for m in self.measurements]),
+                area=np.array([m.contact_area for m in self.measurements]),
                 code=code,
-                relief=relief,
+                relief=penetration,  # as in files of before
                 ms=self.ms,
                 made_from=np.array(json.dumps(self.made_from)),
             )
@@ -81,12 +81,12 @@ class Touches:
             with np.load(path, allow_pickle=False) as data:
                 origin = json.loads(str(data["made_from"]))
                 in_contact, area, ms = data["in_contact"], data["area"], data["ms"]
-                felt = iter(zip(data["code"], area[in_contact], data["relief"], strict=True))
+                touching = iter(zip(data["code"], area[in_contact], data["relief"], strict=True))
             measurements = []
-            for touching in in_contact:
-                if touching:
-                    code, a, relief = next(felt)
-                    measurements.append(Measurement(True, code, float(a), origin["tcn"], relief))
+            for touched in in_contact:
+                if touched:
+                    code, a, penetration = next(touching)
+                    measurements.append(Measurement(True, code, float(a), origin["tcn"], penetration))
                 else:
                     measurements.append(Measurement(False))
         except (OSError, ValueError, KeyError, EOFError, StopIteration, zipfile.BadZipFile) as error:
@@ -98,7 +98,7 @@ class Touches:
         return [
             TrialFrame(
                 i,
-                self.felt[i],
+                self.measurements[i],
                 dict(zip(_STAGES, self.ms[i].tolist(), strict=True)),
                 sequence.poses_measured[i],
                 sequence.poses_true[i],
@@ -139,7 +139,7 @@ class SlideKind:
 
 
 @dataclass(frozen=True)
-class Stock:
+class Cache:
     """What trials are made of.
 
     folder: where it is kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides, their kind;
@@ -200,7 +200,7 @@ class Stock:
         return load_sequence(path)
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
-        # stocks whose networks are for other light share the slides and use their paths alone
+        # caches whose networks are for other light share the slides and use their paths alone
         kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=_LIGHT)
         for attempt in range(_SEEDS):
             seed = number + _NEXT_SEED * attempt
