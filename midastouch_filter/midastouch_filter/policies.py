@@ -68,7 +68,7 @@ def default_policies(
         map_shape, effort = model.alignment.map_shape, Effort()
         refinement = Refinement(model.alignment, config, noise, effort, workers)
         refine = FineStage(refinement, config, gates, watch)
-        if config.hindsight:
+        if config.smoothing:
             places = len(model.regions)
             reevaluation = Reevaluation(model.lookup, model.alignment, places, config, noise, effort)
             refine = Hindsight(refinement, reevaluation, config, noise, source, resample, gates, watch)

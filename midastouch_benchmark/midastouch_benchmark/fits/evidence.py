@@ -77,7 +77,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
         rivals = [beside, *_exhaust(search.find(window, taken)).poses]
-        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.relief_fit, Race(window))
+        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
         for start in taken + rivals[: RIVALS + 1]:
             _exhaust(replay.follow(start))
         own, *others = [(each.misfit, _distance(each, truth)) for each in replay.followed]

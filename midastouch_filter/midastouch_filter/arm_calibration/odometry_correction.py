@@ -158,7 +158,7 @@ class OdometryCorrection(AsMeasured):
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
-        explained = found.fit > self._config.relief_fit
+        explained = found.fit > self._config.penetration_fit
         path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose if explained else start
         self._unexplained = 0 if explained else self._unexplained + 1

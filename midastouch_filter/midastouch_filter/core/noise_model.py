@@ -86,8 +86,8 @@ class NoiseModel:
         return cls(
             jitter=config.jitter,
             finger_error=config.finger_error,
-            map_noise=config.relief_noise,
-            map_correlation=config.relief_correlation,
+            map_noise=config.penetration_noise,
+            map_correlation=config.penetration_correlation,
             touch_correlation=config.correlation_length,
             between_entries=_BETWEEN_ENTRIES,
             mode_floor=_MODE_FLOOR,

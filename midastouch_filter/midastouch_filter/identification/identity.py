@@ -138,7 +138,7 @@ class Identification:
         self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
         self.compared = Compared(catalogue, config, noise)
         self._pace = Pace(_EFFORT.lookups_per_step)
-        self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, _EFFORT.shortlist)
+        self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 
@@ -251,7 +251,7 @@ class Identification:
 
     def _replay(self, number: int, view: Scored, race: Race) -> Replay:
         alignment = self._catalogue.entries[number].alignment
-        return Replay(view, alignment, self._noise, _EFFORT, self._config.relief_fit, race)
+        return Replay(view, alignment, self._noise, _EFFORT, self._config.penetration_fit, race)
 
     def _best_found(self) -> list[tuple[int, Place]]:
         """The best places of before, as they were then, each with the number of its object."""

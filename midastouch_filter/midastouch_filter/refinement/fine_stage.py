@@ -102,7 +102,7 @@ class FineStage(CoarseOnly):
             aligned = self._refinement.apply(belief.particles, belief.members, modes, touches)
         if self._gates.skips("wide_modes", not aligned):
             return False
-        fitting = {k: each for k, each in aligned.items() if each.fit > self._config.relief_fit}
+        fitting = {k: each for k, each in aligned.items() if each.fit > self._config.penetration_fit}
         gains = self._refinement.gains(modes, aligned, tempering)
         names = frozenset(finger.name for finger in mapped)
         belief.align(fitting, gains, names, self.region.widening)

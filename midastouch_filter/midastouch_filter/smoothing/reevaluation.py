@@ -73,10 +73,10 @@ class Reevaluation:
         effort: Effort,
     ):
         self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
-        self._count, self._explains = places, config.relief_fit
+        self._count, self._explains = places, config.penetration_fit
         self._search = RivalSearch(lookup, noise, effort)
         self._window = KeyframeWindow(
-            config.hindsight_touches, config.hindsight_spacing, noise.touch_correlation, effort.shortlist
+            config.smoothing_touches, config.smoothing_spacing, noise.touch_correlation, effort.shortlist
         )
         self.restart(None)
 

@@ -12,7 +12,7 @@ from midastouch_filter.core.alignment import Aligned
 
 def play(world, slide, measured, **settings):
     """The filter's answers, from a start near the truth."""
-    running = slide.make_filter(hindsight=False, **settings)
+    running = slide.make_filter(smoothing=False, **settings)
     running.initialise_gaussian(slide.poses[0], 5e-3, 0.1)
     return [
         running.step(odometry, touch, elapsed=0.05)

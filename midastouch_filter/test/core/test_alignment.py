@@ -11,7 +11,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
-NOISE = NoiseModel.of(FilterConfig(relief_noise=1e-4, relief_correlation=3e-3))
+NOISE = NoiseModel.of(FilterConfig(penetration_noise=1e-4, penetration_correlation=3e-3))
 PRIOR = np.diag([2e-3, 2e-3, 1e-3, 0.05, 0.05, 0.1]) ** 2
 
 
