@@ -121,7 +121,6 @@ class DigitSim(ManagedNode):
         values = self._rate.values() | {
             "expected_fps": f"{self.parameters['fps']:g}",
             "deepest_mm": f"{1e3 * self._deepest:.2f}",
-            "transform_source": self._transforms.name,
         }
         return diagnostics.ERROR if self._lacks else diagnostics.OK, self._lacks, values
 
