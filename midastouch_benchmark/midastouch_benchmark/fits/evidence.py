@@ -26,12 +26,11 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.motion_model import Odometry
-from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.places import APART, pose_distance
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.smoothing.replay import Followed, Race, Replay
 from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
 from midastouch_perception.codebook_build import build_codebook

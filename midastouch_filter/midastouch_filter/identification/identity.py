@@ -18,17 +18,15 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
+from ..core.alignment import transform_covariance
 from ..core.config import FilterConfig
-from ..core.gates import Gates, RestGate
-from ..core.joint_alignment import transform_covariance
+from ..core.gates import Gates
 from ..core.keyframes import Keyframe, KeyframeWindow
-from ..core.motion_model import Odometry
-from ..core.noise_model import NoiseModel
+from ..core.motion_model import Odometry, RestGate
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import APART, Place, distinct
 from ..core.touch import Measurement, require_network
-from ..refinement.effort import Effort
-from ..smoothing.change_points import place_posterior
-from ..smoothing.replay import Followed, Race, Replay
+from ..smoothing.replay import Followed, Race, Replay, place_posterior
 from ..smoothing.rival_search import Pace, RivalSearch, Scored
 from .catalogue import Catalogue
 from .compared import Compared

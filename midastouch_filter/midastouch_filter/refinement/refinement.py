@@ -18,16 +18,20 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 
-from ..core.alignment import Aligned, PenetrationAlignment, without_jitter
+from ..core.alignment import (
+    Aligned,
+    CredibleRegion,
+    PenetrationAlignment,
+    align_in_turn,
+    transform_covariance,
+    without_jitter,
+)
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
-from ..core.joint_alignment import align_in_turn, transform_covariance
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.particles import Particles
 from ..core.touch import Measurement
 from ..core.workers import Workers
-from .credible_region import CredibleRegion
-from .effort import Effort
 
 
 class Refinement:

@@ -18,17 +18,14 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.alignment import PenetrationAlignment
+from ..core.alignment import PenetrationAlignment, transform_covariance
 from ..core.config import FilterConfig
-from ..core.joint_alignment import transform_covariance
 from ..core.keyframes import KeyframeWindow
 from ..core.lookup import PoseLookup
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import ANOTHER, APART, Place, Prior, distinct, pose_distance
 from ..core.touch import Measurement
-from ..refinement.effort import Effort
-from .change_points import place_posterior
-from .replay import Race, Replay
+from .replay import Race, Replay, place_posterior
 from .rival_search import Rivals, RivalSearch, Scored
 
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_filter.nodes.node_clock import NodeClock
+from midastouch_filter.nodes.code_processor import NodeClock
 
 sys.path.insert(0, str(Path(__file__).parent))
 

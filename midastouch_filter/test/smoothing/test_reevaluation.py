@@ -9,11 +9,10 @@ from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.places import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
