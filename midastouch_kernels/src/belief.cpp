@@ -5,7 +5,7 @@
 namespace {
 
 // Mass of the particles outside of mode 0, and the mean (6, 6) of d d' over them, d = (position, rotation vector) from
-// `centre` [x y z qx qy qz qw] in fixed axes. At most about `most` of them are looked at, every n-th: that is systematic
+// `centre` [x y z qx qy qz qw] in fixed axes. At most about `most` of them are looked at, every n-th: systematic
 // sampling.
 nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions, In<double, -1> weights,
                         In<int32_t, -1> members, In<double, 7> centre, std::size_t most) {
