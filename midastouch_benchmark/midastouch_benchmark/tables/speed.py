@@ -46,7 +46,6 @@ _RATES: dict[str, Form] = {
     "memory at most": text("peak_rss_mb", "{:.0f} MiB"),
     "the filter's process active after": text("filter_start_s.p50", "{:.1f} s"),
     "... with": text("filter_rss_mb", "{:.0f} MiB"),
-    "transforms kept by": text("transform_source"),
 }
 
 

@@ -17,8 +17,7 @@ from midastouch_bringup.datasets.slide_simulation import simulate_sequence
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.perceived import measurement_of
-from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.simulation.slide import Leap
 
