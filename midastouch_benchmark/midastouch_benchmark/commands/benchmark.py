@@ -70,7 +70,8 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
     from ..tables.results import of_start, of_variants, shown
-    from ..trials.campaign import likelihood_levels, run_campaign
+    from ..trials.campaign import run_campaign
+    from ..trials.likelihood import likelihood_levels
     from ..trials.protocols import chosen_protocol
     from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog

@@ -70,9 +70,8 @@ class Slide:
 def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
     """What a catalogue makes of a slide over an object."""
     identification = Identification(catalogue, CONFIG, NOISE)
-    sequence, touches = cache.touches(mesh, number)
     contests, last = [], None
-    for frame in touches.frames(sequence, 1):
+    for frame in cache.frames(mesh, number):
         moved = None if last is None else se3.inverse(last) @ frame.measured
         last = frame.measured
         if identification.step(moved, frame.measurement):

@@ -74,7 +74,9 @@ def first_poses(mesh: ObjectMesh, cache: Cache, slides: Iterable[int], config: F
     build_s, until the filter has a codebook, once for all slides; step_s, from there to the touch's pose, while the
     codebook already grows; build_cpu_s, processor time of the former, which survives a busy machine.
     """
-    touches = {number: _first_touch(cache, mesh, number) for number in slides}
+    touches = {
+        number: next(frame for frame in cache.frames(mesh, number) if frame.measurement.in_contact) for number in slides
+    }
     wall, cpu = time.perf_counter(), time.process_time()
     localiser = Localiser(None, wait=False)
     localiser.set_object(build_object(mesh.path, cache.tcn, cache.sensor, config, seed=0))
@@ -89,11 +91,6 @@ def first_poses(mesh: ObjectMesh, cache: Cache, slides: Iterable[int], config: F
     finally:
         localiser.close()
     return trials
-
-
-def _first_touch(cache: Cache, mesh: ObjectMesh, number: int):
-    sequence, touches = cache.touches(mesh, number)
-    return next(frame for frame in touches.frames(sequence, 1) if frame.measurement.in_contact)
 
 
 def summarise_first_poses(trials: list[dict]) -> dict:

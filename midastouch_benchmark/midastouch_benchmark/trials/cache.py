@@ -226,6 +226,11 @@ class Cache:
         touches.save(path)
         return sequence, touches
 
+    def frames(self, mesh: ObjectMesh, number: int, stride: int = 1) -> list[TrialFrame]:
+        """Every `stride`-th frame of slide `number` over the object, as a trial takes them."""
+        sequence, touches = self.touches(mesh, number)
+        return touches.frames(sequence, stride)
+
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
         return Touches.perceive(sequence, self.networks)
 

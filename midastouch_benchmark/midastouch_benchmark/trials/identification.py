@@ -90,8 +90,7 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
     catalogue = _catalogue(plan.cache, tuple(paths), plan.settings)
     entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
-    sequence, touches = plan.cache.touches(entry.mesh, slide)
-    frames = touches.frames(sequence, 1)
+    frames = plan.cache.frames(entry.mesh, slide)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
     trials = [labels | identify(catalogue, frames, entry.name, plan.settings, plan.unknown)]
     if len(catalogue) > 1:

@@ -108,8 +108,7 @@ def _run_slides(plan: ShapePlan, books: tuple[Path, ...], slides: dict[str, tupl
 def _run_slide(plan: ShapePlan, books: tuple[Path, ...], size: int, number: int, slide: int) -> list[dict]:
     catalogue = _catalogue(books, plan.settings, plan.room)
     mesh = ObjectMesh.load(shape_path(plan.cache, number))
-    sequence, touches = plan.cache.touches(mesh, slide)
-    frames = touches.frames(sequence, 1)
+    frames = plan.cache.frames(mesh, slide)
     labels = {"object": mesh.name, "slide": slide, "size": size}
     trials = [labels | {"in_catalogue": True} | _identify(catalogue, frames, mesh.name, plan)]
     if size > 1:
