@@ -59,10 +59,10 @@ def key_of(content: dict) -> str:
 
 
 def source_digest(*places: Path) -> str:
-    """Hash of files, and of the Python files and compiled modules directly in folders: results of older code are not
-    taken for those of the new."""
+    """Hash of files, and of the Python files and compiled modules in folders and their rooms: results of older code are
+    not taken for those of the new."""
     digest = hashlib.sha256()
-    inside = [path for place in places for pattern in ("*.py", "*.so") for path in place.glob(pattern)]
+    inside = [path for place in places for pattern in ("*.py", "*.so") for path in place.rglob(pattern)]
     for path in sorted([*inside, *(place for place in places if place.is_file())]):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

@@ -39,6 +39,10 @@ def test_changed_code_has_another_digest(tmp_path):
     assert source_digest(tmp_path) == first
     (tmp_path / "a.py").write_text("x = 2\n")
     assert source_digest(tmp_path) != first
+    second = source_digest(tmp_path)
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "b.py").write_text("x = 1\n")
+    assert source_digest(tmp_path) != second
     one = tmp_path / "one.txt"
     one.write_text("y = 1\n")
     both = source_digest(tmp_path, one)
