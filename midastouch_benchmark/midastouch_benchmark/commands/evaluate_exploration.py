@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_bringup.machine import machine_info
 
-    from ..statistics.exploration import summarise_exploration
+    from ..statistics.exploring import summarise_exploration
     from ..tables.exploring import exploration_table
     from ..tables.table import terminal
     from ..trials.cache import Cache

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
 def _of_meshes(args: argparse.Namespace, cache: Cache) -> tuple[IdentityPlan, dict, int, list[str]]:
     """What was planned; what was found, for the result; slides that are missing; notes."""
 
-    from ..statistics.identification import summarise_identification
+    from ..statistics.exploring import summarise_identification
     from ..trials.identification import IdentityPlan, run_identification
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
@@ -90,7 +90,7 @@ def _of_shapes(args: argparse.Namespace, cache: Cache) -> tuple[ShapePlan, dict,
     from midastouch_common.errors import InputError
     from midastouch_filter.identification.catalogue import ROOM
 
-    from ..statistics.identification import summarise_shapes
+    from ..statistics.exploring import summarise_shapes
     from ..trials.setup import load_filter_config
     from ..trials.shape_catalogues import ShapePlan, run_shapes
     from ..trials.trial_log import TrialLog

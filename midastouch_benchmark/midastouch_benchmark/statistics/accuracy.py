@@ -9,7 +9,6 @@ from scipy.stats import chi2
 
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
-from ..trials.grasps import grasp_summary
 from ..trials.trial import AFTER_EVENT, ERROR_KEYS, STAGES, SYMMETRIC_KEYS
 from ..trials.variants import BASELINE, DEFAULT, PAPER, VARIANTS
 from .coverage import KINDS, LEVELS, WEIGHTS, observed_fractions
@@ -248,4 +247,19 @@ def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
         count = int(np.sum(frames))
         mean = float(np.sum(weight)) / count if count else None
         out.append({"frames": count, "mean_weight": mean, "right": figures.fraction(right, frames)})
+    return out
+
+
+def grasp_summary(trials: list[dict]) -> list[dict] | None:
+    """After each grasp: trials, and with 95 % intervals the fractions of trials whose closest mode is `found`, whose
+    pose is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
+    if not all("grasps" in trial for trial in trials):
+        return None
+    figures = Figures.by_slide(trials)
+    out = []
+    for rows in zip(*(trial["grasps"] for trial in trials), strict=True):
+        wrong = [row["converged"] and not row["right"] for row in rows]
+        parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
+        parts["converged_wrong"] = wrong
+        out.append({"trials": len(rows)} | {name: figures.fraction(part) for name, part in parts.items()})
     return out

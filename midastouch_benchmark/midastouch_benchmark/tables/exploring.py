@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 
-from ..statistics.exploration import summarise_exploration
+from ..statistics.exploring import summarise_exploration
 from .reports import frame_of, report, reported
 from .table import Form, Row, fraction, is_missing, text, tidy, value, written
 

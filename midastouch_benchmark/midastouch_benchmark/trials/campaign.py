@@ -18,7 +18,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
-from ..baselines import dead_reckoning, paper_filter, registration
+from ..baselines import paper_filter, registration
 from .cache import Cache
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
@@ -162,4 +162,4 @@ def _run_unit(
 def filter_code() -> str:
     """Digest of the code of the filter and of the other methods."""
     packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, *(Path(method.__file__) for method in (paper_filter, registration, dead_reckoning)))
+    return source_digest(*packages, *(Path(method.__file__) for method in (paper_filter, registration)))

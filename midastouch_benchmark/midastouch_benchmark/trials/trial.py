@@ -16,8 +16,8 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 
-from ..baselines.dead_reckoning import DeadReckoning
 from ..baselines.paper_filter import PaperFilter
+from ..baselines.registration import DeadReckoning
 from ..statistics.coverage import Coverage, WeightReliability
 from .symmetry import Symmetry
 

@@ -16,9 +16,8 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from ..baselines.dead_reckoning import DeadReckoning, OdometryConfig
 from ..baselines.paper_filter import PaperConfig, PaperFilter
-from ..baselines.registration import Registration, RegistrationConfig
+from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame
 
 

@@ -3,10 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.identification import (
-    calibration_error,
-    summarise_identification,
-)
+from midastouch_benchmark.statistics.exploring import calibration_error, summarise_identification
 from midastouch_benchmark.tables.results import of_identification
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, run_identification

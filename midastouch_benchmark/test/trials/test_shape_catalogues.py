@@ -1,6 +1,6 @@
 import pytest
 
-from midastouch_benchmark.statistics.identification import summarise_shapes
+from midastouch_benchmark.statistics.exploring import summarise_shapes
 from midastouch_benchmark.tables.exploring import shapes_table
 from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.shape_catalogues import ShapePlan, run_shapes

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.exploration import summarise_exploration
+from midastouch_benchmark.statistics.exploring import summarise_exploration
 from midastouch_benchmark.trials.exploration import chosen_policies
 from midastouch_common.errors import InputError
 
