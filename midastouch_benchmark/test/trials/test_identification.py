@@ -18,8 +18,8 @@ from midastouch_perception.objects import bundled_objects
 def campaign(tmp_path_factory):
     """Two bundled objects, slid over for 60 mm each: the plan, meshes, log and trials."""
     folder = tmp_path_factory.mktemp("identify")
-    cache = Cache(folder, slides=SlideKind(0.06), codebook_size=800)
-    plan = IdentityPlan(cache, FilterConfig(max_particles=1000), (0,))
+    cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
+    plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
