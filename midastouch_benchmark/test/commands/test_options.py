@@ -49,7 +49,7 @@ def test_mesh_and_codebook_are_found_by_the_objects_name(box):
 
 
 def test_without_a_codebook_the_error_names_the_command(box):
-    with pytest.raises(InputError, match=r"no codebook of cup; build it: midastouch build-codebook cup\.ply"):
+    with pytest.raises(InputError, match=r"cup\.npz: .*midastouch build-codebook cup\.ply"):
         options.load_object("cup", None, None, NETWORKS)
 
 
@@ -57,8 +57,7 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
     """What the error tells to build is what is looked for."""
     box.path.rename(tmp_path / "aligned.ply")
     codebook_path("box").unlink()
-    told = r"aligned\.npz: no codebook of aligned; build it: midastouch build-codebook aligned\.ply"
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=r"aligned\.npz: .*midastouch build-codebook aligned\.ply"):
         options.load_object("avocado", "aligned.ply", None, NETWORKS)
     save_book(ObjectMesh.load("aligned.ply"), name="aligned")
     assert options.load_object("avocado", "aligned.ply", None, NETWORKS)[0].name == "aligned"
@@ -66,7 +65,7 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
 
 def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
     box.path.rename(tmp_path / "moved.ply")
-    with pytest.raises(InputError, match=r"box\.ply' is not there any more; give it with --mesh"):
+    with pytest.raises(InputError, match=r"box\.ply' .*--mesh"):
         options.load_object("box", None, None, NETWORKS)
     assert options.load_object("box", "moved.ply", None, NETWORKS)[0].name == "moved"
 
@@ -74,9 +73,9 @@ def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mesh_sha256": "0" * 64}, "built for the mesh"),
+        ({"mesh_sha256": "0" * 64}, r"box\.npz"),
         ({"tcn": "net-2"}, "net-2"),
-        ({"sensor_id": "id-2", "sensor": "other"}, "built for the sensor other"),
+        ({"sensor_id": "id-2", "sensor": "other"}, r"box\.npz: .*other"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(box, changes, message):
@@ -121,12 +120,13 @@ def test_the_deadline_is_counted_from_the_start():
 
 def test_it_is_said_how_it_goes_on():
     assert options.left(0, "trial") == []
-    assert options.left(3, "slide") == ["3 slides are left; the same command goes on with them"]
+    (line,) = options.left(3, "slide")
+    assert line.startswith("3 slides")
 
 
 def test_objects_are_named_by_how_they_begin():
     assert [mesh.name for mesh in options.chosen_meshes(None, ["eye", "ball"])] == ["eyebolt", "ball"]
-    with pytest.raises(InputError, match=r"no object 'cup': there are ball, .*; give its name with --objects"):
+    with pytest.raises(InputError, match=r"'cup': .*ball.*--objects"):
         options.chosen_meshes(None, ["cup"])
-    with pytest.raises(InputError, match="nowhere: no such folder"):
+    with pytest.raises(InputError, match="nowhere: "):
         options.chosen_meshes("nowhere", None)

@@ -58,7 +58,7 @@ def test_an_object_without_slides_is_refused(cache, mesh, monkeypatch):
         raise InputError("stuck after 3 frames")
 
     monkeypatch.setattr(module, "simulate_sequence", stuck)
-    with pytest.raises(InputError, match=r"block: no slide of 0\.1 m in 10 tries \(stuck after 3 frames\)"):
+    with pytest.raises(InputError, match=r"block: .*0\.1 m.*give a shorter one"):
         cache.slide(mesh, 0)
 
 

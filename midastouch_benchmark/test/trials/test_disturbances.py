@@ -135,7 +135,7 @@ def test_the_least_explained_touches_of_another_object_replace_twelve(frames):
     assert [k for k, other in enumerate(measurement) if other] == list(range(33, 45))
     assert disturbed.event == Event(33, 45)
     assert all((a.measured == b.measured).all() for a, b in zip(disturbed.frames, frames, strict=True))
-    with pytest.raises(InputError, match="no 12 touches in a row"):
+    with pytest.raises(InputError, match=r"12 touches.*--length"):
         disturb("unexplained", frames, foreign=foreign[:7], codebook=book)
 
 
@@ -148,5 +148,5 @@ def test_on_the_wrong_object_no_pose_is_true(frames):
 
 @pytest.mark.parametrize("name", ["rest", "lift", "push"])
 def test_a_slide_too_short_to_disturb_is_refused(frames, name):
-    with pytest.raises(InputError, match="too short"):
+    with pytest.raises(InputError, match=r"2 frames.*give a longer one"):
         disturb(name, frames[:2])

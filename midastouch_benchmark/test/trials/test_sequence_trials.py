@@ -18,13 +18,14 @@ def test_a_mesh_is_where_the_sensor_touches_it(sequence, mesh):
     frames = list(range(sequence.n_frames))
     assert mesh_doubt(moved(sequence, 0), frames, mesh) == ""
     doubt = mesh_doubt(moved(sequence, 0.01), frames, mesh)
-    assert "block/00: the true poses are 10 mm off the surface of block" in doubt
-    with pytest.raises(InputError, match=r"mm off .* give the mesh in metres in the gel frame of the trial's first"):
+    assert doubt.startswith("block/00: ")
+    assert "10 mm" in doubt
+    with pytest.raises(InputError, match=r"block/00: .*give the mesh in metres in the gel frame"):
         mesh_doubt(moved(sequence, 0.05, "tactile_tracking"), frames, mesh)
 
 
 def test_simulated_slides_are_no_real_ones():
     real, simulated = (SimpleNamespace(path=Path(layout), layout=layout) for layout in ("real", "simulated"))
     require_real([real])
-    with pytest.raises(InputError, match=r"simulated: not a real slide.*download ycb-slide real"):
+    with pytest.raises(InputError, match=r"simulated: .*midastouch download ycb-slide real"):
         require_real([real, simulated])

@@ -72,7 +72,7 @@ def test_names_and_sets_are_chosen_once_each_with_the_default_first():
 
 
 def test_an_unknown_name_is_refused():
-    with pytest.raises(InputError, match="--variant best: not known; there are default, fast"):
+    with pytest.raises(InputError, match=r"--variant best: .*default, fast"):
         chosen_variants(["best"])
 
 
