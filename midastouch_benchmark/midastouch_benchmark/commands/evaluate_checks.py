@@ -77,7 +77,7 @@ def _measured(args: argparse.Namespace) -> dict:
     for own, other in progress_bar(iterable=itertools.pairwise(sensors), total=args.sensors, unit="sensor"):
         quality.add(own, other)
     real = SensorModel.load("digit_real")
-    felt_by = load_tdn(args.tdn, real)
+    tdn_of_real = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
     return to_json(
         {
@@ -92,7 +92,7 @@ def _measured(args: argparse.Namespace) -> dict:
             "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
-            "real_sensors": {name: real_checks(felt_by, each, rng) for name, each in presses.items()},
+            "real_sensors": {name: real_checks(tdn_of_real, each, rng) for name, each in presses.items()},
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )

@@ -18,9 +18,9 @@ def add_parser(subparsers) -> None:
         "check the depth network on real presses of a ball of known size",
         "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 --ball-diameter 0.0088 "
         "--px-per-mm 18.68 --json out/presses.json",
-        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is told from the\n"
+        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is made from the\n"
         "presses) and labelled contact circles, circles.csv with the columns frame,center_x_px,center_y_px,radius_px.\n"
-        "The outline of a contact tells how deep a ball of that size was pressed; the felt relief is compared with\n"
+        "The outline of a contact tells how deep a ball of that size was pressed; the measured map is compared with\n"
         "that ball. Without labels the images tell the outline: where one light for five or more presses explains\n"
         "them best. Where that fails, depth is not judged. Images that show no press are named and left out.",
     )

@@ -18,7 +18,7 @@ LENGTH = 0.3  # m of a slide
 
 
 def parser_of(description: str, out: str, every: int, poses: int) -> argparse.ArgumentParser:
-    """Asks for what `stock_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
+    """Asks for what `cache_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
     parser = argparse.ArgumentParser(description=description.partition("\n")[0])
     parser.add_argument("--meshes", type=Path, required=True)
     parser.add_argument("--out", type=Path, default=Path(out))

@@ -20,7 +20,7 @@ from ..tables.perception import presses_table
 from ..tables.table import on_page
 
 _ACROSS = 2  # presses side by side
-_TITLES = ("image", "difference", "felt", "ideal")
+_TITLES = ("image", "difference", "measured", "ideal")
 
 
 def press_figure(presses: list[Press]) -> Figure:
@@ -54,12 +54,12 @@ def depth_figure(content: dict) -> Figure:
     pressed = [row["ideal_peak_mm"] for row in known]
     depth.plot(pressed, [row["felt_peak_mm"] for row in known], "o", ms=4, color="#1f77b4")
     depth.plot([0, max(pressed, default=1)], [0, max(pressed, default=1)], color="#2ca02c", lw=1)
-    depth.set_ylabel("deepest felt [mm]", fontsize=9)
+    depth.set_ylabel("deepest measured [mm]", fontsize=9)
     round_ones = [row for row in known if row["felt_radius_mm"] is not None]
     measured = [row["felt_radius_mm"] for row in round_ones]
     radius.plot([row["ideal_peak_mm"] for row in round_ones], measured, "o", ms=4, color="#1f77b4")
     radius.axhline(500 * content["ball_diameter"], color="#2ca02c", lw=1)
-    radius.set_ylabel("radius felt [mm]", fontsize=9)
+    radius.set_ylabel("radius measured [mm]", fontsize=9)
     for axes in (depth, radius):
         axes.set_xlabel("pressed [mm]", fontsize=9)
         axes.set_ylim(0, None)
@@ -75,13 +75,13 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
     page.heading("Real presses of a ball")
     page.note(
         "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
-        "where nobody labelled the one that the images tell. Where they tell none it is the felt outline, which "
+        "where nobody labelled the one that the images tell. Where they tell none it is the measured outline, which "
         "flatters the network: do not judge depth by it. A good network has peak ratio and correlation near 1, and "
-        "feels the true radius."
+        "measures the true radius."
     )
     on_page(page, presses_table(contents))
     for i, content in enumerate(contents):
-        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Felt over the presses")
+        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Measured over pressed depth")
         try:
             shown = _measured_again(content)
         except InputError as error:

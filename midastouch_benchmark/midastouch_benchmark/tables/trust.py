@@ -10,7 +10,7 @@ import pandas as pd
 from midastouch_filter.core.config import FilterConfig
 
 from ..statistics.coverage import WEIGHTS
-from .reports import OPTICS, PROTOCOLS, STARTS, benchmark_summary, frame_of, held_out, reported
+from .reports import CONDITIONS, OPTICS, STARTS, benchmark_summary, frame_of, held_out, reported
 from .table import Form, Row, fraction, is_missing, listed, text, value, written
 
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved untold"}
@@ -25,7 +25,7 @@ def conditions() -> dict[str, str]:
     """What trust is asked of: every protocol, and over ten further objects and real optics what there is."""
     optics = {name: f"light {what}" for name, what in OPTICS.items() if name != "real_plain"}
     there = reported()
-    return STARTS | PROTOCOLS | {name: what for name, what in (held_out() | optics).items() if name in there}
+    return STARTS | CONDITIONS | {name: what for name, what in (held_out() | optics).items() if name in there}
 
 
 def verdict(key: str, limit: float, below: str, above: str, undecided: str) -> Form:
@@ -112,4 +112,4 @@ def regions() -> pd.DataFrame:
 
 def events() -> pd.DataFrame:
     """How long it takes until something that happened is noticed, and until the filter is right again."""
-    return events_table(frame_of({name: PROTOCOLS[name] for name in EVENTS}, benchmark_summary), "report")
+    return events_table(frame_of({name: CONDITIONS[name] for name in EVENTS}, benchmark_summary), "report")

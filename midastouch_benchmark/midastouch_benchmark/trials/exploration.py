@@ -125,7 +125,7 @@ class _Trial:
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
         self._converged_at: float | None = None
-        self._alike, self._rivalled = 0, False
+        self._alike, self._competed = 0, False
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
@@ -155,14 +155,14 @@ class _Trial:
             "pose": pose,
             "right": bool(pose_errors(pose, self._finger.pose)[0] <= RIGHT),
             "truth_among_places": bool(among <= RIGHT),
-            "rivalled": self._rivalled,
+            "rivalled": self._competed,
             "places": len(places),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
         }
 
     def _motions(self) -> Iterator[Iterable[np.ndarray]]:
         """Motions to try, until one of them leads anywhere."""
-        self._rivalled |= self._has_competitor()
+        self._competed |= self._has_competitor()
         if self._policy != "random":
             began = time.process_time()
             advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))

@@ -177,7 +177,7 @@ class Answers:
 
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
-    """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
+    """On an object of that name: its own, that of one of the same shape, or `UNKNOWN` if none is in the catalogue."""
     name = catalogue.twins.get(name, name)
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 

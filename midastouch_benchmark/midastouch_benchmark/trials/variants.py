@@ -138,7 +138,9 @@ VARIANTS = {
     "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", BASELINE, method="registration"),
     "odometry": Variant("the arm's odometry alone, from one draw of the start", BASELINE, method="odometry"),
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
-    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"smoothing": False}),
+    "no_hindsight": Variant(
+        "last touches are not re-evaluated at competing hypotheses", MECHANISM, {"smoothing": False}
+    ),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "codes_no_recovery": Variant(
         "no alignment to penetration maps, no re-evaluation, no injection",
@@ -172,14 +174,14 @@ VARIANTS = {
     "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
     "no_book_gate": Variant("few particles, too, have the whole codebook scored", GATE, open_gates=("whole_book",)),
     "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
-    "no_rival_gate": Variant("a mode without rivals is replayed as often", GATE, open_gates=("unrivalled",)),
+    "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
         "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
     ),
     "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
     "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
     "50k": Variant("at most 50,000 particles, as the paper's", COUNT, {"max_particles": 50_000}),
-    "align_1": Variant("one mode is aligned to the felt map", BUDGET, {"refined_modes": 1}),
+    "align_1": Variant("one mode is aligned to the measured map", BUDGET, {"refined_modes": 1}),
     "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
     "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
     "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
