@@ -5,14 +5,11 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import socket
-from functools import cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -24,7 +21,7 @@ from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, Yardstick, run_trial
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open, source_digest
 from .variants import VARIANTS, ShortCodes
 
 THREADS = 1  # of a filter: trials run beside each other
@@ -158,8 +155,6 @@ def _run_unit(
     return out
 
 
-@cache
 def filter_code() -> str:
     """Digest of the code of the filter and of the other methods."""
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, *(Path(method.__file__) for method in (paper_filter, registration)))
+    return filter_digest(*(Path(method.__file__) for method in (paper_filter, registration)))

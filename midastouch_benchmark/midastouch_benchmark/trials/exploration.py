@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -30,7 +28,7 @@ from midastouch_perception.simulation.slide import STEP, measure_poses
 from .cache import Cache
 from .setup import Networks
 from .trial import FRAME_TIME, RIGHT
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, slides only",
@@ -62,7 +60,7 @@ class Plan:
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "code": _code(),
+            "code": filter_digest(Path(__file__)),
         }
 
     def key(self, mesh: ObjectMesh, labels: dict) -> str:
@@ -210,8 +208,3 @@ class _Trial:
             self._converged_at = None
         elif self._converged_at is None:
             self._converged_at = self._path
-
-
-def _code() -> str:
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, Path(__file__))

@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
@@ -25,7 +23,7 @@ from midastouch_filter.identification.identity import UNKNOWN, Identification, I
 
 from .cache import Cache
 from .trial import RIGHT, TrialFrame
-from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
 
 ASKED = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""
@@ -57,7 +55,7 @@ class IdentityPlan:
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "filter_code": _code(),
+            "filter_code": filter_digest(Path(__file__)),
             "threads": _THREADS,
         }
 
@@ -197,9 +195,3 @@ def _is_right(estimate: Estimate | None, frame: TrialFrame) -> bool:
     if estimate is None or estimate.status.state != CONVERGED:
         return False
     return bool(pose_errors(estimate.pose, frame.truth)[0] < RIGHT)
-
-
-@cache
-def _code() -> str:
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, Path(__file__))

@@ -49,7 +49,7 @@ class ShapePlan(IdentityPlan):
         return (
             super().describe()
             | {"room": self.room, "sizes": self.sizes, "touched": self.touched, "seed": _SEED}
-            | _code()
+            | {"trial_code": source_digest(Path(__file__))}
         )
 
     def mates(self, number: int, size: int) -> range:
@@ -145,7 +145,3 @@ def _identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, pl
         "slowest_ms": max(took),
         "memory_mib": resident_mb(os.getpid()),
     }
-
-
-def _code() -> dict:
-    return {"trial_code": source_digest(Path(__file__))}

@@ -7,11 +7,14 @@ import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import midastouch_filter
+import midastouch_kernels
 from midastouch_bringup.cluster import Cluster
 from midastouch_bringup.result_file import to_json
 from midastouch_common.mesh import ObjectMesh
@@ -66,6 +69,13 @@ def source_digest(*places: Path) -> str:
     for path in sorted([*inside, *(place for place in places if place.is_file())]):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:12]
+
+
+@cache
+def filter_digest(*more: Path) -> str:
+    """`source_digest` of the filter, its kernels and further files."""
+    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
+    return source_digest(*packages, *more)
 
 
 def unwatched(total: int) -> Callable[[int], object]:

@@ -7,6 +7,7 @@ from midastouch_benchmark.perception.press_quality import measure_presses, visib
 from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tdn import load_tdn
 
 RADIUS = 4e-3
 FREE = np.full((320, 240, 3), 100, np.uint8)
@@ -179,7 +180,6 @@ def test_visible_contact_is_the_largest_change(sensor):
 @pytest.mark.parametrize(("name", "radius", "scale"), [("d20641", 4.4e-3, 18680), ("vocdex", 3e-3, 18500)])
 def test_real_presses(shared, name, radius, scale):
     """What must hold whatever the network: presses are found and bulge, and the ideal caps are those of the labels."""
-    from midastouch_perception.tdn import load_tdn
 
     presses = load_ball_presses(shared / f"data/digit_real/sphere_presses_{name}")
     some = presses.only(list(presses.images)[::5])
@@ -192,3 +192,18 @@ def test_real_presses(shared, name, radius, scale):
         wide = some.circles[row["image"]][2] / scale
         flat = 1e3 * (radius - np.sqrt(radius**2 - wide**2))
         assert 0.93 < row["ideal_peak_mm"] / flat < 1.1, "dome and perspective change a cap little"
+
+
+@pytest.mark.parametrize(
+    ("folder", "radius", "scale"),
+    [("sphere_presses_d20641", 4.4e-3, 18680.0), ("sphere_presses_vocdex", 3e-3, 18500.0)],
+)
+def test_a_ball_on_sensors_never_seen_is_measured_as_one_of_about_its_size(shared, folder, radius, scale):
+    presses = load_ball_presses(shared / "data/digit_real" / folder)
+    some = presses.only(sorted(presses.images)[::3])
+    summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real").at_scale(scale)), some, radius)[1]
+    assert summary["found_share"] == summary["bulges_share"] == 1
+    assert 0.5 < summary["peak_ratio"] < 1.4
+    assert 0.65e3 * radius < summary["felt_radius_mm"] < 1.6e3 * radius
+    assert summary["iou"] > 0.75
+    assert summary["outside_share"] < 0.05
