@@ -9,9 +9,8 @@ from midastouch_benchmark.tables import trust_plots
 from midastouch_bringup.ros.parameter_tables import markdown
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/evaluation.md", "docs/trust.md"])
+@pytest.mark.parametrize("document", tables.DOCUMENTS)
 def test_figures_are_those_of_the_reports(document):
-    assert document in tables.DOCUMENTS
     assert DOCUMENTS[document].count("<!-- table ") == DOCUMENTS[document].count("<!-- end -->") > 0
     assert DOCUMENTS[document] == tables.filled(document), f"run: python -m {tables.__name__}"
 
