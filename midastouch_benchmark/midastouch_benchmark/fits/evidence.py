@@ -5,7 +5,7 @@
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
 replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
 often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
-mathematics: docs/evidence.md. No test object is seen.
+mathematics: docs/internals.md. No test object is seen.
 """
 
 from __future__ import annotations

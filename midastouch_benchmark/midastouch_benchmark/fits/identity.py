@@ -5,7 +5,7 @@
 Training scans are shared out at random to catalogues of each size. Each object is slid over, once with its catalogue,
 once with the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often
 as they claim, after every comparison on the way, is printed: constants of `midastouch_filter/core/noise_model.py`. The
-mathematics: docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
+mathematics: docs/internals.md. No test object is seen, nor any of the ten further ones for judging.
 """
 
 from __future__ import annotations

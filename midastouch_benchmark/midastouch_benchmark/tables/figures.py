@@ -33,7 +33,10 @@ FIGURES = (
         "error through the light of two calibrated real sensors, over that in the training's light",
         perception.real, "real_sensor_calibrated", "mean error over TACTO's",
     ),
-    ("depth read from presses of a real DIGIT, over the ball's", perception.presses, "presses_d20641_calibrated", "deepest"),
+    (
+        "depth read from presses of a real DIGIT, over the ball's",
+        perception.presses, "presses_d20641_calibrated", "deepest",
+    ),
     ("image to pose at 60 images a second, median; 99th percentile", speed.load, "load_eyebolt", "image to pose"),
 )  # fmt: skip
 """What it is, its table, a report or text in the first cell that names its row, and how its column begins."""

@@ -5,7 +5,7 @@ is what none of them explains. Codes are of one network, so that how well they f
 the best entries of the whole catalogue become the candidates of a touch. The best of these places are aligned to the
 kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after a few maps, so
 that ten objects take hardly more alignments than one. Of thousands of objects only some are compared: `compared`.
-docs/evidence.md has the mathematics.
+docs/internals.md has the mathematics.
 """
 
 from __future__ import annotations
