@@ -4,7 +4,7 @@ A Gaussian posterior is as wide as its model of the noise has it. Two things tel
 widens the covariance:
 
 * What the map leaves unexplained. How wrong a map is differs from touch to touch, so that the likelihood of a pose is a
-  power of its misfit (docs/internals.md). The curvature around its peak falls as m + m0, and the covariance grows as it.
+  power of its misfit (docs/internals.md). The curvature around its peak falls as m + m0; the covariance grows as it.
 * That maps correct the pose in one direction again and again. The innovations of a filter whose model holds are white
   (Mehra 1970). Those of an arm that is late, of an object that was pushed, or of a place nearby are not: what one map
   corrects, the odometry undoes. The pose lags behind, and in directions that maps tell little of it stays off for a
