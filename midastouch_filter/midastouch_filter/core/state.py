@@ -26,8 +26,8 @@ class Status:
 
     state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
-    likelihood_trend: short average of the log-likelihood ratio against a random touch (below 0: the particles
-    explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
+    likelihood_trend [nats]: short average of the log-likelihood ratio against a random touch (below 0: the
+    particles explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
     stage, those of what followed the last answer included.
     """
 
