@@ -36,5 +36,5 @@ def test_pictures_of_trust_show_the_newest_reports(tmp_path):
 
 
 def test_parameter_tables_are_those_of_the_nodes():
-    mend = "run: python -m midastouch_bringup.ros.parameter_tables > docs/parameters.md"
-    assert (ROOT / "docs" / "parameters.md").read_text() == markdown(), mend
+    fix = "run: python -m midastouch_bringup.ros.parameter_tables > docs/parameters.md"
+    assert (ROOT / "docs" / "parameters.md").read_text() == markdown(), fix
