@@ -13,7 +13,7 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from .camera_model import CameraModel
-from .errors import DeviceError
+from .frames import DeviceError
 
 SYSFS_VIDEO = Path("/sys/class/video4linux")
 DEV = Path("/dev")

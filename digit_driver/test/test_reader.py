@@ -9,8 +9,7 @@ import pytest
 from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
-from digit_driver.errors import DeviceError
-from digit_driver.frame_slot import ReaderState, ReaderStatus
+from digit_driver.frames import DeviceError, ReaderState, ReaderStatus
 from digit_driver.reader import FrameReader, ReaderTiming
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 

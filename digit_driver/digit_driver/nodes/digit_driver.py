@@ -16,10 +16,9 @@ from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_common.ros.managed_node import ManagedNode
 
 from ..camera_info import Calibration, load_calibration
-from ..errors import DeviceError
-from ..frame_slot import ReaderState, ReaderStatus
+from ..frames import DeviceError, ReaderState, ReaderStatus
 from ..reader import FrameReader
-from ..stream_monitor import StreamMonitor
+from ..stream_health import StreamMonitor
 from ..v4l2_device import V4l2Camera, V4l2Settings
 from .image_publisher import ImagePublisher
 from .parameters import PARAMETERS, camera_settings, led_levels, reader_timing
