@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 from midastouch_common.errors import InputError
-from midastouch_common.user_paths import expanded
+from midastouch_common.files import expanded
 
 from .frames import CorruptFrameError
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV

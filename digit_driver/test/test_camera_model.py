@@ -93,7 +93,10 @@ def test_images_are_cropped_then_turned_then_scaled(tmp_path, rotation, corner, 
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "format": "H264"}}}, "format.*YUYV, MJPG.*H264"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [300, 0, 400, 480]}}}, r"crop.*640x480"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [240]}}}, r"output.*\[240\]"),
-        ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [320, 320]}}}, r"output.*\[320, 320\].*crop or output"),
+        (
+            {"modes": {"a": {"width": 640, "height": 480, "fps": [30], "output": [320, 320]}}},
+            r"output.*crop or output",
+        ),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": 30}}}, r"fps.*write \[30\]"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 640]}}}, r"crop.*\[0, 0, 640\]"),
         ({"modes": {"a": {"width": 640, "height": 480, "fps": [30], "crop": [0, 0, 64.5, 48]}}}, "crop.*64.5"),
@@ -112,7 +115,7 @@ def test_a_product_left_empty_is_none(tmp_path) -> None:
     path.write_text(path.read_text() + "product:\n")
     assert CameraModel.load(path).product == ""
     path.write_text(path.read_text().replace("- 1BCF:2b98", ""))
-    with pytest.raises(InputError, match="usb_ids.*product"):
+    with pytest.raises(InputError, match=r"usb_ids.*product"):
         CameraModel.load(path)
 
 
@@ -123,7 +126,7 @@ def test_a_pixel_stays_square_after_the_turn(tmp_path, output, fits) -> None:
     if fits:
         assert CameraModel.load(file).mode("small").output == tuple(output)
     else:
-        with pytest.raises(InputError, match="output.*300 x 400.*change crop or output"):
+        with pytest.raises(InputError, match=r"output.*300 x 400.*change crop or output"):
             CameraModel.load(file)
 
 
@@ -136,9 +139,9 @@ def test_what_is_no_camera_model(tmp_path, text) -> None:
 
 
 def test_unknown_names() -> None:
-    with pytest.raises(InputError, match="gelsight_maxi.*digit, gelsight_mini"):
+    with pytest.raises(InputError, match=r"gelsight_maxi.*digit, gelsight_mini"):
         CameraModel.load("gelsight_maxi")
-    with pytest.raises(InputError, match="resolution.*QVGA, VGA.*'HD'"):
+    with pytest.raises(InputError, match=r"resolution.*QVGA, VGA.*'HD'"):
         CameraModel.load("digit").mode("HD")
 
 

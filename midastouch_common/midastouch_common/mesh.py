@@ -12,13 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from pykdtree.kdtree import KDTree
+from scipy.spatial import cKDTree
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
-from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
 _SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
+FEWEST_THREADED_QUERIES = 8
+"""Fewer queries for nearest points are answered sooner than threads are woken, on a busy machine by milliseconds."""
+
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 
 
@@ -198,6 +202,23 @@ class ObjectMesh:
         NaN, and face 0, for points that are not finite.
         """
         return self._search.query(np.ascontiguousarray(points, float))
+
+
+class NearestPoints:
+    """KD-tree of points (M, D), for many queries at once or one after another."""
+
+    def __init__(self, points: np.ndarray):
+        self._points = points
+        self._threaded = KDTree(points)
+
+    @cached_property
+    def _unthreaded(self) -> cKDTree:
+        return cKDTree(self._points)
+
+    def query(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Distances and indices of the k nearest points of queries (N, D), nearest first: (N, k), or (N,) for k = 1."""
+        tree = self._unthreaded if len(queries) < FEWEST_THREADED_QUERIES else self._threaded
+        return tree.query(np.ascontiguousarray(queries, float), k=k)
 
 
 class _ClosestPointSearch:

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
+from midastouch_common.mesh import FEWEST_THREADED_QUERIES, NearestPoints, ObjectMesh
 
 
 def brute_force_distance(mesh, points):
@@ -180,3 +180,18 @@ def test_non_finite_vertices_are_refused(block):
 def test_unusable_meshes_are_named(vertices, faces, said):
     with pytest.raises(InputError, match=f"thing: .*{said}"):
         ObjectMesh.from_arrays(vertices, faces, "thing")
+
+
+@pytest.mark.parametrize("k", [1, 5])
+def test_few_queries_are_answered_as_many_are(k):
+    rng = np.random.default_rng(0)
+    points = rng.standard_normal((500, 3))
+    queries = rng.standard_normal((4 * FEWEST_THREADED_QUERIES, 3))
+    tree = NearestPoints(points)
+    distance, index = tree.query(queries, k)
+    expected = np.linalg.norm(queries[:, None] - points, axis=2)
+    np.testing.assert_array_equal(index.reshape(len(queries), k), np.argsort(expected, axis=1)[:, :k])
+    for i, query in enumerate(queries):
+        d, j = tree.query(query[None], k)
+        np.testing.assert_array_equal(j[0], index[i])
+        np.testing.assert_allclose(d[0], distance[i])
