@@ -10,8 +10,7 @@ import pytest
 import trimesh
 
 from midastouch_bringup import cli
-from midastouch_bringup.download.ycb import download_mesh
-from midastouch_bringup.download.ycb_slide import FOLDERS, download_part
+from midastouch_bringup.download.ycb import FOLDERS, download_mesh, download_part
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
