@@ -143,14 +143,14 @@ def bad_meshes(folder):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("gone.ply", "no such mesh file"),
-        ("text.ply", "cannot be read|without faces"),
-        ("empty.stl", "cannot be read|without faces"),
-        ("points.ply", "without faces|cannot be read"),
-        ("millimetres.stl", "100 m across; it looks like millimetres"),
-        ("part.STEP", "STEP holds surfaces, no triangles; export it from your CAD as STL, in metres"),
-        ("dust.stl", "0.1 mm across, too small to be felt"),
-        ("flat.ply", "zero area"),
+        ("gone.ply", "check the path"),
+        ("text.ply", "use PLY|export it"),
+        ("empty.stl", "use PLY|export it"),
+        ("points.ply", "use PLY|export it"),
+        ("millimetres.stl", "millimetres.*0.001"),
+        ("part.STEP", "export it.*STL, in metres"),
+        ("dust.stl", "0.1 mm.*in metres"),
+        ("flat.ply", "export the mesh again"),
     ],
 )
 def test_unusable_files_are_refused(tmp_path, name, said):
@@ -162,7 +162,7 @@ def test_unusable_files_are_refused(tmp_path, name, said):
 def test_non_finite_vertices_are_refused(block):
     vertices = block.vertices.copy()
     vertices[3, 1] = np.nan
-    with pytest.raises(InputError, match="non-finite"):
+    with pytest.raises(InputError, match=r"broken.*export it again"):
         ObjectMesh.from_arrays(vertices, block.faces, "broken")
 
 
@@ -173,7 +173,7 @@ def test_non_finite_vertices_are_refused(block):
         (np.eye(3), np.array([[0, 1, -1]]), "vertex -1"),
         (np.eye(3), np.array([[0, 1, 2, 0]]), "triangles"),
         (np.eye(4), np.array([[0, 1, 2]]), "triangles"),
-        (np.empty((0, 3)), np.empty((0, 3), int), "without faces"),
+        (np.empty((0, 3)), np.empty((0, 3), int), "export it"),
         (1000 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
     ],
 )

@@ -59,7 +59,7 @@ def test_xyzquat_round_trip(xi):
     [
         ([0, 0, 0, 0, 0, 0, 0], "zero quaternion"),
         ([np.nan, 0, 0, 0, 0, 0, 1], "non-finite"),
-        ([0, 0, 0, 1], "rows of 7"),
+        ([0, 0, 0, 1], "7"),
     ],
 )
 def test_unusable_poses_are_refused(row, said):
