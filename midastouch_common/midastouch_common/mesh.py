@@ -88,7 +88,7 @@ class ObjectMesh:
         if extent > _LARGEST_EXTENT:
             raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
         if extent < _SMALLEST_EXTENT:
-            raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to be felt; export it in metres")
+            raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to touch; export it in metres")
         return mesh
 
     def save(self, path: str | Path) -> None:
@@ -154,7 +154,7 @@ class ObjectMesh:
 
     @property
     def contrary_share(self) -> float:
-        """Share of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
+        """Fraction of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
         contrary = self._shared_edges[2]
         return float(contrary.mean()) if len(contrary) else 0.0
 
@@ -181,7 +181,7 @@ class ObjectMesh:
     def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
         """Outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
 
-        This is how a finger pad of finite size feels the surface: it turns gradually over an edge.
+        A finger pad of finite size turns as gradually over an edge.
         """
         tree, normals = self._normal_samples
         count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))

@@ -68,8 +68,8 @@ def test_surface_samples_are_uniform_by_area():
     box = trimesh.creation.box((0.1, 0.02, 0.04))
     mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
     points, normals, _ = mesh.sample_surface(20_000, np.random.default_rng(1))
-    share = (np.abs(normals[:, 1]) > 0.5).mean()
-    assert share == pytest.approx(0.1 * 0.04 / (0.1 * 0.04 + 0.1 * 0.02 + 0.02 * 0.04), abs=2e-3)
+    fraction = (np.abs(normals[:, 1]) > 0.5).mean()
+    assert fraction == pytest.approx(0.1 * 0.04 / (0.1 * 0.04 + 0.1 * 0.02 + 0.02 * 0.04), abs=2e-3)
     top = points[normals[:, 1] > 0.5]
     np.testing.assert_allclose(top[:, 1], 0.01)
     np.testing.assert_allclose(top[:, [0, 2]].std(axis=0), [0.1 / 12**0.5, 0.04 / 12**0.5], rtol=0.05)
@@ -141,7 +141,7 @@ def bad_meshes(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "fix"),
     [
         ("gone.ply", "check the path"),
         ("text.ply", "use PLY|export it"),
@@ -153,9 +153,9 @@ def bad_meshes(folder):
         ("flat.ply", "export the mesh again"),
     ],
 )
-def test_unusable_files_are_refused(tmp_path, name, said):
+def test_unusable_files_are_refused(tmp_path, name, fix):
     bad_meshes(tmp_path)
-    with pytest.raises(InputError, match=f"{name}: .*({said})"):
+    with pytest.raises(InputError, match=f"{name}: .*({fix})"):
         ObjectMesh.load(tmp_path / name)
 
 
@@ -167,7 +167,7 @@ def test_non_finite_vertices_are_refused(block):
 
 
 @pytest.mark.parametrize(
-    ("vertices", "faces", "said"),
+    ("vertices", "faces", "fix"),
     [
         (np.eye(3), np.array([[0, 1, 3]]), "vertex 3"),
         (np.eye(3), np.array([[0, 1, -1]]), "vertex -1"),
@@ -177,8 +177,8 @@ def test_non_finite_vertices_are_refused(block):
         (1000 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
     ],
 )
-def test_unusable_meshes_are_named(vertices, faces, said):
-    with pytest.raises(InputError, match=f"thing: .*{said}"):
+def test_unusable_meshes_are_named(vertices, faces, fix):
+    with pytest.raises(InputError, match=f"thing: .*{fix}"):
         ObjectMesh.from_arrays(vertices, faces, "thing")
 
 

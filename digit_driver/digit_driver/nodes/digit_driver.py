@@ -163,7 +163,7 @@ class DigitDriver(ManagedNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
+    """Runs the node until a signal stops it. Exit code 2: unusable input, 1: the sensor never came."""
     return spin.run(lambda: [DigitDriver()], args)
 
 

@@ -8,7 +8,7 @@ from midastouch_bringup.datasets.ball_presses import load_ball_presses
 from midastouch_common.errors import InputError
 
 HEADER = "frame,center_x_px,center_y_px,radius_px\n"
-PLACES = [(60, 80), (180, 80), (120, 160), (60, 240), (180, 240)]
+POSITIONS = [(60, 80), (180, 80), (120, 160), (60, 240), (180, 240)]
 
 
 def free_image() -> np.ndarray:
@@ -19,14 +19,14 @@ def free_image() -> np.ndarray:
 @pytest.fixture
 def folder(tmp_path):
     """Five presses, each of them a disc of radius 30 px elsewhere."""
-    for i, place in enumerate(PLACES):
-        image = cv2.circle(free_image(), place, 30, (200, 30, 160), -1)
+    for i, position in enumerate(POSITIONS):
+        image = cv2.circle(free_image(), position, 30, (200, 30, 160), -1)
         cv2.imwrite(str(tmp_path / f"{i:04d}.png"), image[:, :, ::-1])
     return tmp_path
 
 
 def write_circles(folder, extra=""):
-    rows = "".join(f"{i:04d},{x},{y},30\n" for i, (x, y) in enumerate(PLACES))
+    rows = "".join(f"{i:04d},{x},{y},30\n" for i, (x, y) in enumerate(POSITIONS))
     (folder / "circles.csv").write_text(HEADER + rows + extra)
 
 

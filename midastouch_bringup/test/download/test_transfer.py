@@ -32,12 +32,12 @@ def left(path: Path) -> list[str]:
 
 
 def test_a_whole_file_with_its_progress(url, path):
-    told = []
-    fetch(url, path, DIGEST, progress=lambda done, total: told.append((done, total)))
+    reported = []
+    fetch(url, path, DIGEST, progress=lambda done, total: reported.append((done, total)))
     assert path.read_bytes() == DATA
     assert left(path) == ["drill.tgz"]
-    assert told[-1] == (len(DATA), len(DATA))
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert reported[-1] == (len(DATA), len(DATA))
+    assert [done for done, _ in reported] == sorted(done for done, _ in reported)
 
 
 def test_a_broken_transfer_goes_on_where_it_stopped(server, url, path):
