@@ -16,8 +16,8 @@ from std_msgs.msg import Header
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import spin
-from midastouch_filter.core.perceived import measurement_of
-from midastouch_filter.localiser import LoadedObject, load_object
+from midastouch_filter.core.touch import measurement_of
+from midastouch_filter.loaded_object import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
