@@ -98,6 +98,7 @@ def _pose_problem(poses: np.ndarray) -> str:
         return "a rotation mirrors, which no sensor can do; give poses of right-handed frames"
     if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _LARGEST_DISTANCE:
         return f"{furthest:.0f} m from the start; are these millimetres? Scale translations by 0.001 to metres"
-    if np.linalg.norm(poses[0, :3, 3]) > _START_ERRORS[0] or np.abs(poses[0, :3, :3] - np.eye(3)).max() > _START_ERRORS[1]:
+    distance, turn = np.linalg.norm(poses[0, :3, 3]), np.abs(poses[0, :3, :3] - np.eye(3)).max()
+    if distance > _START_ERRORS[0] or turn > _START_ERRORS[1]:
         return "the first pose is not the identity; give all poses in the frame of the first, inv(first) @ pose"
     return ""
