@@ -1,4 +1,4 @@
-"""One verdict on the stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
+"""The verdict on a stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from enum import IntEnum
 
 from midastouch_common.clock_offset import ClockOffset
 
-from .frame_slot import ReaderState, ReaderStatus
-from .image_health import ImageReport
+from .frames import Frame, MonotonicClock, ReaderState, ReaderStatus, SourceInfo
+from .stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
 
-_SLOW = 0.9
-_SILENCE_S = 3.0
+_SLOW_RATE_FRACTION = 0.9
+_LONGEST_SILENCE_S = 3.0
+_FROZEN_AFTER_S = 1.0
 
 
 class Level(IntEnum):
@@ -74,14 +75,14 @@ def _quiet_message(state: ReaderState) -> str:
 
 def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
     reader = evidence.reader
-    if reader.silent_s > _SILENCE_S:
+    if reader.silent_s > _LONGEST_SILENCE_S:
         return [(Level.ERROR, f"the device driver hangs since {reader.silent_s:.0f} s; replug the sensor")]
     if reader.state in (ReaderState.CONNECTING, ReaderState.DISCONNECTED, ReaderState.FAILED):
         return [(Level.ERROR, f"{reader.state.value}: {reader.last_error or 'opening the camera'}")]
     if reader.state is not ReaderState.STREAMING:
         return []
     findings = [(Level.WARN, warning) for warning in reader.info.warnings]
-    if evidence.rate is not None and evidence.rate < _SLOW * reader.info.fps:
+    if evidence.rate is not None and evidence.rate < _SLOW_RATE_FRACTION * reader.info.fps:
         findings.append((Level.WARN, f"{evidence.rate:.1f} frames/s instead of {reader.info.fps:g}"))
     if evidence.backward:
         findings.append((Level.WARN, f"{evidence.backward} time stamps did not advance"))
@@ -130,3 +131,43 @@ def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
         values["image_saturated"] = f"{evidence.image.saturated:.3f}"
         values["image_repeats"] = str(evidence.image.repeats)
     return values
+
+
+class StreamMonitor:
+    """Watches one stream; used by one thread.
+
+    Args:
+        clock: the host's monotonic clock.
+        offset: its distance to wall time.
+    """
+
+    def __init__(self, clock: MonotonicClock | None = None, offset: ClockOffset | None = None) -> None:
+        self._clock = clock or MonotonicClock()
+        self._offset = offset or ClockOffset()
+        self._rate: RateMonitor | None = None
+        self._health: ImageHealth | None = None
+        self._image: ImageReport | None = None
+        self._jitter = JitterMonitor()
+
+    def opened(self, info: SourceInfo) -> None:
+        """The camera was opened (again): what was measured before is forgotten."""
+        self._rate = RateMonitor(info.fps, self._clock.now_ns())
+        self._health = ImageHealth(round(_FROZEN_AFTER_S * info.fps))
+        self._image = None
+        self._jitter = JitterMonitor()
+
+    def stamp(self, frame: Frame) -> int:
+        """Takes note of a frame and returns its acquisition in wall time, nanoseconds."""
+        self._rate.add(frame.stamp_monotonic_ns)
+        self._image = self._health.update(frame.image)
+        self._offset.update()
+        stamp_ns = self._offset.to_wall_ns(frame.stamp_monotonic_ns)
+        self._jitter.add(stamp_ns, frame.sequence)
+        return stamp_ns
+
+    def report(self, reader: ReaderStatus, jitter_limit: float) -> HealthReport:
+        """The verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
+        rate = self._rate.rate(self._clock.now_ns()) if self._rate else None
+        backward = self._rate.backward if self._rate else 0
+        evidence = Evidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)
+        return assess(evidence, self._offset)

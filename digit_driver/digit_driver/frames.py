@@ -1,12 +1,68 @@
-"""What the thread that reads a camera hands over: the newest frame, and what became of the others."""
+"""Frames on their way from a camera to whoever wants the newest one: their types, and what can go wrong."""
 
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from .frame_source import Frame, SourceInfo
+import numpy as np
+
+
+class DeviceError(RuntimeError):
+    """The camera is absent, busy, unplugged or misbehaves; trying again may help."""
+
+
+class CorruptFrameError(RuntimeError):
+    """One frame was damaged on its way; the next one may be good."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One tactile image.
+
+    Attributes:
+        image: (H, W, 3) uint8, RGB, upright as the camera model says; a DIGIT's at QVGA is (320, 240, 3).
+        stamp_monotonic_ns: time of acquisition on ``CLOCK_MONOTONIC``, nanoseconds.
+        sequence: number given by the camera; a gap means frames were lost before they could be read.
+    """
+
+    image: np.ndarray
+    stamp_monotonic_ns: int
+    sequence: int
+
+
+@dataclass(frozen=True)
+class SourceInfo:
+    """What is known about an open camera.
+
+    Attributes:
+        name: its device node.
+        serial: serial number of the sensor, empty when there is none.
+        width, height: size of the image, pixels.
+        fps: frames per second that the camera promises.
+        warnings: facts about this camera that the user should know, ready to print.
+    """
+
+    name: str
+    serial: str
+    width: int
+    height: int
+    fps: float
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        serial = f" (serial {self.serial})" if self.serial else ""
+        return f"{self.name}{serial}, {self.width}x{self.height} at {self.fps:g} frames/s"
+
+
+class MonotonicClock:
+    """The host's ``CLOCK_MONOTONIC``; tests put their own in its place."""
+
+    def now_ns(self) -> int:
+        """Nanoseconds."""
+        return time.monotonic_ns()
 
 
 class ReaderState(Enum):
