@@ -41,7 +41,7 @@ from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
 from ..result_file import write_json
 from ..text_table import text_table
-from .launch_arguments import explored, quick_codebooks
+from .launch_parameters import explored, quick_codebooks
 from .recording_ends import RESULTS, await_recorder, hear_the_last
 from .supervised_run import supervised_run
 

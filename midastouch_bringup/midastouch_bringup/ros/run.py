@@ -15,7 +15,8 @@ from ..processes.foreground import run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
 from ..processes.program import Program, node_program
-from .launch_arguments import ARGUMENTS, bundled_mesh, explored, parameters, quick_codebooks
+from .launch_arguments import ARGUMENTS
+from .launch_parameters import bundled_mesh, explored, parameters, quick_codebooks
 from .setups import SETUPS, executables
 
 
@@ -104,9 +105,8 @@ def manual(setup: str) -> str:
 
 
 def _defaults(setup: str) -> dict[str, str]:
-    known = [name for name, one in SETUPS.items() if not one.launch_only]
-    if setup not in known:
-        raise InputError(f"{setup}: nothing of that name can be started; there are {', '.join(known)}")
+    if setup not in SETUPS:
+        raise InputError(f"{setup}: nothing of that name can be started; there are {', '.join(SETUPS)}")
     return SETUPS[setup].values()
 
 

@@ -20,8 +20,6 @@ from midastouch_common.errors import InputError
 from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
 
-STARTED = [name for name, setup in SETUPS.items() if not setup.launch_only]
-
 
 def test_arguments_go_over_the_defaults():
     given = values("replay", ["bag:=out/my:=slide", "seed:=7"])
@@ -45,7 +43,7 @@ def test_what_cannot_be_started_is_refused(setup, word, reason):
         values(setup, [word] if word else [])
 
 
-@pytest.mark.parametrize("setup", STARTED)
+@pytest.mark.parametrize("setup", SETUPS)
 def test_the_manual_names_every_argument_that_is_taken(setup):
     text = manual(setup)
     for name in SETUPS[setup].arguments:
