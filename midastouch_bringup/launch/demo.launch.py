@@ -146,7 +146,8 @@ def generate_launch_description() -> LaunchDescription:
             ExecuteProcess(
                 cmd=[
                     ExecutableInPackage("midastouch", "midastouch_bringup"),
-                    *("run", "demo"),
+                    "run",
+                    "demo",
                     ["object:=", LaunchConfiguration("object")],
                     "--prepare",
                 ],

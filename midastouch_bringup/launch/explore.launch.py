@@ -152,7 +152,8 @@ def generate_launch_description() -> LaunchDescription:
             ExecuteProcess(
                 cmd=[
                     ExecutableInPackage("midastouch", "midastouch_bringup"),
-                    *("run", "explore"),
+                    "run",
+                    "explore",
                     ["object:=", LaunchConfiguration("object")],
                     ["mesh:=", LaunchConfiguration("mesh")],
                     ["codebook:=", LaunchConfiguration("codebook")],
