@@ -44,7 +44,7 @@ class Replay(PipelineNode):
         self.finished = threading.Event()
         self.error: Exception | None = None
 
-        source = ReplaySource(self._settings["source"], self._settings["topics"].split())
+        source = ReplaySource(self._settings["source"])
         self._output = ReplayOutput(self, source.topics, self._settings["clock"])
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
         patience = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
@@ -72,7 +72,7 @@ class Replay(PipelineNode):
     def _play(self) -> None:
         try:
             self._await_listeners()
-            self.player.play(self._settings["start_offset"], lambda: self._settings["loop"])
+            self.player.play(lambda: self._settings["loop"])
             self._output.flush()
             self.get_logger().info(self.player.summary())
         except Exception as error:

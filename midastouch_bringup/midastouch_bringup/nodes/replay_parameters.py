@@ -12,7 +12,6 @@ PARAMETERS = (
     Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
     Parameter("loop", False, "Start again at the end; time jumps back", read_only=False),
     Parameter("start_paused", False, "Wait for the service resume or step"),
-    Parameter("start_offset", 0.0, "Leave out this much of the beginning", "s", minimum=0.0, maximum=1e6),
     Parameter(
         "seek_to",
         0.0,
@@ -39,5 +38,4 @@ PARAMETERS = (
         minimum=0.05,
         maximum=3600.0,
     ),
-    Parameter("topics", "", "Topics of a bag to play, separated by spaces; empty: the pipeline's inputs"),
 )

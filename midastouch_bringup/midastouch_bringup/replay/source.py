@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from midastouch_common.errors import InputError
@@ -41,12 +41,12 @@ def is_image(topic: str) -> bool:
 class ReplaySource:
     """The sequence or bag at `path`; `topics` are the ones it will send.
 
-    Of a bag only those in `wanted` are taken; without it, the inputs of the pipeline. That listens to raw images, so
-    compressed ones are then decompressed, or left out where there are raw ones, too. Raises InputError if `path` is
-    neither or cannot be read, also while messages are read.
+    Of a bag, the inputs of the pipeline. That listens to raw images: compressed ones are decompressed, or left out
+    where there are raw ones, too. Raises InputError if `path` is neither or cannot be read, also while messages are
+    read.
     """
 
-    def __init__(self, path: str | Path, wanted: Collection[str] = ()) -> None:
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._decompresses = False
         self._sequence = None if is_bag(self.path) else load_sequence(self.path)
@@ -54,12 +54,11 @@ class ReplaySource:
             self.topics = list(SEQUENCE_TOPICS)
             return
         present = bag_topics(self.path)
-        self.topics = [topic for topic in present if topic.name in (wanted or INPUT_TOPICS)]
+        self.topics = [topic for topic in present if topic.name in INPUT_TOPICS]
         if not self.topics:
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self.path}: has no {', '.join(sorted(wanted or INPUT_TOPICS))}; it has {names}")
-        if not wanted:
-            self._prefer_raw_images()
+            raise InputError(f"{self.path}: has no {', '.join(sorted(INPUT_TOPICS))}; it has {names}")
+        self._prefer_raw_images()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
         """What is recorded, each message once, in order of recording, without those of the first `offset_ns`.
