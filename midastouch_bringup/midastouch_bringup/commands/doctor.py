@@ -112,7 +112,7 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
 def _has_executable(name: str) -> bool:
     from midastouch_common.errors import InputError
 
-    from ..processes.program import find_executable
+    from ..processes.process import find_executable
 
     try:
         find_executable(name)

@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.errors import InputError
     from midastouch_common.message_arrays import pose_from_msg
 
-    from ..arm.mount_correction import correct_mount
+    from ..arm.mount import correct_mount
     from ..ros.launch_arguments import SHARE
-    from ..ros.learnt_calibration import learnt_calibration
+    from ..ros.local_context import learnt_calibration
 
     if not args.frames and Path(args.out).exists():  # what is learnt is relative to the file of the last launch
         raise InputError(

@@ -12,7 +12,7 @@ from midastouch_perception.tdn import load_tdn
 
 from .figures import save
 from .page import Page
-from .relief_rows import ReliefRow, felt_with, relief_figure
+from .penetration_rows import ReliefRow, felt_with, relief_figure
 
 TITLES = "felt before", "felt after", "pressed"
 """What is shown of a touch beside its image."""

@@ -7,15 +7,36 @@ from functools import cached_property
 
 import numpy as np
 from matplotlib import colormaps
+from scipy.spatial import cKDTree
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.codebook import Codebook
 
-from ..bags.snapshot import Snapshot
+from ..bags.run_record import Snapshot
 from .camera import Camera, best_direction
 from .canvas import Canvas
-from .place_blend import PlaceBlend
+
+_NEIGHBOURS = 12
+
+
+class PlaceBlend:
+    """Blends between the nearest of the places (C, 3) m for surface points (P, 3) m.
+
+    Which those are, and with what weight, is found once for any number of values.
+    """
+
+    def __init__(self, places: np.ndarray, points: np.ndarray):
+        distance, index = cKDTree(places).query(points, min(_NEIGHBOURS, len(places)), workers=-1)
+        self._index = index.reshape(len(points), -1)
+        distance = distance.reshape(len(points), -1)
+        weight = np.exp(-4 * (distance / np.maximum(distance[:, -1:], 1e-9)) ** 2)
+        self._weight = weight / weight.sum(axis=1, keepdims=True)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Values (P, ...) at the points for those at the places, (C, ...)."""
+        return np.einsum("pk,pk...->p...", self._weight, values[self._index])
+
 
 ANGLE_COLOURS = colormaps["turbo"]
 HEAT_COLOURS = colormaps["YlOrRd"]

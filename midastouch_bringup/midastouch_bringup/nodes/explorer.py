@@ -23,14 +23,11 @@ from midastouch_perception.sensor_model import SensorModel
 
 from ..explore.exploration import Exploration, Motion, Poses
 from ..explore.world import World
-from .explorer_control import ExplorerControl, Order, motion_of
+from .explorer_control import ExplorerControl, FingerGoals, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
-from .finger_goals import FingerGoals
-from .finger_marker import FingerMarker
-from .finger_tf import FingerTf
-from .object_change import ObjectChange
-from .suggestion_client import SuggestionClient
+from .explorer_services import ObjectChange, SuggestionClient
+from .finger import FingerMarker, FingerTf
 
 _IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
 _AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale

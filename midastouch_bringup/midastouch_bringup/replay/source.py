@@ -8,7 +8,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 
-from ..bags.images import decode_image
+from ..bags.frames import decode_image
 from ..bags.messages import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,

@@ -1,4 +1,4 @@
-"""ROS for our own use beside processes of ours: in their domain, and like them heard on this machine alone."""
+"""ROS for our own use beside processes of ours: one node for one question, or for a run on this machine alone."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_msgs.msg import ArmCalibration
 
 from ..processes.local_domain import local_environment
 
@@ -65,3 +68,34 @@ def local_context(domain: int) -> Iterator[rclpy.Context]:
         yield context
     finally:
         rclpy.try_shutdown(context=context)
+
+
+_LONGEST = 660.0  # s that a node may take for its answer: `capture_timeout` is at most 600
+
+
+def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Response:
+    """What the service `service` in the namespace answers; InputError if nobody offers it within `patience` seconds."""
+    with node_for_once(f"call_{service}", namespace) as node:
+        client = node.create_client(Trigger, service)
+        if not spin_until(node, client.service_is_ready, patience):
+            raise InputError(
+                f"{client.service_name}: nobody offers this service; does its node run, with this ROS_DOMAIN_ID? "
+                "Another namespace: --namespace"
+            )
+        answer = client.call_async(Trigger.Request())
+        if not spin_until(node, answer.done, _LONGEST):
+            raise InputError(f"{client.service_name}: no answer within {_LONGEST:g} s; see the log of its node")
+        return answer.result()
+
+
+def learnt_calibration(namespace: str, patience: float = 10.0) -> ArmCalibration:
+    """The message kept on `calibration` in the namespace; InputError if none comes within `patience` seconds."""
+    received: list[ArmCalibration] = []
+    with node_for_once("store_mount", namespace) as node:
+        subscription = node.create_subscription(ArmCalibration, "calibration", received.append, qos.latched())
+        if not spin_until(node, lambda: received, patience):
+            raise InputError(
+                f"{subscription.topic_name}: nothing is published there; is the filter running, with this "
+                "ROS_DOMAIN_ID, and did it converge? Another namespace: --namespace"
+            )
+    return received[-1]

@@ -10,11 +10,11 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from ..output_paths import demo_slide, exploration
-from ..processes.back_off import BackOff
 from ..processes.foreground import run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
-from ..processes.program import Program, node_program
+from ..processes.process import Program, node_program
+from ..processes.supervisor import BackOff
 from .launch_arguments import ARGUMENTS
 from .launch_parameters import bundled_mesh, explored, parameters, quick_codebooks
 from .setups import SETUPS, executables
@@ -60,13 +60,13 @@ def prepare(name: str, given: Mapping[str, str]) -> None:
     """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything."""
     # here: `--show-args` does without the libraries behind it
     if name == "demo":
-        from ..demo import preparation
+        from ..demo.preparation import prepare_slide
 
-        preparation.prepare(given["object"], bundled_mesh(given["object"]))
+        prepare_slide(given["object"], bundled_mesh(given["object"]))
     elif name == "explore":
-        from ..explore import preparation
+        from ..demo.preparation import prepare_codebooks
 
-        preparation.prepare(quick_codebooks(given))
+        prepare_codebooks(quick_codebooks(given))
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:

@@ -6,7 +6,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from midastouch_bringup import cli
-from midastouch_bringup.ros.trigger import trigger
+from midastouch_bringup.ros.local_context import trigger
 from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds

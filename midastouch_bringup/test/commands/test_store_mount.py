@@ -10,8 +10,8 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 
 from midastouch_bringup import cli
-from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_bringup.ros.learnt_calibration import learnt_calibration
+from midastouch_bringup.arm.mount import read_mount
+from midastouch_bringup.ros.local_context import learnt_calibration
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ArmCalibration

@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from midastouch_bringup.demo.calibration import calibrated_touches
+from midastouch_bringup.demo.result import calibrated_touches
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
