@@ -18,10 +18,9 @@ from midastouch_perception.tdn import load_tdn
 
 from ..bags.run_record import RunRecord, Snapshot
 from ..datasets.slide_simulation import no_contact_image
-from ..drawing.calibration import TITLES, figure_rows
+from ..drawing.calibration import TITLES, ReliefRow, felt_with, figure_rows, relief_figure
 from ..drawing.figures import save
 from ..drawing.page import Page
-from ..drawing.penetration_rows import ReliefRow, felt_with, relief_figure
 from ..drawing.run_pictures import add_run
 from ..text_table import number
 from . import NODES

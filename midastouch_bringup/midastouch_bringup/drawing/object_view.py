@@ -14,8 +14,7 @@ from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.codebook import Codebook
 
 from ..bags.run_record import Snapshot
-from .camera import Camera, best_direction
-from .canvas import Canvas
+from .canvas import Camera, Canvas, best_direction
 
 _NEIGHBOURS = 12
 

@@ -21,8 +21,7 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.sensor_model import SensorModel
 
-from ..explore.exploration import Exploration, Motion, Poses
-from ..explore.world import World
+from ..explore.exploration import Exploration, Motion, Poses, World
 from .explorer_control import ExplorerControl, FingerGoals, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport

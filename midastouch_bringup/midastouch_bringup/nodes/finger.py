@@ -29,7 +29,7 @@ from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transf
 from midastouch_filter.transforms import SECOND
 
 from ..bags.messages import TRUTH_GEL_FRAME
-from ..explore.world import World
+from ..explore.exploration import World
 
 
 class FingerTf:

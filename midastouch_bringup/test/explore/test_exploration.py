@@ -3,8 +3,7 @@ import types
 import numpy as np
 import pytest
 
-from midastouch_bringup.explore.exploration import Exploration, Motion
-from midastouch_bringup.explore.world import PUSH, World
+from midastouch_bringup.explore.exploration import PUSH, Exploration, Motion, World
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
