@@ -42,14 +42,14 @@ def read_mount(
     return mount
 
 
-def correct_mount(frames: str | os.PathLike, out: str | os.PathLike, T_told_true: np.ndarray) -> np.ndarray:
+def correct_mount(frames: str | os.PathLike, out: str | os.PathLike, T_nominal_true: np.ndarray) -> np.ndarray:
     """Write a copy of a frames file whose `hand_eye` puts the gel where it really is; returns that entry's change.
 
-    T_told_true (4, 4): the gel frame in the one that `frames` tells. The change (4, 4) is of the housing's frame, its
-    own. Raises InputError as `read_mount`.
+    T_nominal_true (4, 4): the true gel frame in the one that `frames` has. The change (4, 4) is in the
+    housing's frame. Raises InputError as `read_mount`.
     """
     (_, _, T_tool_link), (_, _, T_link_gel), _ = read_mount(frames)
-    change = T_link_gel @ T_told_true @ se3.inverse(T_link_gel)
+    change = T_link_gel @ T_nominal_true @ se3.inverse(T_link_gel)
     corrected = T_tool_link @ change
     entries = read_yaml(frames, "frames")
     entries["hand_eye"]["xyz"] = corrected[:3, 3].round(6).tolist()

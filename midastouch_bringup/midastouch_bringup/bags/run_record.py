@@ -37,7 +37,7 @@ class RunRecord:
         return RunRecord(*of_frames, self.node_ms)
 
     def told(self) -> RunRecord:
-        """The same, as somebody had told the filter which object it is."""
+        """The same, as if somebody had told the filter which object it is."""
         return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
 
 
@@ -131,7 +131,7 @@ def _node_times(path: str | Path) -> dict[str, float]:
 
 @dataclasses.dataclass(frozen=True)
 class Hypothesis:
-    """One mode: its share of the particle mass, pose (4, 4) `T_obj_gel` and covariance (6, 6), REP-103
+    """One mode: its fraction of the particle mass, pose (4, 4) `T_obj_gel` and covariance (6, 6), REP-103
     order."""
 
     weight: float
@@ -146,7 +146,7 @@ class Snapshot:
     frame: index in the sequence; time [s] since its start; truth (4, 4) `T_obj_gel`, None where it is not known;
     particles (N, 4, 4), drawn by weight; modes, heaviest first; estimate (4, 4), the published pose, or None before
     the first; image (H, W, 3) uint8; penetration (h, w) m, None if it was not recorded; code (D,) or None without
-    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where that was told.
+    contact; state, of the filter; objects, probability of each that may be touched, by name, empty where one was given.
     Pictures of the report need the truth and the penetration, as every demo has them.
     """
 

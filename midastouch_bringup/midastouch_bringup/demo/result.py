@@ -18,7 +18,7 @@ from midastouch_perception.tdn import load_tdn
 
 from ..bags.run_record import RunRecord, Snapshot
 from ..datasets.slide_simulation import no_contact_image
-from ..drawing.calibration import TITLES, ReliefRow, felt_with, figure_rows, relief_figure
+from ..drawing.calibration import TITLES, PenetrationRow, figure_rows, measured_with, penetration_figure
 from ..drawing.figures import save
 from ..drawing.page import Page
 from ..drawing.run_pictures import add_run
@@ -26,13 +26,13 @@ from ..text_table import number
 from . import NODES
 
 _RADIUS = 3e-3  # m
-_SEED = 6  # of a sensor on which the network alone feels too deep
+_SEED = 6  # of a sensor on which the network alone measures too deep
 _PRESSES, _TOUCHES = 10, 6
 _FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_share=0.0)
 
 
-def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[ReliefRow]]:
-    """A calibration, and touches of the mesh as that sensor feels them: before, after, and in truth."""
+def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[PenetrationRow]]:
+    """A calibration, and touches of the mesh as that sensor measures them: before, after, and in truth."""
     rng = np.random.default_rng(_SEED)
     sensor = SensorModel.load("digit_real")
     digit = PressedSensor(sensor, no_contact_image(sensor, rng)[None], _RADIUS, rng)
@@ -41,10 +41,10 @@ def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[ReliefRow]]:
     rows = []
     for truth in PenetrationRenderer(mesh, sensor).render(sample_contact_poses(mesh, _TOUCHES, rng, sensor, _FIRM)):
         image = digit.image_of(truth)
-        felt = [felt_with(tdn, each, image, digit.background) for each in (None, result.calibration)]
+        measured = [measured_with(tdn, each, image, digit.background) for each in (None, result.calibration)]
         tdn.calibration = None
         change = tdn.difference(image, digit.background)
-        rows.append(ReliefRow("image", image, change, (*felt, truth)))
+        rows.append(PenetrationRow("image", image, change, (*measured, truth)))
     return result, rows
 
 
@@ -63,15 +63,16 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
 
 
 def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
-    """What the same object would feel like on a simulated sensor that is not the network's, before and after."""
+    """Touches of the same object on a simulated sensor that is not the network's, before and after."""
     calibration, rows = calibrated_touches(mesh)
     page.heading("A sensor that is calibrated")
     page.note(
-        "Every DIGIT shows a touch in other colours. A simulated one, on which the network alone feels too deep, feels "
-        "the object before and after ten presses of a ball (midastouch calibrate)."
+        "Every DIGIT shows a touch in other colours. A simulated one, whose touches the network alone takes for too "
+        "deep, touches the object before and after ten presses of a ball (midastouch calibrate)."
     )
     page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))
-    page.picture(save(relief_figure(rows, TITLES), out / "calibration.png"), "Touches before and after calibration")
+    figure = save(penetration_figure(rows, TITLES), out / "calibration.png")
+    page.picture(figure, "Touches before and after calibration")
 
 
 _FOUND_MM, _FOUND_DEG = 10, 15
@@ -102,7 +103,7 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
 
 
 def is_found(error: dict) -> bool:
-    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right place."""
+    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right pose."""
     return error["trans_mm"] <= _FOUND_MM and error["rot_deg"] <= _FOUND_DEG
 
 

@@ -19,7 +19,7 @@ from .canvas import Camera, Canvas, best_direction
 _NEIGHBOURS = 12
 
 
-class PlaceBlend:
+class PositionBlend:
     """Blends between the nearest of the places (C, 3) m for surface points (P, 3) m.
 
     Which those are, and with what weight, is found once for any number of values.
@@ -105,7 +105,7 @@ class ObjectView:
         """
         canvas = self._bare.copy()
         facing = outward @ self.camera.rotation[2] > 0
-        canvas.paint(colouring(PlaceBlend(places[facing], canvas.surface_points())(values[facing])))
+        canvas.paint(colouring(PositionBlend(places[facing], canvas.surface_points())(values[facing])))
         return canvas.image()
 
     def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
@@ -143,7 +143,7 @@ class _LikelihoodField:
         self.codebook = codebook
         positions = codebook.poses[:, :3, 3]
         cells, self._place = np.unique(np.round(positions / _CELL), axis=0, return_inverse=True)
-        self._blend = PlaceBlend(cells * _CELL, points)
+        self._blend = PositionBlend(cells * _CELL, points)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
         """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.

@@ -24,11 +24,11 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
     """
     run = [one for one in run if one.penetration is not None]
     if not run:
-        return write_words(result, "no frame was recorded with what the gel felt", out)
+        return write_words(result, "no frame was recorded with its penetration map", out)
     page = _begun(result)
     if any(one.objects for one in run):
         page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")
-        page.note("While another object leads, the particles below are places on that one.")
+        page.note("While another object leads, the particles below are poses on that one.")
     add_run(page, run, mesh, codebook, out)
     page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
     return page.write(out / "index.html")

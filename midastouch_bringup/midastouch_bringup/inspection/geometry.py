@@ -109,7 +109,7 @@ class Shape:
 
 def shapes(moments: list[Moment], index: int) -> dict[str, Shape]:
     """The layers at a moment that are not empty, by name: particles, modes as two-sigma ellipsoids with the gel's axes,
-    the felt contact, and the paths so far of the estimates and of the truth."""
+    the measured contact, and the paths so far of the estimates and of the truth."""
     now, past = moments[index], moments[: index + 1]
     trials = range(len(now.estimates))
     layers = {

@@ -10,7 +10,7 @@ from rclpy.task import Future
 
 from midastouch_msgs.srv import SetObject, SuggestMotion
 
-_PATIENCE_S = 10.0  # with an answer that takes a tenth of a second
+_TIMEOUT_S = 10.0  # with an answer that takes a tenth of a second
 
 
 class SuggestionClient:
@@ -41,10 +41,10 @@ class SuggestionClient:
 
     def look(self) -> None:
         """Give an answer up that has not come in time; to be called now and then."""
-        if self.pending and time.monotonic() - self._asked_at > _PATIENCE_S:
+        if self.pending and time.monotonic() - self._asked_at > _TIMEOUT_S:
             self._client.remove_pending_request(self._future)
             self._future = None
-            self._on_silence(f"no answer of suggest_motion for {_PATIENCE_S:g} s")
+            self._on_silence(f"no answer of suggest_motion for {_TIMEOUT_S:g} s")
 
     def _on_done(self, future: Future) -> None:
         if future is self._future:  # else it comes too late

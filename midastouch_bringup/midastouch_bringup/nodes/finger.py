@@ -111,7 +111,7 @@ class FingerMarker:
         )
         node.create_timer(1 / _RATE, self._follow, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    # --- what viewers are told
+    # --- what viewers get
 
     def _on_request(self, _, response: GetInteractiveMarkers.Response) -> GetInteractiveMarkers.Response:
         entries = [MenuEntry(id=key, title=title) for key, (title, _) in self._menu.items()]
@@ -125,7 +125,7 @@ class FingerMarker:
         return response
 
     def _follow(self) -> None:
-        """Where the finger is, if that is another place than the last one told."""
+        """Where the finger is, if that is another pose than the last one sent."""
         pose = self._world.finger.pose
         if pose is self._shown or not self._updates.get_subscription_count():
             return

@@ -45,8 +45,8 @@ class Replay(PipelineNode):
         source = ReplaySource(self._settings["source"])
         self._output = ReplayOutput(self, source.topics, self._settings["clock"])
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
-        patience = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
-        flow = FlowControl(self._playback, patience, lambda: bool(answers.publishers()), self._on_lost)
+        timeout_reports = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
+        flow = FlowControl(self._playback, timeout_reports, lambda: bool(answers.publishers()), self._on_lost)
         topic = self._settings["ack_topic"]
         answers = FilterAnswers(self, topic, flow) if topic else None
         nodes, subscribers = self._settings["wait_for_nodes"].split(), self._settings["wait_for_subscribers"]

@@ -38,7 +38,7 @@ def node_program(executable: str, parameters: Path, options: Sequence[str] = (),
 def find_executable(name: str) -> str:
     """Path of one of our executables: in a colcon install, beside this Python, or on PATH.
 
-    Raises InputError with the mend when there is none.
+    Raises InputError with the fix when there is none.
     """
     prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     installed = [str(Path(prefix, "lib", package)) for prefix in prefixes for package in _PACKAGES]

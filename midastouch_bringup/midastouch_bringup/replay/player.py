@@ -16,7 +16,7 @@ _PASS_NS = 100_000_000  # how far time goes on at once after the end, where some
 class Player:
     """Sends the messages of a source when they are due.
 
-    awaits_answers: whether a filter answers the images; send(message); tell(ns), told the recorded time as it goes on.
+    awaits_answers: whether a filter answers the images; send(message); tell(ns), gets the recorded time as it goes on.
     Attributes: frames_sent; frames_repeated, of a stamp that was there before in a round: the recording holds them
     twice.
     """
@@ -33,7 +33,7 @@ class Player:
         self._source, self._playback, self._flow = source, playback, flow
         self._awaits_answers, self._send, self._tell = awaits_answers, send, tell
         self.frames_sent = self.frames_repeated = 0
-        self._told = 0  # newest time, ns
+        self._reached = 0  # newest time, ns
         self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
 
     @property
@@ -45,7 +45,7 @@ class Player:
     def position(self) -> float:
         """Seconds after the beginning of the recording that were told last."""
         offset, stamp = self._begin
-        return offset + max(0, self._told - stamp) / 1e9
+        return offset + max(0, self._reached - stamp) / 1e9
 
     def play(self, loops: Callable[[], bool]) -> None:
         """Play to the end, again as long as `loops()`, until the playback is stopped; a seek plays from there on.
@@ -56,10 +56,10 @@ class Player:
         while not self._playback.stopped:
             self._playback.rewind()
             self._flow.forget()
-            self._told, self._begin = 0, (offset, 0)
+            self._reached, self._begin = 0, (offset, 0)
             self._play_round(offset)
             self._playback.wait_while_paused()  # at its end it can still be sent back
-            self._flow.finish(lambda: self._tick(self._told + _PASS_NS))
+            self._flow.finish(lambda: self._tick(self._reached + _PASS_NS))
             sought = self._playback.take_seek()
             if sought is None and not loops():
                 return
@@ -92,7 +92,7 @@ class Player:
                     stepping = False
                 if not self._playback.wait_until_due(message.stamp_ns, self._tick):
                     return
-                if self._told == 0:
+                if self._reached == 0:
                     self._begin = (offset, message.stamp_ns)
                 after_image += 1
                 if image:
@@ -111,6 +111,6 @@ class Player:
 
     def _tick(self, recorded_ns: int) -> None:
         """Tell the recorded time; messages out of order do not turn it back."""
-        if recorded_ns > self._told:
-            self._told = recorded_ns
+        if recorded_ns > self._reached:
+            self._reached = recorded_ns
             self._tell(recorded_ns)

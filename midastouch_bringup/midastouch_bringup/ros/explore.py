@@ -63,8 +63,8 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     out.mkdir(parents=True, exist_ok=True)
     touched, codebook, objects = _path_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / "run.mcap", time.monotonic()
-    untold = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
-    print(f"a simulated finger explores '{Path(touched).stem}'{untold}")
+    unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
+    print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     with atomic_path(bag) as temporary:
         seat = _explore(programs, touched, temporary, out / "log", domain)

@@ -49,11 +49,11 @@ def node_for_once(name: str, namespace: str) -> Iterator[Node]:
         rclpy.try_shutdown(context=context)
 
 
-def spin_until(node: Node, done: Callable[[], object], patience: float) -> bool:
-    """Whether `done` holds within `patience` seconds in which the node works; Ctrl-C ends it at once."""
+def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
+    """Whether `done` holds within `timeout` seconds in which the node works; Ctrl-C ends it at once."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while not done() and (left := end - time.monotonic()) > 0:
         executor.spin_once(timeout_sec=min(left, _SLICE_S))
     return bool(done())
@@ -73,11 +73,11 @@ def local_context(domain: int) -> Iterator[rclpy.Context]:
 _LONGEST = 660.0  # s that a node may take for its answer: `capture_timeout` is at most 600
 
 
-def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Response:
-    """What the service `service` in the namespace answers; InputError if nobody offers it within `patience` seconds."""
+def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
+    """What the service `service` in the namespace answers; InputError if nobody offers it within `timeout` seconds."""
     with node_for_once(f"call_{service}", namespace) as node:
         client = node.create_client(Trigger, service)
-        if not spin_until(node, client.service_is_ready, patience):
+        if not spin_until(node, client.service_is_ready, timeout):
             raise InputError(
                 f"{client.service_name}: nobody offers this service; does its node run, with this ROS_DOMAIN_ID? "
                 "Another namespace: --namespace"
@@ -88,12 +88,12 @@ def trigger(service: str, namespace: str, patience: float = 30.0) -> Trigger.Res
         return answer.result()
 
 
-def learnt_calibration(namespace: str, patience: float = 10.0) -> ArmCalibration:
-    """The message kept on `calibration` in the namespace; InputError if none comes within `patience` seconds."""
+def learnt_calibration(namespace: str, timeout: float = 10.0) -> ArmCalibration:
+    """The message kept on `calibration` in the namespace; InputError if none comes within `timeout` seconds."""
     received: list[ArmCalibration] = []
     with node_for_once("store_mount", namespace) as node:
         subscription = node.create_subscription(ArmCalibration, "calibration", received.append, qos.latched())
-        if not spin_until(node, lambda: received, patience):
+        if not spin_until(node, lambda: received, timeout):
             raise InputError(
                 f"{subscription.topic_name}: nothing is published there; is the filter running, with this "
                 "ROS_DOMAIN_ID, and did it converge? Another namespace: --namespace"

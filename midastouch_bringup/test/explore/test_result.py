@@ -7,7 +7,7 @@ from midastouch_bringup.bags.run_record import Hypothesis, RunRecord, Snapshot
 from midastouch_bringup.explore.result import Ended, ending, exploration_result, write_page, write_words
 from midastouch_common import se3
 
-ENDED = Ended("known", "the filter knows the place", 0.2, 3, 1)
+ENDED = Ended("known", "the filter knows the pose", 0.2, 3, 1)
 
 
 def frame(objects, off=0.0, state="converged"):
