@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 

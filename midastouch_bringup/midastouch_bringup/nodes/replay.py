@@ -1,4 +1,4 @@
-"""Node `replay`: plays a YCB-Slide sequence or a bag on the topics of a live sensor and arm."""
+"""Node `replay`: plays a bag, a YCB-Slide sequence or plain images on the topics of a live sensor and arm."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ class Replay(PipelineNode):
         super().__init__("replay", **kwargs)
         self._settings = Parameters(self, PARAMETERS)
         if not self._settings["source"]:
-            raise InputError("replay: parameter 'source' is empty; give a sequence folder or a bag")
+            raise InputError(
+                "replay: parameter 'source' is empty; give a bag, a sequence, a folder of images or a video"
+            )
         self._on_end = on_end
         self.finished = threading.Event()
         self.error: Exception | None = None
@@ -132,7 +134,7 @@ if __name__ == "__main__":
 
 
 PARAMETERS = (
-    Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
     Parameter(
         "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
     ),

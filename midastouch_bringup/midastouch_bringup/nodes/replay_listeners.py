@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus
 
 from ..bags.messages import TF_TOPIC, Message, Topic

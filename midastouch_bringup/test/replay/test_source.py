@@ -136,3 +136,14 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
         bag.write(dataclasses.replace(image, topic="/camera/color"))
     with pytest.raises(InputError, match=r"other\.mcap: has no .*/image_raw.*; it has /camera/color"):
         ReplaySource(tmp_path / "other.mcap")
+
+
+def test_plain_images_send_what_a_sequence_sends_but_for_transforms(tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    source = ReplaySource(sequence.path / "tactile_images")
+    messages, images = list(source.messages()), [m for m in sequence_messages(sequence) if m.topic == "/image_raw"]
+    assert [m.topic for m in messages] == ["/camera_info", "/image_raw"] * 3
+    assert {m.topic for m in messages} == {topic.name for topic in source.topics}
+    assert [m.data[-1000:] for m in messages[1::2]] == [m.data[-1000:] for m in images]
+    assert len(list(source.messages(offset_ns=1))) == 4
+    assert source.duration_s == pytest.approx(2 / 60)

@@ -19,7 +19,7 @@ from midastouch_bringup.processes.process import node_program, resident_mb
 from midastouch_bringup.processes.supervisor import BackOff, Supervisor
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_common.ros.testing import Graph, open_graph
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
