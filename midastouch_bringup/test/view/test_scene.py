@@ -1,6 +1,6 @@
 import pytest
 
-from midastouch_bringup.view.guidance import guidance_text, region_box
+from midastouch_bringup.view.scene import guidance_text, region_box
 from midastouch_perception.sensor_calibration.collector import REGIONS
 
 

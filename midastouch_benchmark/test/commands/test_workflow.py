@@ -224,17 +224,6 @@ def test_a_campaign_has_the_same_results_on_two_workers(run, workspace):
     assert finals[0] == finals[1]
 
 
-def test_codebooks_of_many_are_built_and_kept(run, workspace):
-    options = ("build-codebook", "eyebolt", "ball", "--size", "300", "--out", "catalogue", "--jobs", "2")
-    built, _ = run(*options)
-    assert sorted(path.name for path in (workspace / "catalogue").iterdir()) == ["ball.npz", "eyebolt.npz"]
-    assert sorted(line.split(": ")[1].split(",")[0] for line in built.splitlines()) == [
-        "300 poses of ball", "300 poses of eyebolt",
-    ]  # fmt: skip
-    again, _ = run(*options)
-    assert [line.endswith("is there") for line in again.splitlines()] == [True, True]
-
-
 @pytest.mark.slow
 def test_report_takes_all_of_them(run, workspace):
     run("evaluate", "eyebolt/00", "--seeds", "1", "--config", "small.yaml", "--json", "short.json")
@@ -242,13 +231,6 @@ def test_report_takes_all_of_them(run, workspace):
     output, _ = run("report", "short.json", "tdn.json", "--out", "report")
     assert output.strip() == "report/index.html"
     assert (workspace / "report" / "0_eyebolt_00_paths.png").is_file()
-
-
-def test_to_bag_writes_what_replay_can_play(run, workspace):
-    from midastouch_bringup.bags.frames import read_bag
-
-    run("to-bag", "eyebolt/00", "--out", "slide.mcap")
-    assert len(list(read_bag(workspace / "slide.mcap"))) == 10
 
 
 @pytest.mark.parametrize(

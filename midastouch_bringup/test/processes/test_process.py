@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.processes.program import find_executable, node_program
+from midastouch_bringup.processes.process import find_executable, node_program
 from midastouch_common.errors import InputError
 
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from midastouch_bringup.ros.launch_arguments import parameters
+from midastouch_bringup.ros.launch_parameters import parameters
 from midastouch_common.errors import InputError
 
 

@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from midastouch_bringup.demo.calibration import calibrated_touches
+from midastouch_bringup.demo.result import calibrated_touches
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 
@@ -12,7 +12,8 @@ def test_touches_are_felt_better_after_the_calibration():
 
     def error(which: int) -> float:
         """Root mean square over all touches, mm."""
-        pairs = [(row.reliefs[which], cv2.resize(row.reliefs[2], row.reliefs[which].shape[::-1])) for row in rows]
-        return 1e3 * float(np.sqrt(np.mean([(felt - truth) ** 2 for felt, truth in pairs])))
+        maps = [(row.penetrations[which], row.penetrations[2]) for row in rows]
+        pairs = [(measured, cv2.resize(truth, measured.shape[::-1])) for measured, truth in maps]
+        return 1e3 * float(np.sqrt(np.mean([(measured - truth) ** 2 for measured, truth in pairs])))
 
     assert error(1) < 0.7 * error(0)

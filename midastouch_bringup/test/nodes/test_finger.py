@@ -12,7 +12,7 @@ from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerUp
 from midastouch_bringup.bags.messages import BASE_FRAME, TRUTH_FRAME
 from midastouch_common.ros import qos
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 NEAR = 1.5e-3  # m: half a step of 50 mm/s at 30 Hz, and how deep the gel is pressed in
 
 

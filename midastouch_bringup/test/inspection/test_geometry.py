@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.inspection.shapes import LAYERS, shapes
+from midastouch_bringup.inspection.geometry import LAYERS, shapes
 
 from .conftest import MOMENTS
 
