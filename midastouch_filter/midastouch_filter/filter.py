@@ -23,7 +23,7 @@ from .core.keyframes import KeyframeWindow
 from .core.noise_model import NoiseModel
 from .core.object_model import ObjectModel
 from .core.particles import Particles
-from .core.places import Place, Prior
+from .core.pose_hypothesis import Place, Prior
 from .core.state import CONVERGED
 from .core.touch import Measurement
 from .core.workers import Workers

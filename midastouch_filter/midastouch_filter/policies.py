@@ -14,13 +14,13 @@ from .core.initialisation import ParticleSource
 from .core.motion_model import MotionModel, Propagation
 from .core.noise_model import Effort, NoiseModel
 from .core.object_model import ObjectModel
-from .core.places import Prior
+from .core.pose_hypothesis import Prior
 from .core.resampling import Resampler
 from .core.reweighting import Recovery, Reweighting
 from .core.workers import Workers
 from .refinement.fine_stage import CoarseOnly, FineStage
 from .refinement.refinement import Refinement
-from .smoothing.hindsight import Hindsight
+from .smoothing.fixed_lag_smoother import Hindsight
 from .smoothing.reevaluation import Reevaluation
 
 

@@ -28,11 +28,11 @@ from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
-from midastouch_filter.core.places import APART, pose_distance
+from midastouch_filter.core.pose_hypothesis import APART, pose_distance
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.smoothing.replay import Followed, Race, Replay
-from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
+from midastouch_filter.smoothing.competitor_search import RivalSearch, Scored
+from midastouch_filter.smoothing.window_likelihood import Followed, Race, Replay
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_probe, random_shape
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide

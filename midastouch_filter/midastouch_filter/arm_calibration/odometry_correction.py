@@ -25,7 +25,7 @@ from ..core.estimate import Calibration
 from ..core.gates import Stopwatch
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
-from ..core.places import pose_distance
+from ..core.pose_hypothesis import pose_distance
 from ..core.touch import Measurement
 from .arm_errors import ArmErrors, ObjectJump
 

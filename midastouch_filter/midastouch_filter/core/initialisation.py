@@ -14,7 +14,7 @@ from .fingers import Finger
 from .lookup import PoseLookup
 from .motion_model import MotionModel, Odometry, transformed
 from .particles import Particles
-from .places import Place
+from .pose_hypothesis import Place
 from .workers import Workers
 
 _WIDEST = 1e3  # m, rad; what is farther off is a mistake, and float32 loses it

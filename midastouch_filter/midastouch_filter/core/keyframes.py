@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .places import pose_distance
+from .pose_hypothesis import pose_distance
 from .touch import Measurement
 
 _LIFTED = 0.01  # m of path without contact; less is a gap in a slide

@@ -16,7 +16,7 @@ from ..core.keyframes import Keyframe, KeyframeWindow
 from ..core.measurement_model import CodeScores, calibration
 from ..core.noise_model import NoiseModel
 from ..core.workers import Workers
-from ..smoothing.rival_search import Scored
+from ..smoothing.competitor_search import Scored
 from .catalogue import ROOM, Catalogue
 from .coarse_index import CoarseIndex
 

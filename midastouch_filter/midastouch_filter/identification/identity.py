@@ -24,10 +24,10 @@ from ..core.gates import Gates
 from ..core.keyframes import Keyframe, KeyframeWindow
 from ..core.motion_model import Odometry, RestGate
 from ..core.noise_model import Effort, NoiseModel
-from ..core.places import APART, Place, distinct
+from ..core.pose_hypothesis import APART, Place, distinct
 from ..core.touch import Measurement, require_network
-from ..smoothing.replay import Followed, Race, Replay, place_posterior
-from ..smoothing.rival_search import Pace, RivalSearch, Scored
+from ..smoothing.competitor_search import Pace, RivalSearch, Scored
+from ..smoothing.window_likelihood import Followed, Race, Replay, place_posterior
 from .catalogue import Catalogue
 from .compared import Compared
 

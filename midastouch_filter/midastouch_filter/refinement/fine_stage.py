@@ -14,7 +14,7 @@ from ..core.gates import Gates, Stopwatch
 from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.particles import Particles
-from ..core.places import Prior
+from ..core.pose_hypothesis import Prior
 from ..core.touch import Measurement
 from .refinement import Refinement
 

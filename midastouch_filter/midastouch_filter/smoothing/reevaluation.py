@@ -23,10 +23,10 @@ from ..core.config import FilterConfig
 from ..core.keyframes import KeyframeWindow
 from ..core.lookup import PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.places import ANOTHER, APART, Place, Prior, distinct, pose_distance
+from ..core.pose_hypothesis import ANOTHER, APART, Place, Prior, distinct, pose_distance
 from ..core.touch import Measurement
-from .replay import Race, Replay, place_posterior
-from .rival_search import Rivals, RivalSearch, Scored
+from .competitor_search import Rivals, RivalSearch, Scored
+from .window_likelihood import Race, Replay, place_posterior
 
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 

@@ -6,7 +6,7 @@ from midastouch_filter.core import initialisation
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.motion_model import MotionModel
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import Place
 from midastouch_filter.core.workers import Workers
 
 

@@ -9,7 +9,7 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import Place
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.identity import UNKNOWN, Contest, Identification
 

@@ -10,7 +10,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.noise_model import Effort, NoiseModel
-from midastouch_filter.core.places import Prior, pose_distance
+from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.reevaluation import Reevaluation

@@ -18,7 +18,7 @@ from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.particles import Particles
-from ..core.places import ANOTHER, Place, Prior, pose_distance
+from ..core.pose_hypothesis import ANOTHER, Place, Prior, pose_distance
 from ..core.resampling import Resampler
 from ..core.touch import Measurement
 from ..refinement.fine_stage import FineStage, impose_shares, mapped_of

@@ -19,8 +19,8 @@ from midastouch_common import se3
 from ..core.alignment import PenetrationAlignment, align_in_turn, transform_covariance, without_jitter
 from ..core.keyframes import Keyframe
 from ..core.noise_model import Effort, NoiseModel
-from ..core.places import pose_distance
-from .rival_search import Scored
+from ..core.pose_hypothesis import pose_distance
+from .competitor_search import Scored
 
 _SAME = 4e-3  # m, pose distance
 
