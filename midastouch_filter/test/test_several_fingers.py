@@ -73,7 +73,7 @@ def test_refused_fingers_change_nothing_but_the_count(filter_, pair):
     assert "finger" in refused[0].status.reason
 
 
-PLACES = {
+POSES = {
     "here": np.eye(4),
     "opposite": se3.exp(np.array([0, 0, -0.05, np.pi, 0, 0])),
     "far": se3.make(np.eye(3), np.array([9.0, 0, 0])),
@@ -84,13 +84,13 @@ PLACES = {
 
 
 @settings(max_examples=25)
-@given(st.lists(st.tuples(st.sampled_from(sorted(PLACES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
-def test_whatever_fingers_feel_the_belief_stays_finite(filter_, pair, frames):
+@given(st.lists(st.tuples(st.sampled_from(sorted(POSES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
+def test_whatever_fingers_measure_the_belief_stays_finite(filter_, pair, frames):
     codes = [pair[3][0].code, np.zeros(64), np.full(64, np.inf), np.ones(3), None, -np.ones(64)]
     filter_.initialise_uniform()
     for k, (place, code, reference) in enumerate(frames):
         others = {
-            "a": Measurement(code != 4, codes[code], penetration=np.ones(3), T_gel_finger=PLACES[place]),
+            "a": Measurement(code != 4, codes[code], penetration=np.ones(3), T_gel_finger=POSES[place]),
             "b": pair[3][k],
         }
         estimate = filter_.step(pair[1][k], pair[2][k] if reference else Measurement(False), others)

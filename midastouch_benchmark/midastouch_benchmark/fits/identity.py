@@ -31,7 +31,7 @@ CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
 FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
 HALF = 0.5  # of the slides are over an object that is not in the catalogue
-FITTED = ("between_objects", "foreign_misfit", "strain_cost")
+FITTED = ("between_objects", "foreign_residual", "innovation_cost")
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 

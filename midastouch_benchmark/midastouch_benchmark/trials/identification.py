@@ -90,7 +90,7 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
     catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
-    entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
+    entry = catalogue.entries[catalogue.number(catalogue.duplicates.get(name, name))]
     sequence, touches = plan.stock.touches(entry.mesh, slide)
     frames = touches.frames(sequence, 1)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
@@ -180,7 +180,7 @@ class Answers:
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
     """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
-    name = catalogue.twins.get(name, name)
+    name = catalogue.duplicates.get(name, name)
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
 

@@ -16,7 +16,7 @@ _UNKNOWN, _NONE = -2, -1  # instead of an entry: not searched for yet; none abou
 class GelSearch:
     """Finds codebook entries of gels that hang on particles by a transform.
 
-    Particles that share an entry have the finger nearly at the same place, also steps ago: the walk along the graph
+    Particles that share an entry have the finger nearly at the same position, also steps ago: the walk along the graph
     begins at the entry found for one of them, else for one of their neighbours. Only what is left is searched for.
 
     Args: lookup; reach [m], pose distance to the nearest entry beyond which there is none about.

@@ -10,12 +10,12 @@ import numpy as np
 from .pose_hypothesis import pose_distance
 from .touch import Measurement
 
-_LIFTED = 0.01  # m of path without contact; less is a gap in a slide
+_LIFT_PATH = 0.01  # m of path without contact; less is a gap in a slide
 
 
 @dataclass(frozen=True)
 class Keyframe:
-    """What fingers felt in one frame.
+    """What fingers measured in one frame.
 
     motion (4, 4): of the first gel, from the start to this frame; touches of those in contact; log_ratios, for each
     (M,) of every codebook entry as that finger's pose; shortlists, for each (S,) the entries with the best of them;
@@ -35,7 +35,7 @@ class Keyframe:
         return [self.motion if finger is None else self.motion @ finger for finger in moved]
 
     def maps(self, settled: bool) -> list[Measurement]:
-        """Touches to align to: as long as the place is not settled, the first one's only."""
+        """Touches to align to: as long as the hypothesis is not settled, the first one's only."""
         found = [touch for touch in self.touches if touch.penetration is not None]
         return found if settled else found[:1]
 
@@ -43,9 +43,10 @@ class Keyframe:
 class KeyframeWindow:
     """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a shortlist of so many entries.
 
-    Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
+    Who rubs one spot learns nothing new: a touch replaces one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
-    none before the first lift, the oldest of all: what was felt before says little once the object may have been moved.
+    none before the first lift, the oldest of all: what was measured before says little once the object may have been
+    moved.
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present; lifted,
     whether the sensor was lifted between the last two touches that were kept.
     """
@@ -71,7 +72,7 @@ class KeyframeWindow:
         self._path += path
         before = self._in_the_air
         self._in_the_air = 0.0 if in_contact else before + path
-        lifted = before <= _LIFTED < self._in_the_air
+        lifted = before <= _LIFT_PATH < self._in_the_air
         self.stretch += lifted
         return lifted
 
@@ -81,7 +82,7 @@ class KeyframeWindow:
         return self._path >= self._spacing
 
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
-        """Keep what fingers feel at present, the first one first."""
+        """Keep what fingers measure at present, the first one first."""
         newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self.stretch)
         self.lifted = len(self) > 0 and newest.stretch > self.keyframes[-1].stretch
         away = _distances([newest], [*self.keyframes, newest])[0, :-1]
@@ -127,7 +128,7 @@ class KeyframeWindow:
 def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:
     """How much of an independent touch each of K keyframes, oldest first, is (K,), in [0, 1].
 
-    The share of the correlation length [m] that it lies away from the nearest older one.
+    The fraction of the correlation length [m] that it lies away from the nearest older one.
     """
     away = _distances(keyframes, keyframes)
     away[np.triu_indices(len(keyframes))] = np.inf

@@ -1,7 +1,8 @@
 """The objects of a catalogue that touches are compared with: all of a small one; of a large one the most probable.
 
 Which these are, the coarse index says by the same touches, before every comparison. So an object comes back as soon as
-touches speak for it; until then its probability is part of `unknown`, like that of an object on which no place fits.
+touches speak for it; until then its probability is part of `unknown`, like that of an object on which no hypothesis
+fits.
 """
 
 from __future__ import annotations
@@ -84,9 +85,9 @@ class Compared:
         codes = np.array([self.scores.unit_code(each.touches[0].code) for each in keyframes])
         support = window.best_suffix(self._index.log_ratios(codes) * window.weights)
         order = np.argsort(-support, kind="stable")
-        share = np.exp(support[order] - np.logaddexp.reduce(support))
+        fraction = np.exp(support[order] - np.logaddexp.reduce(support))
         wanted, here = np.zeros((2, len(order)), bool)
-        wanted[order[np.cumsum(share) - share < self._noise.settled]] = True
+        wanted[order[np.cumsum(fraction) - fraction < self._noise.settled]] = True
         wanted[list(held)], here[self.numbers] = True, True
         support[list(held)] = np.inf
         return np.lexsort((-support, ~(wanted | here), ~wanted)).tolist()

@@ -1,10 +1,11 @@
 """Which object of a catalogue explains the last touches, and where on it the sensor is.
 
-Identity and place are one question: the posterior is over places on all objects, from the same keyframes, and `unknown`
-is what none of them explains. Codes are of one network, so that how well they fit is on one scale over all objects, and
-the best entries of the whole catalogue become the candidates of a touch. The best of these places are aligned to the
-kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after a few maps, so
-that ten objects take hardly more alignments than one. Of thousands of objects only some are compared: `compared`.
+Identity and pose are one question: the posterior is over hypotheses on all objects, from the same keyframes, and
+`unknown` is what none of them explains. Codes are of one network, so that how well they fit is on one scale over all
+objects, and the best entries of the whole catalogue become the candidates of a touch. The best of these hypotheses are
+aligned to the kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after
+a few maps, so that ten objects take hardly more alignments than one. Of thousands of objects only some are compared:
+`compared`.
 docs/evidence.md has the mathematics.
 """
 
@@ -24,33 +25,33 @@ from ..core.gates import Gates
 from ..core.keyframes import Keyframe, KeyframeWindow
 from ..core.motion_model import Odometry, RestGate
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import APART, Place, distinct
+from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
 from ..core.touch import Measurement, require_network
-from ..smoothing.competitor_search import Pace, RivalSearch, Scored
-from ..smoothing.window_likelihood import Followed, Race, Replay, place_posterior
+from ..smoothing.competitor_search import CompetitorSearch, Pace, Scored
+from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood, hypothesis_posterior
 from .catalogue import Catalogue
 from .compared import Compared
 
 UNKNOWN = "unknown"
 """Name of what is none of the catalogue's objects."""
 
-# the shortlist is of the whole catalogue; of an object fewer places are kept, as some of each are; how probable an
+# the shortlist is of the whole catalogue; of an object fewer hypotheses are kept, as some of each are; how probable an
 # object is was fitted with so many alignments (midastouch_benchmark/fits/identity.py)
 _EFFORT = Effort(shortlist=800, kept=24, alignments=200)
-_TOUCHES = 32  # kept; more than for a place, as an object does not become another one while it is slid over
-_CARRIED = 6  # places that are asked for again; codes bring up the others
-_WORTH_NAMING = 0.01
-_ALIKE = 0.5  # probability that an object of no catalogue feels as others of this one do
+_TOUCHES = 32  # kept; more than for a hypothesis, as an object does not become another one while it is slid over
+_CARRIED_HYPOTHESES = 6  # hypotheses that are asked for again; codes bring up the others
+_NAMED_PROBABILITY = 0.01
+_ALIKE_PROBABILITY = 0.5  # probability that an object of no catalogue is like others of this one
 
 
 @dataclass(frozen=True)
-class Hypothesis:
-    """An object of the catalogue: name; probability that it is touched; places on it, most probable first, whose
+class CandidateObject:
+    """An object of the catalogue: name; probability that it is touched; hypotheses on it, most probable first, whose
     probabilities sum up to that."""
 
     name: str
     probability: float
-    places: list[Place]
+    hypotheses: list[PoseHypothesis]
 
 
 @dataclass(frozen=True)
@@ -58,13 +59,13 @@ class Identity:
     """What is touched: hypotheses, one for each object, most probable first; unknown, the probability that it is none
     of them. All together are one."""
 
-    hypotheses: list[Hypothesis]
+    objects: list[CandidateObject]
     unknown: float
 
     @property
-    def leading(self) -> Hypothesis:
+    def leading(self) -> CandidateObject:
         """The most probable object."""
-        return self.hypotheses[0]
+        return self.objects[0]
 
     @property
     def answer(self) -> str:
@@ -73,63 +74,66 @@ class Identity:
 
     def moved(self, transform: np.ndarray) -> Identity:
         """After the gel moved by `transform` (4, 4)."""
-        moved = [replace(each, places=[place.moved(transform) for place in each.places]) for each in self.hypotheses]
-        return replace(self, hypotheses=moved)
+        moved = [
+            replace(each, hypotheses=[hypothesis.moved(transform) for hypothesis in each.hypotheses])
+            for each in self.objects
+        ]
+        return replace(self, objects=moved)
 
     def in_words(self) -> str:
         """Those that compete, such as "mug 62 %, bowl 30 %, unknown 8 %"."""
-        shares = [*((each.name, each.probability) for each in self.hypotheses), (UNKNOWN, self.unknown)]
-        named = sorted((each for each in shares if each[1] >= _WORTH_NAMING), key=lambda each: -each[1])
-        return ", ".join(f"{name} {share:.0%}" for name, share in named)
+        fractions = [*((each.name, each.probability) for each in self.objects), (UNKNOWN, self.unknown)]
+        named = sorted((each for each in fractions if each[1] >= _NAMED_PROBABILITY), key=lambda each: -each[1])
+        return ", ".join(f"{name} {fraction:.0%}" for name, fraction in named)
 
 
 @dataclass(frozen=True)
 class Contest:
-    """What the last touches say of P places on several objects.
+    """What the last touches say of P hypotheses on several objects.
 
-    owner (P,), number of the object; places, at present, of no probability yet; misfit (P, K), share of each of K maps
-    that a place leaves unexplained; strain (P, K), squared Mahalanobis distance that it has to give way to fit; weights
-    (K,) and change (K,), as of `Scored`.
+    owner (P,), number of the object; hypotheses, at present, of no probability yet; residual_ratio (P, K), fraction of
+    each of K maps that a hypothesis leaves unexplained; squared_innovation (P, K), squared Mahalanobis distance that it
+    has to give way to fit; weights (K,) and change (K,), as of `Scored`.
     """
 
     owner: np.ndarray
-    places: list[Place]
-    misfit: np.ndarray
-    strain: np.ndarray
+    hypotheses: list[PoseHypothesis]
+    residual_ratio: np.ndarray
+    squared_innovation: np.ndarray
     weights: np.ndarray
     change: np.ndarray
 
     def posterior(self, noise: NoiseModel, objects: int, unknown: float) -> tuple[np.ndarray, float]:
-        """Probabilities (P,) of the places, and that of none of the objects, which is `unknown` beforehand.
+        """Probabilities (P,) of the hypotheses, and that of none of the objects, which is `unknown` beforehand.
 
-        An object is as probable as its best place makes it: how many were followed says nothing of it. An object of no
-        catalogue may feel like none in this one, or as the others do, those beside the most probable one.
+        An object is as probable as its best hypothesis makes it: how many were followed says nothing of it. An object
+        of no catalogue may be like none in this one, or like the others, those beside the most probable one.
         """
         followed = np.bincount(self.owner, minlength=objects)
         prior = (1 - unknown) / objects
-        evidence = self.weights * noise.object_evidence(self.misfit, self.strain)
-        nowhere = unknown + prior * (followed == 0).sum()  # an object without a place is there, too
+        evidence = self.weights * noise.object_evidence(self.residual_ratio, self.squared_innovation)
+        nowhere = unknown + prior * (followed == 0).sum()  # an object without a hypothesis is there, too
         beforehand = np.log(np.append(prior / followed[self.owner], nowhere))
-        shares, none = place_posterior(evidence, beforehand, beforehand, self.change)
+        fractions, none = hypothesis_posterior(evidence, beforehand, beforehand, self.change)
         best = np.zeros(objects)
-        np.maximum.at(best, self.owner, shares)
-        of_object, summed = best * followed, np.bincount(self.owner, shares, objects)
-        shares *= (of_object / np.maximum(summed, np.finfo(float).tiny))[self.owner]
+        np.maximum.at(best, self.owner, fractions)
+        of_object, summed = best * followed, np.bincount(self.owner, fractions, objects)
+        fractions *= (of_object / np.maximum(summed, np.finfo(float).tiny))[self.owner]
         if objects > 1:
             fits_none = none / nowhere
             fits = np.where(followed > 0, of_object / prior, fits_none)
             alike = (fits.sum() - fits.max()) / (objects - 1)
-            none += _ALIKE * unknown * (alike - fits_none)
-        total = shares.sum() + none
-        return shares / total, float(none / total)
+            none += _ALIKE_PROBABILITY * unknown * (alike - fits_none)
+        total = fractions.sum() + none
+        return fractions / total, float(none / total)
 
 
 class Identification:
     """Keeps the last touches of the first finger and asks which object explains them, in slices.
 
     Args: catalogue; config; noise; unknown: probability beforehand that the object is none of them.
-    Attributes: compared, the objects that are; window of the kept touches; found, by the last comparison, its places as
-    they were then; contest, that it comes from, None before the first.
+    Attributes: compared, the objects that are; window of the kept touches; found, by the last comparison, its
+    hypotheses as they were then; contest, that it comes from, None before the first.
     """
 
     def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
@@ -145,16 +149,16 @@ class Identification:
         self.window.restart()
         self._rest.reset()
         self._running: Iterator[Contest | None] | None = None
-        self._news, self._patience, self.contest = 0, _EFFORT.anew, None
+        self._news, self._wait, self.contest = 0, _EFFORT.anew, None
         self._believe(np.zeros(0), self._unknown)
 
     @property
     def identity(self) -> Identity:
-        """What was found, its places as they are now."""
+        """What was found, its hypotheses as they are now."""
         return self.found.moved(se3.inverse(self._found_at) @ self.window.motion)
 
     @property
-    def felt(self) -> np.ndarray:
+    def measured_gels(self) -> np.ndarray:
         """(F, 4, 4) of the gels of the kept touches since the last lift, in the frame of the present one."""
         keyframes = self.window.keyframes
         since = [each.motion for each in keyframes if each.stretch == self.window.stretch]
@@ -170,7 +174,7 @@ class Identification:
         self._move(odometry, touch.in_contact)
         if self.window.due and touch.in_contact and self._is_usable(touch.penetration):
             self._keep(touch)
-        if self._running is None and self._news >= self._patience and len(self.window) >= _EFFORT.fewest:
+        if self._running is None and self._news >= self._wait and len(self.window) >= _EFFORT.fewest:
             self._news, self._running = 0, self._run()
         try:
             found = next(self._running) if self._running else None
@@ -182,7 +186,7 @@ class Identification:
         self._running, self.contest = None, found
         self._believe(*found.posterior(self._noise, len(self._catalogue), self._unknown))
         settled = self.found.leading.probability > self._noise.settled
-        self._patience = _EFFORT.seldom if settled else _EFFORT.anew
+        self._wait = _EFFORT.seldom if settled else _EFFORT.anew
         return True
 
     def _move(self, odometry: np.ndarray | None, in_contact: bool) -> None:
@@ -207,19 +211,23 @@ class Identification:
         self.window.keep([touch], [log_ratio])
         self._news += 1
         if self.window.lifted:  # what is under way was asked before, of an object that may have been exchanged
-            self._running, self._patience = None, _EFFORT.anew
+            self._running, self._wait = None, _EFFORT.anew
 
-    def _believe(self, shares: np.ndarray, unknown: float) -> None:
-        """Take over the probabilities (P,) of the contest's places."""
-        places: list[list[Place]] = [[] for _ in self._catalogue.entries]
-        for i in np.argsort(-shares, kind="stable"):
-            places[self.contest.owner[i]].append(replace(self.contest.places[i], probability=float(shares[i])))
-        even = (1 - self._unknown) / len(places)
-        hypotheses = [
-            Hypothesis(entry.name, sum(place.probability for place in some) if self.contest else even, some)
-            for entry, some in zip(self._catalogue.entries, places, strict=True)
+    def _believe(self, fractions: np.ndarray, unknown: float) -> None:
+        """Take over the probabilities (P,) of the contest's hypotheses."""
+        hypotheses: list[list[PoseHypothesis]] = [[] for _ in self._catalogue.entries]
+        for i in np.argsort(-fractions, kind="stable"):
+            hypotheses[self.contest.owner[i]].append(
+                replace(self.contest.hypotheses[i], probability=float(fractions[i]))
+            )
+        even = (1 - self._unknown) / len(hypotheses)
+        objects = [
+            CandidateObject(
+                entry.name, sum(hypothesis.probability for hypothesis in some) if self.contest else even, some
+            )
+            for entry, some in zip(self._catalogue.entries, hypotheses, strict=True)
         ]
-        self.found = Identity(sorted(hypotheses, key=lambda each: -each.probability), unknown)
+        self.found = Identity(sorted(objects, key=lambda each: -each.probability), unknown)
         self._found_at = self.window.motion
 
     # ------------------------------------------------------------------ one contest
@@ -233,62 +241,67 @@ class Identification:
             for k, rows in zip(self.compared.numbers, self.compared.catalogue.rows, strict=True)
         }
         onward = se3.inverse(self._found_at) @ window.keyframes[-1].motion
-        carried = [(k, place.pose @ onward) for k, place in best if k in views]
+        carried = [(k, hypothesis.pose @ onward) for k, hypothesis in best if k in views]
         ranked = yield from self._ranked(views, carried)
-        race, replays = Race(window), {}
+        race, likelihoods = Race(window), {}
         for starts, most in ((carried, np.inf), (ranked, _EFFORT.alignments)):
             for k, pose in starts:
                 if race.alignments >= most:
                     break
-                if k not in replays:
+                if k not in likelihoods:
                     if not self._catalogue.entries[k].prepared:
                         yield None  # to read a mesh takes as long as a step may
-                    replays[k] = self._replay(k, views[k], race)
-                yield from replays[k].follow(pose)
-        yield self._contest(window, replays)
+                    likelihoods[k] = self._likelihood_of(k, views[k], race)
+                yield from likelihoods[k].follow(pose)
+        yield self._contest(window, likelihoods)
 
-    def _replay(self, number: int, view: Scored, race: Race) -> Replay:
+    def _likelihood_of(self, number: int, view: Scored, race: Race) -> WindowLikelihood:
         alignment = self._catalogue.entries[number].alignment
-        return Replay(view, alignment, self._noise, _EFFORT, self._config.penetration_fit, race)
+        return WindowLikelihood(view, alignment, self._noise, _EFFORT, self._config.penetration_fit, race)
 
-    def _best_found(self) -> list[tuple[int, Place]]:
-        """The best places of before, as they were then, each with the number of its object."""
-        found = [(each.name, place) for each in self.found.hypotheses for place in each.places]
+    def _best_found(self) -> list[tuple[int, PoseHypothesis]]:
+        """The best hypotheses of before, as they were then, each with the number of its object."""
+        found = [(each.name, hypothesis) for each in self.found.objects for hypothesis in each.hypotheses]
         found.sort(key=lambda each: -each[1].probability)
-        return [(self._catalogue.number(name), place) for name, place in found[:_CARRIED]]
+        return [(self._catalogue.number(name), hypothesis) for name, hypothesis in found[:_CARRIED_HYPOTHESES]]
 
     def _ranked(
         self, views: dict[int, Scored], carried: list[tuple[int, np.ndarray]]
     ) -> Generator[None, None, list[tuple[int, np.ndarray]]]:
-        """Further places that codes bring up, with the numbers of their objects, best first; views by these."""
+        """Further hypotheses that codes bring up, with the numbers of their objects, best first; views by these."""
         found: list[tuple[float, int, np.ndarray]] = []
         for k, view in views.items():
             if any(len(each.shortlists[0]) for each in view.sparser(_EFFORT.sieve).keyframes):
-                search = RivalSearch(self._catalogue.entries[k].lookup, self._noise, _EFFORT, self._pace)
-                rivals = yield from search.find(view, [pose for owner, pose in carried if owner == k])
-                found += [(score, k, pose) for score, pose in zip(rivals.scores, rivals.poses, strict=True)]
+                search = CompetitorSearch(self._catalogue.entries[k].lookup, self._noise, _EFFORT, self._pace)
+                competitors = yield from search.find(view, [pose for owner, pose in carried if owner == k])
+                found += [(score, k, pose) for score, pose in zip(competitors.scores, competitors.poses, strict=True)]
         found.sort(key=lambda each: -each[0])
         return [(k, pose) for score, k, pose in found if score > found[0][0] - self._noise.code_margin]
 
-    def _contest(self, window: Scored, replays: dict[int, Replay]) -> Contest:
-        """The distinct places that were followed, as they are now; replays by the numbers of their objects."""
+    def _contest(self, window: Scored, likelihoods: dict[int, WindowLikelihood]) -> Contest:
+        """The distinct hypotheses that were followed, as they are now; likelihoods by the numbers of their objects."""
         owner: list[int] = []
-        places: list[Place] = []
+        hypotheses: list[PoseHypothesis] = []
         kept: list[Followed] = []
-        for k, replay in sorted(replays.items()):
-            followed = sorted(replay.followed, key=lambda one: -self._support(window, one))
+        for k, likelihood in sorted(likelihoods.items()):
+            followed = sorted(likelihood.followed, key=lambda one: -self._support(window, one))
             onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
             for i in distinct(poses, range(len(poses)), APART):
                 owner.append(k)
                 kept.append(followed[i])
-                places.append(Place(poses[i], transform_covariance(followed[i].covariance, onward[i]), 0.0))
-        misfit, strain = (np.array(rows).reshape(len(kept), len(window.weights)) for rows in
-                          ([each.misfit for each in kept], [each.strain() for each in kept]))  # fmt: skip
-        return Contest(np.array(owner, int), places, misfit, strain, window.weights, window.change)
+                hypotheses.append(
+                    PoseHypothesis(poses[i], transform_covariance(followed[i].covariance, onward[i]), 0.0)
+                )
+        shape = len(kept), len(window.weights)
+        residual_ratio = np.reshape([each.residual_ratio for each in kept], shape)
+        squared_innovation = np.reshape([each.squared_innovation() for each in kept], shape)
+        return Contest(
+            np.array(owner, int), hypotheses, residual_ratio, squared_innovation, window.weights, window.change
+        )
 
-    def _support(self, window: Scored, place: Followed) -> float:
-        return float(window.weights @ self._noise.misfit_evidence(place.misfit))
+    def _support(self, window: Scored, hypothesis: Followed) -> float:
+        return float(window.weights @ self._noise.residual_evidence(hypothesis.residual_ratio))
 
 
 def _seen(keyframe: Keyframe, rows: slice) -> Keyframe:

@@ -81,7 +81,7 @@ _NODE = (
         "fingers",
         "",
         "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',': codes and clouds come from the "
-        "topics in the namespace (relative to this node's, or absolute), their places from TF",
+        "topics in the namespace (relative to this node's, or absolute), their poses from TF",
     ),
     Parameter(
         "finger_tolerance",

@@ -25,7 +25,7 @@ from ..localiser import Localiser
 from . import markers
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
-_LONGEST = 2.0  # m; no object is larger
+_LONGEST_WAY = 2.0  # m; no object is larger
 
 
 class MotionAdvice:
@@ -89,7 +89,10 @@ class MotionAdvice:
             response.message = str(error)
             return response
         response.success, response.message = True, advice.message
-        response.indistinguishable, response.suggestions = advice.indistinguishable, self._told(advice, self._stamp())
+        response.indistinguishable, response.suggestions = (
+            advice.indistinguishable,
+            self._shown_as_messages(advice, self._stamp()),
+        )
         return response
 
     # --- the action
@@ -114,7 +117,9 @@ class MotionAdvice:
         except InputError:  # lifted on the way: the next touch is waited for
             return
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
-        goal.publish_feedback(action.SuggestMotion.Feedback(header=header, suggestions=self._told(advice, stamp)))
+        goal.publish_feedback(
+            action.SuggestMotion.Feedback(header=header, suggestions=self._shown_as_messages(advice, stamp))
+        )
         if advice.indistinguishable or self._converged():
             self._end(goal, True, advice.message, advice.indistinguishable)
 
@@ -139,8 +144,8 @@ class MotionAdvice:
     def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
         """InputError on a request that nobody can mean."""
         length = request.max_length or self._parameters["suggestion_length"]
-        if not 0 <= length <= _LONGEST:
-            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST:g} m; 0 is the default")
+        if not 0 <= length <= _LONGEST_WAY:
+            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST_WAY:g} m; 0 is the default")
         return Wanted(length or None, request.lifts, request.count or self._parameters["suggestion_count"])
 
     def _advise(self, wanted: Wanted) -> Advice:
@@ -152,14 +157,14 @@ class MotionAdvice:
             raise InputError(localiser.waiting_for)
         estimate = localiser.estimate
         if estimate is None or not estimate.modes:
-            raise InputError("nothing was felt yet: touch the object first")
+            raise InputError("nothing was measured yet: touch the object first")
         if estimate.status.state == NO_CONTACT:
             raise InputError("the sensor touches nothing: touch the object first")
         if estimate.status.state == CONVERGED:
             return Advice([], False, f"nothing is left to find out: {estimate.status.reason}")
         return localiser.advise(wanted)
 
-    def _told(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
+    def _shown_as_messages(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
         self._shown.publish(markers.suggested(advice.suggestions, header))
         return [_to_msg(each) for each in advice.suggestions]

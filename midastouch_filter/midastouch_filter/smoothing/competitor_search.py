@@ -1,4 +1,4 @@
-"""Which places on the whole object explain the last touches by their codes?"""
+"""Which hypotheses on the whole object explain the last touches by their codes?"""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import ANOTHER, APART, distinct, far_from
 from ..core.touch import Measurement
 
-_OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
-_AROUND = 8  # entries beside the nearest one
+_OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_ENTRIES_AROUND = 8  # entries beside the nearest one
 _SAMPLE = 2048  # entries that stand for the codebook
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
 @dataclass(frozen=True)
-class Rivals:
-    """poses: of places that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches and
-    of those since the last lift; scores: nats of each by whichever of the two praises it more; lasting: after so many
-    of them all of the former have come; cloud (C, 4, 4): of everything that may explain the touches, there too, and
-    cloud_scores (C,) nats."""
+class Competitors:
+    """poses: of hypotheses that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches
+    and of those since the last lift; scores: nats of each by whichever of the two praises it more; lasting: after so
+    many of them all of the former have come; cloud (C, 4, 4): of everything that may explain the touches, there too,
+    and cloud_scores (C,) nats."""
 
     poses: list[np.ndarray]
     scores: list[float]
@@ -59,7 +59,7 @@ class Scored:
         return Scored([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
 
     def chance(self) -> np.ndarray:
-        """(K,) nats that the codes of each touch, weighted, say of a place at random: their mean over the codebook."""
+        """(K,) nats that the codes of each touch, weighted, say of a pose at random: their mean over the codebook."""
         return np.array(
             [
                 sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
@@ -90,8 +90,8 @@ class Pace:
             yield None
 
 
-class RivalSearch:
-    """Looks for the places that explain keyframes best, in slices: each generator yields None between two of them.
+class CompetitorSearch:
+    """Looks for the hypotheses that explain keyframes best, in slices: each generator yields None between two of them.
 
     Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
     """
@@ -101,7 +101,7 @@ class RivalSearch:
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or Pace(effort.lookups_per_step)
 
-    def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
+    def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
         """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
@@ -111,7 +111,7 @@ class RivalSearch:
                 yield None
                 candidates = self._turned(candidates[: effort.turned], angle, newest, some)
         candidates, *scores = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
-        return self._worth_replaying(candidates, *scores, taken)
+        return self._worth_following(candidates, *scores, taken)
 
     def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
         """Poses (C, 4, 4) at the newest keyframe of the entries that fit best in any of them."""
@@ -179,7 +179,7 @@ class RivalSearch:
         a pose the best counts: it lies between them.
         """
         out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
-        around = np.column_stack([entries, self._lookup.neighbours[entries, :_AROUND]])
+        around = np.column_stack([entries, self._lookup.neighbours[entries, :_ENTRIES_AROUND]])
         for k, keyframe in enumerate(keyframes):
             for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
                 if touch.T_gel_finger is None:
@@ -192,15 +192,15 @@ class RivalSearch:
         """(C,) of poses (C, 4, 4) of the first finger; where a finger would be off the surface, its worst."""
         if touch.T_gel_finger is None:
             return log_ratio[self._lookup.exact(poses)].astype(float)
-        entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF)
+        entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF_SURFACE)
         return np.append(log_ratio, log_ratio.min())[entries].astype(float)
 
-    def _worth_replaying(
+    def _worth_following(
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
-    ) -> Rivals:
+    ) -> Competitors:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        rivals = (lasting | recently) & far_from(taken, candidates, ANOTHER)
-        chosen = distinct(candidates, np.flatnonzero(rivals), APART)
+        competitors = (lasting | recently) & far_from(taken, candidates, ANOTHER)
+        chosen = distinct(candidates, np.flatnonzero(competitors), APART)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
-        return Rivals(list(candidates[chosen]), scores.tolist(), until, candidates, score)
+        return Competitors(list(candidates[chosen]), scores.tolist(), until, candidates, score)

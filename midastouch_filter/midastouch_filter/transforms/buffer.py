@@ -124,7 +124,7 @@ class TransformBuffer:
         parent, child = parent.lstrip("/"), child.lstrip("/")
         try:
             if not parent or not child or parent == child:
-                raise InvalidTransformError("needs two different frame names; mend its publisher")
+                raise InvalidTransformError("needs two different frame names; fix its publisher")
             pose = checked_pose(transform)
             with self._lock:
                 return self._insert(parent, child, stamp_ns, pose, static)
@@ -148,7 +148,7 @@ class TransformBuffer:
         """T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
 
         Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError; if
-        links of the chain disagree, the past one, as waiting cannot mend it.
+        links of the chain disagree, the past one, as waiting cannot fix it.
         """
         names = target.lstrip("/"), source.lstrip("/")
         if names[0] == names[1]:

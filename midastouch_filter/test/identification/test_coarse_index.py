@@ -5,7 +5,7 @@ from midastouch_filter.identification.coarse_index import CoarseIndex, typical_c
 
 
 def codes_of(seed, count=2000, kinds=20, dim=16):
-    """Codes of an object that feels like `kinds` different things."""
+    """Codes of an object that measures like `kinds` different things."""
     rng = np.random.default_rng(seed)
     codes = rng.standard_normal((kinds, dim))[rng.integers(kinds, size=count)] + 0.1 * rng.standard_normal((count, dim))
     return (codes / np.linalg.norm(codes, axis=1, keepdims=True)).astype(np.float32)
@@ -24,7 +24,7 @@ def test_an_object_of_few_poses_has_as_many_typical_codes():
     assert len(typical_codes(codes_of(0, count=5, kinds=5))) == 5
 
 
-def test_touches_speak_for_the_object_that_feels_like_them():
+def test_touches_speak_for_the_object_that_is_like_them():
     objects = [codes_of(seed) for seed in range(6)]
     index = CoarseIndex([typical_codes(codes) for codes in objects], temperature=0.06, outlier=0.04)
     for k, codes in enumerate(objects):

@@ -1,4 +1,4 @@
-"""A catalogue with room for two objects of three at a time: which these are changes with what is felt."""
+"""A catalogue with room for two objects of three at a time: which these are changes with what is measured."""
 
 import numpy as np
 import pytest
@@ -42,8 +42,8 @@ def test_what_touches_speak_for_is_compared_and_found(shelf, crowded):
     assert "bumpy_3" in out.compared.names
     assert len(out.compared.names) == 2
     assert out.identity.answer == "bumpy_3"
-    assert np.linalg.norm(out.identity.leading.places[0].pose[:3, 3] - truth[-1][:3, 3]) < 2e-3
-    assert {each.name for each in out.identity.hypotheses} == {"bumpy_1", "bumpy_2", "bumpy_3"}
+    assert np.linalg.norm(out.identity.leading.hypotheses[0].pose[:3, 3] - truth[-1][:3, 3]) < 2e-3
+    assert {each.name for each in out.identity.objects} == {"bumpy_1", "bumpy_2", "bumpy_3"}
     assert sum(each.probability for each in out.identity.hypotheses) + out.identity.unknown == pytest.approx(1.0)
 
 
@@ -102,7 +102,7 @@ def many(world):
     return Catalogue.of(objects, NOISE, room=ROOM * POSES)
 
 
-def felt(catalogue, compared, window, k, count=6):
+def measured(catalogue, compared, window, k, count=6):
     """Slide on over object k."""
     for code in catalogue.entries[k].codebook.codes[:count]:
         touch = Measurement(True, code)
@@ -117,7 +117,7 @@ def test_an_object_that_was_ruled_out_comes_back(many):
     for _ in range(8):
         k = max(set(range(OBJECTS)) - set(compared.numbers), key=lambda number: number in gone)
         before = set(compared.numbers)
-        felt(many, compared, window, k)
+        measured(many, compared, window, k)
         list(compared.choose(window, held=[5]))
         assert {k, 5} <= set(compared.numbers)
         assert len(compared.numbers) == ROOM
@@ -132,7 +132,7 @@ def test_an_object_that_was_ruled_out_comes_back(many):
 
 def test_as_long_as_others_are_improbable_nothing_is_scored_anew(many):
     compared, window = Compared(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
-    felt(many, compared, window, 17)
+    measured(many, compared, window, 17)
     list(compared.choose(window, held=[]))
     assert 17 in compared.numbers
     before = window.keyframes
@@ -142,10 +142,10 @@ def test_as_long_as_others_are_improbable_nothing_is_scored_anew(many):
 
 def test_touches_that_come_while_others_are_read_are_scored_too(many):
     compared, window = Compared(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
-    felt(many, compared, window, 17)
+    measured(many, compared, window, 17)
     running = compared.choose(window, held=[])
     next(running)
-    felt(many, compared, window, 17, count=9)
+    measured(many, compared, window, 17, count=9)
     list(running)
     touch = window.keyframes[-1].touches[0]
     assert 17 in compared.numbers

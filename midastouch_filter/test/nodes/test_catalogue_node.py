@@ -69,7 +69,7 @@ class CatalogueBench:
             )
 
 
-def test_the_object_is_named_with_its_place(graph, shelf, folder):
+def test_the_object_is_named_with_its_pose(graph, shelf, folder):
     bench = CatalogueBench(graph, folder)
     graph.spin_until(lambda: bench.statuses, "the status at start")
     truth, frames = shelf.touches(2, steps=60)

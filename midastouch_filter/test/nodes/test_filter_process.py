@@ -142,7 +142,7 @@ def test_it_switches_between_objects(running, graph):
     graph.spin_until(lambda: running.meshes[-1].markers[-1].mesh_resource.endswith("/ball.ply"), "the mesh")
 
 
-def test_it_starts_where_it_is_told(running, graph):
+def test_it_starts_where_it_is_asked_to(running, graph):
     clouds = graph.listen(PoseArray, "particles")
     starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
     priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")

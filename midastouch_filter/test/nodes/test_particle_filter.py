@@ -47,7 +47,7 @@ def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
     np.testing.assert_allclose(np.diagonal(covariance), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
 
 
-def test_the_filter_reflects_once_its_answer_is_out(graph, monkeypatch):
+def test_the_filter_does_the_deferred_update_once_its_answer_is_out(graph, monkeypatch):
     happened = []
 
     def noted(owner, name):
@@ -63,11 +63,11 @@ def test_the_filter_reflects_once_its_answer_is_out(graph, monkeypatch):
     assert happened == ["estimate", "reflect"] * 2
 
 
-def test_silence_is_stale_once(graph, patience, brisk_health):
+def test_silence_is_stale_once(graph, timeout_clock, brisk_health):
     bench = Bench(graph, **OBJECT)
     bench.frame(SECOND, T_BASE_OBJ)
     before = time.time_ns()
-    patience.now += REPLAY["input_timeout"] + 1.0
+    timeout_clock.now += REPLAY["input_timeout"] + 1.0
     graph.spin_until(lambda: bench.statuses[-1].state == "stale")
     assert "no tactile/code" in bench.statuses[-1].reason
     assert before < stamp_ns(bench.statuses[-1].header.stamp) < time.time_ns(), "of no image, but of now"

@@ -105,7 +105,7 @@ def test_a_refusal_leaves_the_old_object_running(graph, wanted, complaint):
     assert len(meshes) == 1
 
 
-def test_a_codebook_of_another_kind_of_sensor_is_refused_with_the_mend(graph):
+def test_a_codebook_of_another_kind_of_sensor_is_refused_with_the_fix(graph):
     sensors = {name: SensorModel.load(f"digit_{name}").for_maps for name in ("real", "tacto")}
     bench = ObjectBench(graph, sensors=sensors, sensor_model="digit_real")
     answer = bench.set_object("tacto")
@@ -161,17 +161,17 @@ def test_requests_stay_in_the_allowed_folders_links_and_dots_included(graph, tmp
     assert bench.set_object("cup", f"file://{inside}").success
 
 
-def test_nobody_was_silent_while_an_object_was_read(graph, patience):
+def test_nobody_was_silent_while_an_object_was_read(graph, timeout_clock):
     """That takes seconds, in which this node hears nothing."""
     bench = ObjectBench(graph, fingers="/right:right_gel", input_timeout=100.0)
     bench.frame(SECOND)
 
     def pass_time() -> None:
-        patience.now += 1000.0
+        timeout_clock.now += 1000.0
 
     bench.while_loading = pass_time
     assert bench.set_object("cup").success
-    patience.now += 150.0
+    timeout_clock.now += 150.0
     graph.spin_until(lambda: bench.statuses[-1].state == "stale", "the word that nothing comes")
     assert [status.state for status in bench.statuses] == ["ambiguous", "uninitialised", "stale"]
     assert bench.statuses[-1].reason == "no tactile/code for 150.0 s: is the sensor running? see /diagnostics"

@@ -79,12 +79,12 @@ def test_a_single_wrong_stamp_is_dropped_and_said(graph, wrong):
     assert skipped(bench.statuses[-1])["time_jumps"] == 0
 
 
-def test_a_wrong_stamp_that_nobody_follows_is_answered_in_the_end(graph, patience):
+def test_a_wrong_stamp_that_nobody_follows_is_answered_in_the_end(graph, timeout_clock):
     bench = Bench(graph, **OBJECT, transform_timeout=0.5)
     bench.frame(100 * SECOND)
     bench.codes.publish(code_msg(0))
     graph.spin_until(lambda: bench.waited(0), "the word that it waits")
-    patience.now += 0.6
+    timeout_clock.now += 0.6
     graph.spin_until(lambda: bench.answers(0), "the answer")
     assert bench.statuses[-1].state == "stale"
     assert bench.filter.starts == ["uniform"]

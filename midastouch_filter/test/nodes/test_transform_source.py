@@ -50,7 +50,7 @@ def test_a_bad_transform_is_reported_and_harms_no_other(listening, spoil):
     assert listening.jumps == []
 
 
-def test_what_is_waited_for_is_told_of_once_and_nothing_else(listening):
+def test_what_is_waited_for_is_reported_once_and_nothing_else(listening):
     listening.send(stamped(1 * SECOND, 0.1))
     assert listening.updates == 0
     assert isinstance(listening.lookup(5 * SECOND), Wait)
