@@ -44,7 +44,7 @@ def test_what_touches_speak_for_is_compared_and_found(shelf, crowded):
     assert out.identity.answer == "bumpy_3"
     assert np.linalg.norm(out.identity.leading.hypotheses[0].pose[:3, 3] - truth[-1][:3, 3]) < 2e-3
     assert {each.name for each in out.identity.objects} == {"bumpy_1", "bumpy_2", "bumpy_3"}
-    assert sum(each.probability for each in out.identity.hypotheses) + out.identity.unknown == pytest.approx(1.0)
+    assert sum(each.probability for each in out.identity.objects) + out.identity.unknown == pytest.approx(1.0)
 
 
 def test_what_is_in_no_catalogue_is_unknown(shelf, crowded):

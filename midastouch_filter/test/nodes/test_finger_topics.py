@@ -231,7 +231,7 @@ def penetration(depth: float) -> np.ndarray:
 
 
 def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
-    monkeypatch.setattr(finger_topics, "PATIENCE", 30.0)
+    monkeypatch.setattr(finger_topics, "CLOUD_TIMEOUT", 30.0)
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]

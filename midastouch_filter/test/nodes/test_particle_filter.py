@@ -55,12 +55,12 @@ def test_the_filter_does_the_deferred_update_once_its_answer_is_out(graph, monke
         monkeypatch.setattr(owner, name, lambda *args: (happened.append(name), do(*args))[1])
 
     noted(EstimatePublisher, "estimate")
-    noted(FakeFilter, "reflect")
+    noted(FakeFilter, "deferred_update")
     bench = Bench(graph, **OBJECT)
     for k in (1, 2):
         bench.frame(k * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: len(happened) == 4, "the last reflection")
-    assert happened == ["estimate", "reflect"] * 2
+    assert happened == ["estimate", "deferred_update"] * 2
 
 
 def test_silence_is_stale_once(graph, timeout_clock, brisk_health):
