@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from midastouch_common.ros import diagnostics, spin
+from midastouch_common.ros.graph_watch import OnlyPublisher
 from midastouch_common.ros.managed_node import ManagedNode
-from midastouch_common.ros.only_publisher import OnlyPublisher
 
 from ..core.state import UNINITIALISED, Status
 from ..core.touch import Measurement
