@@ -24,14 +24,14 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.keyframes import KeyframeWindow
+from midastouch_filter.core.keyframes import KeyframeWindow, WeighedWindow
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.pose_hypothesis import APART, pose_distance
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.smoothing.competitor_search import CompetitorSearch, Scored
+from midastouch_filter.smoothing.competitor_search import CompetitorSearch
 from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_probe, random_shape
@@ -86,7 +86,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
                     yield Pair(mesh.name, own[0], misfit, distance < APART)
 
 
-def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.ndarray]]:
+def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
     window, chosen, path = KeyframeWindow(TOUCHES, SPACING, CONFIG.correlation_length, Effort().shortlist), [0], 0.0
@@ -110,7 +110,7 @@ def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.nd
             true_pose[id(window.keyframes[-1])] = slide[i]
     keyframes = list(window.keyframes)
     weights = np.full(len(keyframes), SPACING / CONFIG.correlation_length)
-    return Scored(keyframes, weights, np.full(len(keyframes), 1e-9)), [
+    return WeighedWindow(keyframes, weights, np.full(len(keyframes), 1e-9)), [
         true_pose[id(keyframe)] for keyframe in keyframes
     ]
 

@@ -23,7 +23,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.identification.catalogue import Catalogue
-from midastouch_filter.identification.identity import Contest, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import Contest
 
 from .training_scans import parser_of, scans_of, stock_of
 

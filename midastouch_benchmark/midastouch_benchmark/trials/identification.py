@@ -21,7 +21,8 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
-from midastouch_filter.identification.identity import UNKNOWN, Identification, Identity
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN, Identity
 
 from .open_trials import Workforce, make_books, run_open
 from .stock import Stock

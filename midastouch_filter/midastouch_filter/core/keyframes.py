@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .noise_model import NoiseModel
 from .pose_hypothesis import pose_distance
 from .touch import Measurement
 
 _LIFT_PATH = 0.01  # m of path without contact; less is a gap in a slide
+_SAMPLE = 2048  # entries that stand for the codebook
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,47 @@ class KeyframeWindow:
         """`Keyframe.log_ratios` and `Keyframe.shortlists`."""
         rounded, count = [each.astype(np.float16) for each in log_ratios], self._shortlist // len(log_ratios)
         return rounded, [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
+
+
+@dataclass(frozen=True)
+class WeighedWindow:
+    """keyframes, oldest first; weights (K,): how much of an independent touch each is; change (K,): probability that
+    the motion was broken before each."""
+
+    keyframes: list[Keyframe]
+    weights: np.ndarray
+    change: np.ndarray
+
+    @classmethod
+    def of(cls, keyframes: list[Keyframe], noise: NoiseModel) -> WeighedWindow:
+        """Weighed by how far apart they are; the motion may have been broken, above all where the sensor was lifted."""
+        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
+        change = np.where(lifted, noise.change_lifted, noise.change)
+        return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
+
+    def sparser(self, count: int) -> WeighedWindow:
+        """The newest one and, ever farther apart, so many in all."""
+        last = len(self.keyframes) - 1
+        chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
+        change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
+        return WeighedWindow([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
+
+    def chance(self) -> np.ndarray:
+        """(K,) nats that the codes of each touch, weighted, say of a pose at random: their mean over the codebook."""
+        return np.array(
+            [
+                sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
+                for weight, keyframe in zip(self.weights, self.keyframes, strict=True)
+            ]
+        )
+
+    def best_suffix(self, scores: np.ndarray) -> np.ndarray:
+        """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
+
+        scores (C, K): of each touch.
+        """
+        price = np.append(0.0, np.log(self.change[1:]))
+        return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
 
 
 def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:

@@ -22,7 +22,8 @@ from ..core.workers import Workers
 from ..loaded_object import LoadedObject
 from ..localiser import Localiser
 from .catalogue import Catalogue, Entry
-from .identity import Identification, Identity
+from .identification import Identification
+from .identity import Identity
 
 _KEPT_FILTERS = 2  # filters of objects that lead by turns; each has some 100 MiB
 _LEAST_PROBABILITY = 0.02  # probability of a hypothesis

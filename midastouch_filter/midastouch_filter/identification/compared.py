@@ -13,11 +13,10 @@ import numpy as np
 
 from ..core import workers
 from ..core.config import FilterConfig
-from ..core.keyframes import Keyframe, KeyframeWindow
+from ..core.keyframes import Keyframe, KeyframeWindow, WeighedWindow
 from ..core.measurement_model import CodeScores, calibration
 from ..core.noise_model import NoiseModel
 from ..core.workers import Workers
-from ..smoothing.competitor_search import Scored
 from .catalogue import ROOM, Catalogue
 from .coarse_index import CoarseIndex
 
@@ -81,7 +80,7 @@ class Compared:
 
     def _ranked(self, keyframes: Sequence[Keyframe], held: Sequence[int]) -> list[int]:
         """All numbers: those held and those probable by their codes, then those that are here, then the others."""
-        window = Scored.of(list(keyframes), self._noise)
+        window = WeighedWindow.of(list(keyframes), self._noise)
         codes = np.array([self.scores.unit_code(each.touches[0].code) for each in keyframes])
         support = window.best_suffix(self._index.log_ratios(codes) * window.weights)
         order = np.argsort(-support, kind="stable")

@@ -9,7 +9,7 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.keyframes import Keyframe, independence
+from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.lookup import NearestEntry, PoseLookup
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import ANOTHER, APART, distinct, far_from
@@ -17,7 +17,6 @@ from ..core.touch import Measurement
 
 _OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _ENTRIES_AROUND = 8  # entries beside the nearest one
-_SAMPLE = 2048  # entries that stand for the codebook
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
@@ -33,47 +32,6 @@ class Competitors:
     lasting: int
     cloud: np.ndarray
     cloud_scores: np.ndarray
-
-
-@dataclass(frozen=True)
-class Scored:
-    """keyframes, oldest first; weights (K,): how much of an independent touch each is; change (K,): probability that
-    the motion was broken before each."""
-
-    keyframes: list[Keyframe]
-    weights: np.ndarray
-    change: np.ndarray
-
-    @classmethod
-    def of(cls, keyframes: list[Keyframe], noise: NoiseModel) -> Scored:
-        """Weighed by how far apart they are; the motion may have been broken, above all where the sensor was lifted."""
-        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
-        change = np.where(lifted, noise.change_lifted, noise.change)
-        return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
-
-    def sparser(self, count: int) -> Scored:
-        """The newest one and, ever farther apart, so many in all."""
-        last = len(self.keyframes) - 1
-        chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
-        change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
-        return Scored([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
-
-    def chance(self) -> np.ndarray:
-        """(K,) nats that the codes of each touch, weighted, say of a pose at random: their mean over the codebook."""
-        return np.array(
-            [
-                sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
-                for weight, keyframe in zip(self.weights, self.keyframes, strict=True)
-            ]
-        )
-
-    def best_suffix(self, scores: np.ndarray) -> np.ndarray:
-        """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
-
-        scores (C, K): of each touch.
-        """
-        price = np.append(0.0, np.log(self.change[1:]))
-        return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
 
 
 class Pace:
@@ -101,7 +59,7 @@ class CompetitorSearch:
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or Pace(effort.lookups_per_step)
 
-    def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
+    def find(self, window: WeighedWindow, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
         """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
@@ -144,7 +102,7 @@ class CompetitorSearch:
         best = turns[np.sort(np.unique(turns, return_index=True)[1])][: self._effort.kept]
         return candidates[best], score[best], recent[best]
 
-    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: Scored) -> np.ndarray:
+    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: WeighedWindow) -> np.ndarray:
         """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains the keyframes."""
         turned = candidates[:, None] @ se3.exp(angle * _AXES)
         every = turned.reshape(-1, 4, 4)
@@ -153,7 +111,7 @@ class CompetitorSearch:
         return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
 
     def _scored(
-        self, candidates: np.ndarray, newest: Keyframe, window: Scored
+        self, candidates: np.ndarray, newest: Keyframe, window: WeighedWindow
     ) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
         """Scores (C,) of candidates (C, 4, 4) at the newest keyframe: over the window, and since the last lift."""
         scores = np.zeros((len(candidates), len(window.weights)))
@@ -165,7 +123,7 @@ class CompetitorSearch:
         best = window.best_suffix(scores)
         return best, best if all(recent) else scores[:, recent].sum(axis=1)
 
-    def _of(self, candidates: np.ndarray, newest: Keyframe, window: Scored, k: int) -> np.ndarray:
+    def _of(self, candidates: np.ndarray, newest: Keyframe, window: WeighedWindow, k: int) -> np.ndarray:
         """Tempered log-likelihood ratios (C,) of candidates (C, 4, 4) at the newest keyframe, by keyframe k."""
         keyframe = window.keyframes[k]
         poses = candidates @ (se3.inverse(newest.motion) @ keyframe.motion)

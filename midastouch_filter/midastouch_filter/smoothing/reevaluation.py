@@ -21,12 +21,12 @@ from midastouch_common import se3
 
 from ..core.alignment import PenetrationAlignment, transform_covariance
 from ..core.config import FilterConfig
-from ..core.keyframes import KeyframeWindow
+from ..core.keyframes import KeyframeWindow, WeighedWindow
 from ..core.lookup import PoseLookup
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import ANOTHER, APART, PoseHypothesis, Prior, distinct, pose_distance
 from ..core.touch import Measurement
-from .competitor_search import Competitors, CompetitorSearch, Scored
+from .competitor_search import Competitors, CompetitorSearch
 from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
 
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
@@ -158,7 +158,7 @@ class Reevaluation:
         return found
 
     def _run(self, modes: list[np.ndarray]) -> Iterator[Comparison | None]:
-        window = Scored.of(list(self._window.keyframes), self._noise)
+        window = WeighedWindow.of(list(self._window.keyframes), self._noise)
         newest = window.keyframes[-1].motion
         to_newest = se3.inverse(self._window.motion) @ newest
         starts = [mode @ to_newest for mode in modes]
@@ -174,7 +174,7 @@ class Reevaluation:
         yield self._compared(window, likelihood, competitors, asked - len(starts))
 
     def _compared(
-        self, window: Scored, likelihood: WindowLikelihood, competitors: Competitors, asked: int
+        self, window: WeighedWindow, likelihood: WindowLikelihood, competitors: Competitors, asked: int
     ) -> Comparison:
         """Probabilities of all hypotheses that were followed, at present; `asked`, number of the competitors among
         them."""

@@ -17,10 +17,9 @@ import numpy as np
 from midastouch_common import se3
 
 from ..core.alignment import PenetrationAlignment, align_in_turn, transform_covariance, without_jitter
-from ..core.keyframes import Keyframe
+from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import pose_distance
-from .competitor_search import Scored
 
 _SAME_DISTANCE = 4e-3  # m, pose distance
 
@@ -53,7 +52,7 @@ class Race:
     Attributes: best (K,), highest sum so far of the evidence from each keyframe on; alignments, number of them.
     """
 
-    def __init__(self, window: Scored):
+    def __init__(self, window: WeighedWindow):
         self.best, self.alignments = np.full(len(window.keyframes), -np.inf), 0
 
 
@@ -67,7 +66,7 @@ class WindowLikelihood:
 
     def __init__(
         self,
-        window: Scored,
+        window: WeighedWindow,
         alignment: PenetrationAlignment,
         noise: NoiseModel,
         effort: Effort,

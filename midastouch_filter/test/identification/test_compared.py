@@ -12,7 +12,8 @@ from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_filter.identification.compared import Compared
-from midastouch_filter.identification.identity import UNKNOWN, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 
 CONFIG = FilterConfig(threads=1)

@@ -11,7 +11,8 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.touch import Measurement
-from midastouch_filter.identification.identity import UNKNOWN, Contest, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN, Contest
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
