@@ -139,7 +139,8 @@ class ParticleFilter:
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
-        What the last step left to `deferred_update` is done first, if nobody has: the estimates are the same.
+        Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
+        same.
         """
         touches = by_name(measurement, others or {})
         self._object.require_same_network(touches.values())
@@ -153,7 +154,7 @@ class ParticleFilter:
         return estimate
 
     def deferred_update(self) -> None:
-        """Do what the last step left, because only later answers need it: best between an answer and the next touch."""
+        """Run the work that only later estimates need: best called between an answer and the next touch."""
         if self._answered is None:
             return
         last, self._answered = self._answered, None

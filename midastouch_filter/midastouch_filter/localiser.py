@@ -120,7 +120,7 @@ class Localiser:
         self.restart()
 
     def close(self) -> None:
-        """End what goes on beside the filter."""
+        """End the growth of the codebook."""
         if self._object is not None:
             self._object.close()
 
@@ -190,7 +190,7 @@ class Localiser:
         return self.estimate
 
     def deferred_update(self) -> None:
-        """Once the answer to a frame is out: `ParticleFilter.deferred_update`."""
+        """As `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
         if self.filter is not None:
             self.filter.deferred_update()
 

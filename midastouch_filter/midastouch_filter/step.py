@@ -132,12 +132,12 @@ class Reporter:
         self._state, self._policies, self._gates, self._watch = StateMachine(config), policies, gates, watch
 
     def nothing(self) -> Estimate:
-        """No start was given yet."""
+        """The estimate before a start was given."""
         self._state.update(Evidence())
         return Estimate([], self._status(None))
 
     def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
-        """Answer of a step."""
+        """The estimate after a step."""
         dominant = belief.modes[0]
         self._state.update(
             Evidence(

@@ -26,7 +26,7 @@ from .transforms.queue import Wait
 JUMP_NS = 500_000_000
 # While the time that is followed was heard of this lately [s], one that was left or dropped before is another source's.
 _SECOND_SOURCE_S = 0.5
-# Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
+# Live the next image comes within some 30 ms; a slower finger does not hold up the frame.
 _CODE_TIMEOUT = 0.25
 _CODE_TIMEOUT_NS = round(1e9 * _CODE_TIMEOUT)
 _KEPT_CODES = 100  # codes
@@ -205,7 +205,7 @@ class FingerMemory:
     def awaited(self, stamp: int, waited: float) -> bool:
         """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.
 
-        When it or its transform was waited for in vain, nobody waits again before it has caught up.
+        After a wait in vain, for it or its transform, the next frames do not wait before it has caught up.
         """
         self._asked = stamp
         in_time = waited < _CODE_TIMEOUT

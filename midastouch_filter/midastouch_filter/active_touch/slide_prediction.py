@@ -71,7 +71,7 @@ class _Walk:
         return se3.make(self._rotation, self._position - PRESS * self._rotation[:, :, 2])
 
     def advance(self, distance: float) -> None:
-        """Go on by so many metres; who is in a fold, where the closest point falls back, stays there."""
+        """Go on by `distance` [m]; a gel in a fold, where the closest point falls back, stays there."""
         steps = max(round(distance / _STEP), 1)
         for _ in range(steps):
             step, going = distance / steps, np.flatnonzero(self.alive)

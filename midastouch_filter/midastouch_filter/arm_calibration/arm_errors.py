@@ -78,13 +78,13 @@ class ArmErrors:
         self.restart()
 
     def restart(self) -> None:
-        """Nobody knows where the gel is on the object, or how it got there; what was learnt stays."""
+        """Forget the gel's pose and its motion; what was learnt of mount and clock stays."""
         self._frames: deque[_Frame] = deque(maxlen=2 * _VELOCITY_FRAMES + 1)
         self.forget_pose()
         self._velocity = self._present = np.zeros(6)
 
     def forget_pose(self) -> None:
-        """Nobody knows any longer where the gel is on the object; how the arm moves is known on."""
+        """Forget the gel's pose on the object; the arm's motion stays known."""
         for frame in self._frames:
             frame.seen = None
         self._pose: np.ndarray | None = None
@@ -185,7 +185,7 @@ class ArmErrors:
         self._clock += float(change[_CLOCK])
 
     def _anchor(self, pose: np.ndarray) -> None:
-        """A place is known again: only what was learnt of mount and clock holds there as well."""
+        """Begin at a pose (4, 4) that is known again, with what was learnt of mount and clock."""
         self._pose = pose
         covariance = self._hypotheses.covariance[0]
         covariance[POSE, :] = covariance[:, POSE] = 0.0

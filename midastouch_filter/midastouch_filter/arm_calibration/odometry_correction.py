@@ -214,7 +214,7 @@ class ContactOdometry:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the last map: nothing is touched, or nobody knows how the arm moved."""
+        """Forget the last map: nothing is touched, or the arm's motion since is unknown."""
         self._map: np.ndarray | None = None
         self._last: np.ndarray | None = None
 

@@ -175,7 +175,7 @@ class CredibleRegion:
         self.restart()
 
     def restart(self) -> None:
-        """Nobody knows where the gel is."""
+        """Forget all corrections: the gel's pose is unknown."""
         self._sum, self._number = np.zeros(6), np.ones(6)
         self.bias = 0.0
 

@@ -33,7 +33,7 @@ class Belief:
         self.restart(particles)
 
     def restart(self, particles: Particles) -> None:
-        """Forget all, and believe in these particles, drawn anew."""
+        """Start again with these particles."""
         self._path = 0.0  # since the last look-up
         self.modes: list[Mode] = []
         self.answers: list[Mode] = []
@@ -41,9 +41,9 @@ class Belief:
         self.hold(particles)
 
     def hold(self, particles: Particles) -> None:
-        """Believe in these particles from now on."""
+        """Replace the particles."""
         self.particles, self.weights = particles, particles.weights
-        self._members: np.ndarray | None = None  # once somebody has asked since they changed
+        self._members: np.ndarray | None = None  # computed when first asked for
 
     def follow_entries(self, now: np.ndarray) -> None:
         """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""
@@ -140,8 +140,8 @@ def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
 def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weights: np.ndarray) -> np.ndarray:
     """Covariance (6, 6) of the belief about the dominant mode's pose, in the order and axes of `Mode.covariance`.
 
-    A mode's own covariance says how well its pose is known if it is the right one. Who reads a single pose must also
-    learn how far away the truth lies if it is another one. So the part of the others is the second moment of position
+    A mode's own covariance says how well its pose is known if it is the right one. The published covariance must also
+    say how far away the truth lies if it is another one. So the part of the others is the second moment of position
     and rotation vector about the mode's pose; the mode's own part is its covariance. members (N,) int32: the mode of
     each particle, 0 for this one; weights (N,), sum 1.
     """

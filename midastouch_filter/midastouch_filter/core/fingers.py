@@ -33,7 +33,7 @@ FIRST = ""
 """Name of the first finger, whose gel the particles are poses of."""
 
 _LARGEST_HAND = 10.0  # m between two fingers of one hand
-_GATHER_COST = 8  # gathering scattered codes costs so many times a streamed one
+_GATHER_COST = 8  # time to gather a scattered code over that to stream one
 
 
 class Finger:
@@ -94,8 +94,7 @@ class Finger:
         return path
 
     def measures_anew(self, touch: Measurement, moved: bool) -> bool:
-        """Take a touch; whether it is more than what was measured before, said again. Raises ValueError on a bad
-        code."""
+        """Take a touch; returns whether it is more than a repetition. Raises ValueError on a bad code."""
         code = self._model.unit_code(touch.code) if touch.in_contact else None
         path = self._path[touch.in_contact]
         if not (moved or np.isinf(path)):
@@ -229,7 +228,7 @@ class Fingers:
         return anew
 
     def _usable(self, name: str, touch: Measurement) -> bool:
-        """Whether the penetration map was measured and can be compared with rendered ones."""
+        """Whether there is a penetration map that can be compared with rendered ones."""
         penetration = touch.penetration
         if not touch.in_contact:
             return False

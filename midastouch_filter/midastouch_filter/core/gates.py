@@ -49,7 +49,7 @@ class Gates:
         self.note = reason
 
     def count(self, kind: str, number: int) -> None:
-        """So many of a kind."""
+        """Add `number` to the count of a kind."""
         self.counts[kind] = self.counts.get(kind, 0) + number
 
 
@@ -61,7 +61,7 @@ class Stopwatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, with no time spent."""
+        """Forget all times."""
         self.ms: dict[str, float] = {}
 
     def stage(self, name: str) -> AbstractContextManager[None]:

@@ -93,7 +93,7 @@ class ParticleSource:
         return particles
 
     def inject(self, particles: Particles, finger: Finger, fraction: float) -> int:
-        """Put matches in place of so many of the particles, drawn at random; returns their number."""
+        """Replace this fraction of the particles, drawn at random, by matches; returns their number."""
         where = self._rng.choice(len(particles), round(fraction * len(particles)), replace=False)
         particles.replace(where, self.matches(finger, len(where)))
         return len(where)

@@ -43,9 +43,9 @@ class Keyframe:
 
 
 class KeyframeWindow:
-    """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a shortlist of so many entries.
+    """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a `shortlist` of that many entries.
 
-    Who rubs one spot learns nothing new: a touch replaces one nearby, not older than the last lift. Of too
+    Rubbing one spot tells nothing new: a touch replaces one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
     none before the first lift, the oldest of all: what was measured before says little once the object may have been
     moved.
@@ -144,7 +144,7 @@ class WeighedWindow:
         return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
 
     def sparser(self, count: int) -> WeighedWindow:
-        """The newest one and, ever farther apart, so many in all."""
+        """`count` keyframes: the newest one and, ever farther apart, older ones."""
         last = len(self.keyframes) - 1
         chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
         change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]

@@ -23,7 +23,7 @@ from .particles import Particles
 from .touch import Measurement
 from .workers import Workers
 
-_SPARSE = 16  # every so many of the sample below are enough to tell what is typical of a code
+_SPARSE = 16  # stride through the sample below that is enough to find what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 

@@ -164,7 +164,7 @@ class RestGate:
 
 
 class OdometryJump(ValueError):
-    """The odometry jumped: the particles are where they were, and nobody knows where that is now."""
+    """The odometry jumped: the gel's pose is unknown; the particles were not moved."""
 
 
 class Propagation:

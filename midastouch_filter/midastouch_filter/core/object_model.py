@@ -45,8 +45,8 @@ class ObjectModel:
     """Made once for mesh, codebook and config; holds nothing of what was measured, but for the scores of the last
     codes.
 
-    A denser codebook of the same object can replace the first: whoever refers to a part of the model then has
-    the new entries.
+    A denser codebook of the same object can replace the first: references to parts of the model
+    then have the new entries.
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
     surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
     nearest one that a codebook pose touches; measurement model; regions and mode_finder, for KLD sampling and

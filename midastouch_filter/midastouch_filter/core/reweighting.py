@@ -105,6 +105,6 @@ class Recovery:
         self._source, self._gates = source, gates
 
     def __call__(self, belief: Belief, finger: Finger, fraction: float) -> None:
-        """Replace so many of equally weighted particles, by what matches the finger's touch; 0: none."""
+        """Replace this fraction of equally weighted particles by matches of the finger's touch; 0: none."""
         if fraction > 0:
             self._gates.count("injected", self._source.inject(belief.particles, finger, fraction))

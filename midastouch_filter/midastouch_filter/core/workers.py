@@ -48,7 +48,7 @@ class Workers:
     def _distribute(self, count: int, do: Callable[[int], None]) -> None:
         """Call `do` with each of [0, count), in whichever thread is free; returns when all are done.
 
-        So nobody waits for a thread that gets no processor.
+        So no call waits for a thread that gets no processor.
         """
         left = iter(range(count))  # the interpreter hands each number out once
 

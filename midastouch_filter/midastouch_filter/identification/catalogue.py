@@ -1,4 +1,4 @@
-"""The objects that may be touched: of each as much as it takes to tell whether it is."""
+"""The objects that may be touched: of each what it takes to find out whether it is the one."""
 
 from __future__ import annotations
 
@@ -121,9 +121,9 @@ class Entry:
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; room, for so many poses that a touch is compared with; rows, of each entry among the poses of
-    all; calibration of the codes; sensor, at map resolution; network_id; twins, for each name that stands for the same
-    mesh as another one, that one's.
+    Attributes: entries; room, the number of poses that a touch is compared with at most; rows, of each entry among the
+    poses of all; calibration of the codes; sensor, at map resolution; network_id; duplicates, for each name that stands
+    for the same mesh as another one, that one's.
     Raises InputError: no objects, two of one name, of different networks or sensors.
     """
 
@@ -191,7 +191,7 @@ class Catalogue:
 
 
 def poses_worth(mesh: ObjectMesh) -> int:
-    """Poses that it takes to tell whether this object is touched: sites at an even distance, whatever its size."""
+    """Number of poses that identify this object: its sites are at an even distance, whatever its size."""
     return max(FEWEST, YAWS * math.ceil(mesh.area / _SPACING**2))
 
 

@@ -59,7 +59,7 @@ class CatalogueLocaliser(Localiser):
 
     @property
     def identity(self) -> Identity | None:
-        """What is touched, as far as it is known; None once somebody has named the object."""
+        """What is touched, as far as it is known; None once `set_object` has named it."""
         return self._identification.identity if self._identification else None
 
     @property

@@ -66,7 +66,7 @@ class CodeProcessor:
         if subscribe:
             self._subscribe(maps)
         node.create_timer(0.05, self._on_timer, clock=clock.steady)
-        # last: it has a thread, which nobody would end if something before it failed
+        # last: if something before it failed, its thread would go on
         self.transforms = TransformSource(
             node,
             frames=(self._base, self._sensor, *fingers_of(self._parameters).values()),
@@ -140,7 +140,7 @@ class CodeProcessor:
             return None
 
     def forgive_silence(self) -> None:
-        """Nobody was silent until now: the node did not listen."""
+        """Restart the time-out of input: the node did not listen until now."""
         if self._last_arrival is not None:
             self._last_arrival = self._clock.now()
 

@@ -37,7 +37,7 @@ from . import markers
 class EstimatePublisher:
     """Publishes what one filter node knows.
 
-    What is only looked at (particles, cloud, hypotheses) is built while somebody subscribes, at most
+    What is only looked at (particles, cloud, hypotheses) is built only while it has subscribers, at most
     `view_rate` times per second of `clock` [s].
     """
 
@@ -74,7 +74,7 @@ class EstimatePublisher:
         """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
         header = self._header(stamp)
         if not _finite(estimate):
-            # The status still goes out, so that whoever waits for the answer to this frame gets one.
+            # The status still goes out: every frame gets an answer.
             reason = "the filter's result is not finite and was withheld; call reinitialize_global_localization"
             self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
             return

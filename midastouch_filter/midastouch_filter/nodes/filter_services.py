@@ -25,7 +25,7 @@ _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 
 
 class FilterServices:
-    """Offers them for a node's localiser, None while the node is not active, which is said to whoever asks then.
+    """Offers the services for a node's localiser; while the node is not active (None), they answer that it is not.
 
     `change_object(mesh, codebook)` raises InputError if it leaves the old object.
     """

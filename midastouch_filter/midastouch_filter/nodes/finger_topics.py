@@ -54,7 +54,7 @@ class FingerTopics:
     """All further fingers of one node.
 
     lookup: as `TransformSource.lookup`. now: seconds by which a finger falls silent. on_update: called after every
-    message, so that whoever waits can ask again. on_bad(kind, reason): gets what cannot be used. Attributes: counts,
+    message: what waits can ask again. on_bad(kind, reason): gets what cannot be used. Attributes: counts,
     of frames that each finger missed, by reason and name.
     """
 
@@ -149,8 +149,8 @@ class FingerTopics:
 class MapSource:
     """Keeps the last clouds until their code asks for them.
 
-    on_cloud: called after every cloud, so that whoever waits can ask again. on_bad: called with a reason for each
-    cloud that cannot be used. Nothing is waited for while nobody publishes clouds: the filter does without.
+    on_cloud: called after every cloud: what waits can ask again. on_bad: called with a reason for each
+    cloud that cannot be used. While no node publishes clouds, nothing waits for them.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class MapSource:
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether the cloud of `stamp` [ns] is still to come, when whoever asks has `waited` seconds for it.
+        """Whether the cloud of `stamp` [ns] is still to come, after `waited` seconds.
 
         Clouds come in order: one whose successor is there was lost.
         """

@@ -59,7 +59,7 @@ class MotionAdvice:
         )
 
     def close(self) -> None:
-        """Take the action away: the node is destroyed, and nobody would execute the end of a goal."""
+        """Destroy the action server, before the node is destroyed: a goal could not be ended any more."""
         self._goals = []
         self._server.destroy()
 
@@ -69,7 +69,7 @@ class MotionAdvice:
             self._end(goal, False, reason)
 
     def changed(self, stamp: int) -> None:
-        """A frame of `stamp` [ns] was answered: tell whoever follows, and end what has come to its end."""
+        """Answer all goals anew after the frame of `stamp` [ns], and end those that are reached."""
         rate, now = self._parameters["suggestion_rate"], self._clock()
         if not self._converged() and rate > 0 and now - self._last < 1.0 / rate:
             return
@@ -142,7 +142,7 @@ class MotionAdvice:
     # --- both
 
     def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
-        """InputError on a request that nobody can mean."""
+        """The request with defaults filled in; InputError if its length is out of range."""
         length = request.max_length or self._parameters["suggestion_length"]
         if not 0 <= length <= _LONGEST_WAY:
             raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST_WAY:g} m; 0 is the default")

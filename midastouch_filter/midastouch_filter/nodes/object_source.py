@@ -78,7 +78,7 @@ class ObjectSource:
             raise InputError("objects: distinguished by their penetration maps; set refinement to true")
 
     def requested(self, mesh: str, codebook: str, network_id: str) -> NewObject:
-        """The object that somebody on the network asks for: only from the folders that the parameters allow.
+        """The object that a service call asks for, which may come only from the folders that the parameters allow.
 
         A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
         used ("": no code has come yet).

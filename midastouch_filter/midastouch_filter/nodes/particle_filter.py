@@ -54,7 +54,7 @@ class ParticleFilterNode(ManagedNode):
         self.autostart()
 
     def say(self, doing: str) -> None:
-        """On `filter_status`, too, which whoever comes late hears as well."""
+        """On `filter_status`, too, which late subscribers receive as well."""
         super().say(doing)
         self._out.status(self._time.stamp(), Status(UNINITIALISED, doing))
 

@@ -52,7 +52,7 @@ class CoarseOnly:
         return False
 
     def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
-        """Change the belief by what the last touches say, these included; the answer to them is out."""
+        """Change the belief by the last touches, the present ones included, after their estimate was given."""
 
     @property
     def measured_gels(self) -> np.ndarray:
@@ -79,7 +79,7 @@ class FineStage(CoarseOnly):
         self.region.restart()
 
     def pool(self, belief: Belief, name: str, log_ratio: np.ndarray) -> None:
-        """Let a code speak for all modes that the last maps of the finger fitted as for one.
+        """Give a code the same weight for all modes that the last maps of the finger fitted.
 
         Between them the maps decide, which tell more: a code's small errors are the same all along an edge, and would
         in time kill one of two hypotheses that are alike.

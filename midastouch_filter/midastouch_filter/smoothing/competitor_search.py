@@ -22,10 +22,13 @@ _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 @dataclass(frozen=True)
 class Competitors:
-    """poses: of hypotheses that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches
-    and of those since the last lift; scores: nats of each by whichever of the two praises it more; lasting: after so
-    many of them all of the former have come; cloud (C, 4, 4): of everything that may explain the touches, there too,
-    and cloud_scores (C,) nats."""
+    """Hypotheses that compete with the filter's modes.
+
+    poses: (4, 4) of each at the newest keyframe; by turns the next best by all touches, and by those since the last
+    lift. scores: nats of each, the larger of the two. lasting: number of the first poses that hold all that are good by
+    all touches. cloud (C, 4, 4): every pose that may explain the touches, at the newest keyframe, and cloud_scores (C,)
+    in nats.
+    """
 
     poses: list[np.ndarray]
     scores: list[float]
@@ -35,13 +38,13 @@ class Competitors:
 
 
 class Pace:
-    """Says when a step has looked up enough, to whoever shares it; most: poses in one step."""
+    """Bounds the look-ups of one step for all searches that share it. Args: most, poses in one step."""
 
     def __init__(self, most: int):
         self.most, self._looked_up = most, 0
 
     def pause(self, part: slice) -> Iterator[None]:
-        """Leave what is to be looked up to the next step, if this one has done enough."""
+        """Yield None before `part` is looked up, if that would be more than one step may do."""
         self._looked_up += part.stop - part.start
         if self._looked_up > self.most:
             self._looked_up = part.stop - part.start
@@ -60,7 +63,7 @@ class CompetitorSearch:
         self._pace = pace or Pace(effort.lookups_per_step)
 
     def find(self, window: WeighedWindow, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
-        """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
+        """The competitors of `taken`, poses (4, 4) at the newest keyframe, by the touches of the window."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
         candidates, *_ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))

@@ -133,7 +133,7 @@ class Reevaluation:
             self._running, self._wait = None, self._effort.anew
 
     def rests(self, contradicted: bool) -> bool:
-        """Whether none is under way, and another one is not worth it yet: the last ones said the same.
+        """Whether no comparison is under way and the next one can wait, because the last ones agreed.
 
         contradicted: the present touch does not fit the belief.
         """
@@ -142,7 +142,7 @@ class Reevaluation:
         return self._running is None and (self._since < self._wait or len(self._window) < self._effort.fewest)
 
     def compare(self, modes: list[np.ndarray]) -> Comparison | None:
-        """Do a slice; what was found once it is complete, else None.
+        """Work on the comparison for one slice; returns it once it is complete, else None.
 
         modes: poses (4, 4) of the filter's own modes at present. All of them are among the hypotheses; the others are
         their competitors.
@@ -188,7 +188,7 @@ class Reevaluation:
             log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
             # a start may be narrower than the object's poses are apart
             log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
-        # of an object with so many poses only some are named; a broken motion may lead to any of them
+        # only some of the object's many poses are named; a broken motion may lead to any of them
         log_prior = np.append(log_prior, np.log(max(1.0 - np.exp(log_prior).sum(), 1.0 / self._count)))
         log_arrival = np.append(np.full(len(chosen), -np.log(self._count)), 0.0)
         probability, elsewhere = hypothesis_posterior(every[chosen], log_prior, log_arrival, window.change)
@@ -197,7 +197,7 @@ class Reevaluation:
             for i, p in zip(chosen, probability, strict=True)
         ]
         best = followed[chosen[int(probability.argmax())]]
-        # who explains all touches need not fear those that explain the last ones only
+        # a hypothesis that explains all touches does not compete with those that explain the last ones only
         exhaustive = asked >= (competitors.lasting if best.at == 0 else len(competitors.poses))
         hypotheses.sort(key=lambda hypothesis: -hypothesis.probability)
         on = se3.inverse(window.keyframes[-1].motion) @ now

@@ -4,7 +4,7 @@ explains the touches at present.
 Alignment along the path gives the evidence of each map. If the object may have been moved between any two touches, the
 posterior is that of a hidden Markov model over hypotheses: the forward recursion of Bayesian change-point detection
 (Adams and MacKay 2007) with the hypotheses as states. Touch by touch a hypothesis keeps what it held, unless the motion
-was broken before the touch: then it is anywhere. One state more stands for all hypotheses that nobody named.
+was broken before the touch: then it is anywhere. One more state stands for all hypotheses that were not named.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class WindowLikelihood:
         """Align `start` (4, 4) at the newest keyframe to all of them, in slices, as long as there is hope.
 
         First to the newest few, and then once more from there: a codebook's entry would else fall behind a settled mode
-        by how far from the optimum it starts. Who has come to where another hypothesis is by then, is that hypothesis.
+        by how far from the optimum it starts. A start that has reached another hypothesis by then is dropped.
         """
         newest = len(self._window.keyframes) - 1
         few = max(newest - self._effort.settled_after, 0)
@@ -121,7 +121,7 @@ class WindowLikelihood:
         return Followed(pose, covariance, k, residual_ratio, poses, priors, posteriors)
 
     def evidence(self, code_ratios: Callable[[np.ndarray, Sequence[Keyframe]], np.ndarray]) -> np.ndarray:
-        """(P, K) nats of each keyframe for each hypothesis that was followed, against one that nobody named.
+        """(P, K) nats of each keyframe for each hypothesis that was followed, against one that was not named.
 
         code_ratios(poses, keyframes): log-likelihood ratios (K,) of the codes of each at a pose (K, 4, 4).
         They say how likely it is that one of these hypotheses is right at all; maps decide between them.

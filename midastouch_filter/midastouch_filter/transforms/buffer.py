@@ -1,9 +1,9 @@
 """Trees of frames whose poses are known over time.
 
-Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a caller who is too
-early is told so and asks again when more transforms have come. A look-up interpolates each link at the asked stamp,
-linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead differs by
-millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
+Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a look-up that
+comes too early fails, and may be repeated when more transforms have come. A look-up interpolates each link at the asked
+stamp, linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead
+differs by millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
 """
 
 from __future__ import annotations
