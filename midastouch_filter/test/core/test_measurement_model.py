@@ -99,5 +99,5 @@ def test_refuses_a_book_without_calibration_or_with_nan(world):
     codes, meta = world.codebook.codes, world.codebook.meta
     with pytest.raises(InputError, match="temperature"):
         MeasurementModel(codes, meta | {"temperature": 0.0}, FilterConfig(), WORKERS)
-    with pytest.raises(InputError, match="not finite"):
+    with pytest.raises(InputError, match="build-codebook"):
         MeasurementModel(np.full_like(codes, np.nan), meta, FilterConfig(), WORKERS)

@@ -89,7 +89,7 @@ class FakeFilter:
         path = np.stack([translation(x) for x in (0.0, 0.01, 0.02)])
         slide = Suggestion(0.5, 0.02, False, 0.6, 0.02, "after 20 mm two places measure unlike", path)
         lift = Suggestion(-0.5, 0.04, True, 0.1, 0.06, "touched again 40 mm away", path[[0, 2]])
-        return Advice([slide, lift][: wanted.count], self.alike, "two places compete")
+        return Advice([slide, lift][: wanted.count], self.alike, "two hypotheses compete")
 
     @property
     def poses(self) -> np.ndarray:

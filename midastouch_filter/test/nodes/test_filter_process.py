@@ -126,14 +126,14 @@ def running(graph, objects):
 def test_it_switches_between_objects(running, graph):
     assert running.frame().n_particles > 0
     for name, complaint in (
-        ("broken", "broken.ply: cannot be read as a mesh"),
-        ("missing", "missing.ply: no such mesh file"),
+        ("broken", "broken.ply"),
+        ("missing", "missing.ply"),
         ("foreign", "network other"),
     ):
         answer = running.set_object(name)
         assert not answer.success
         assert complaint in answer.message
-    assert "built for the mesh 'box'" in running.set_object("ball", "box").message
+    assert "'box'" in running.set_object("ball", "box").message
     assert running.frame().state in ("ambiguous", "converged")
     assert running.meshes[-1].markers[-1].mesh_resource.endswith("/box.ply")
 

@@ -146,7 +146,8 @@ def test_services_say_that_it_is_not_active(graph):
     request = SetObject.Request(mesh_path="/data/cup.ply", codebook_path="/data/cup.npz")
     for transition in ("configure", "activate"):
         answer = graph.call(SetObject, "set_object", request)
-        assert (answer.success, answer.message) == (False, "the node is not active; activate it (ros2 lifecycle set)")
+        assert not answer.success
+        assert "ros2 lifecycle set" in answer.message
         for service in ("reinitialize_global_localization", "request_nomotion_update"):
             graph.call(Empty, service, Empty.Request())
         assert graph.change_state("particle_filter", transition)

@@ -57,7 +57,7 @@ def test_suggestions_come_as_they_were_made(graph):
     bench = touched(graph)
     shown = graph.listen(MarkerArray, "suggestions")
     answer = ask(graph, max_length=0.1, lifts=True, count=2)
-    assert (answer.success, answer.message, answer.indistinguishable) == (True, "two places compete", False)
+    assert (answer.success, answer.message, answer.indistinguishable) == (True, "two hypotheses compete", False)
     wanted = bench.filter.wanted[-1]
     assert (wanted.max_length, wanted.lifts, wanted.count) == (0.1, True, 2)
     slide, lift = answer.suggestions
@@ -164,4 +164,4 @@ def test_a_node_that_is_deactivated_ends_the_action(graph):
     assert graph.change_state("particle_filter", "deactivate")
     status, result = follower.result()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
-    assert "not active" in ask(graph).message
+    assert "ros2 lifecycle set" in ask(graph).message

@@ -14,8 +14,10 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
+from midastouch_filter.nodes.filter_parameters import config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
@@ -114,3 +116,16 @@ def test_code_handed_over_in_one_process(graph):
 def test_bad_parameters_fail_at_start(graph, parameters, complaint):
     with pytest.raises(InputError, match=complaint):
         graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), parameters)
+
+
+def test_a_preset_gives_defaults_and_what_is_set_goes_over_it(graph):
+    node = graph.add(ParticleFilterNode, {"preset": "fast", "max_particles": 1234, "autostart": False})
+    config = config_of(node.parameters)
+    assert config.max_particles == 1234 != PRESETS["fast"]["max_particles"]
+    assert config.refined_modes == PRESETS["fast"]["refined_modes"]
+    assert node.get_parameter("refined_modes").value == config.refined_modes
+
+
+def test_an_unknown_preset_ends_the_node(graph):
+    with pytest.raises(InputError, match=r"'preset'.*fast, balanced, accurate"):
+        graph.add(ParticleFilterNode, {"preset": "quick"})

@@ -260,7 +260,7 @@ def test_almost_unit_quaternions_are_normalised():
 
 @pytest.mark.parametrize(("parent", "child"), [("gel", "gel"), ("", "gel"), ("base", ""), ("base", "/base")])
 def test_frame_names_must_be_two_different_ones(parent, child):
-    with pytest.raises(InvalidTransformError, match="two different frame names"):
+    with pytest.raises(InvalidTransformError, match="frame names"):
         TransformBuffer().insert(parent, child, SECOND, IDENTITY)
 
 
@@ -268,7 +268,7 @@ def test_a_loop_is_refused_and_the_tree_stays_usable():
     buffer = TransformBuffer()
     buffer.insert("base", "tool", SECOND, IDENTITY)
     buffer.insert("tool", "gel", SECOND, IDENTITY)
-    with pytest.raises(InvalidTransformError, match="closes a loop"):
+    with pytest.raises(InvalidTransformError, match=r"'base'.*'gel'"):
         buffer.insert("gel", "base", SECOND, IDENTITY)
     np.testing.assert_allclose(buffer.lookup("base", "gel", SECOND), IDENTITY)
 
