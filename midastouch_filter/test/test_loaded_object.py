@@ -110,12 +110,12 @@ def test_why_it_grows_no_more_is_kept(grown):
 
 @pytest.fixture
 def slide(world):
-    """Odometry, touches, and what a second finger measures at its places, along 40 poses."""
+    """Odometry, touches, and what a second finger measures at its poses, along 40 poses."""
     rng = np.random.default_rng(21)
     first, second = (world.make_slide(world.mesh, 40, rng) for _ in range(2))
     touches = [Measurement(True, code) for code in world.encode(first)]
     pairs = zip(se3.inverse(first) @ second, world.encode(second), strict=True)
-    others = [{"other": Measurement(True, code, T_gel_finger=place)} for place, code in pairs]
+    others = [{"other": Measurement(True, code, T_gel_finger=pose)} for pose, code in pairs]
     return first, world.odometry_of(world.with_pose_noise(first, rng, 5e-4, 0.017)), touches, others
 
 

@@ -45,9 +45,9 @@ class Mode:
 class Calibration:
     """What is known of mount and clock.
 
-    mount (4, 4), `T_true_gel_told`: the gel frame that the mount tells, in the true one; clock [s], by which the arm's
-    poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations before
-    anything was measured; touches that were used.
+    mount (4, 4), `T_true_gel_reported`: the gel frame as the mount reports it, in the true one; clock [s], by which the
+    arm's poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations
+    before anything was measured; touches that were used.
     """
 
     mount: np.ndarray

@@ -20,8 +20,7 @@ from midastouch_common.errors import InputError
 
 from .config import FilterConfig
 from .gates import Gates
-from .gel_search import GelSearch
-from .lookup import PoseLookup
+from .lookup import GelSearch, PoseLookup
 from .measurement_model import MeasurementModel
 from .motion_model import Odometry, RestGate, transformed
 from .particles import Particles

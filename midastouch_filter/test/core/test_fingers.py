@@ -113,9 +113,9 @@ def test_far_from_the_surface_nothing_is_proven(fingers, cloud, world):
 def test_a_finger_that_touches_nothing_is_only_kept_out_of_the_object(fingers, parts, cloud):
     inside, outside, aside = (se3.make(np.eye(3), np.array([0, 0, z])) for z in (-5e-3, 5e-3, 0.3))
     weights = []
-    for place in (inside, outside, aside):
+    for pose in (inside, outside, aside):
         fingers.restart()
-        (evidence,) = measured(fingers, other=touch(place))
+        (evidence,) = measured(fingers, other=touch(pose))
         weights.append(evidence.log_ratio(cloud, None))
     assert np.median(weights[0]) < -1
     assert np.median(weights[1]) == 0
@@ -161,47 +161,47 @@ def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monke
 
 def test_what_is_measured_again_is_not_counted_again(fingers, world):
     codes = world.encode(world.poses[:3])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    (first,) = measured(fingers, other=touch(place, codes[0]))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    (first,) = measured(fingers, other=touch(pose, codes[0]))
     assert first.tempering == 1.0
     count([first])
-    assert measured(fingers, other=touch(place, codes[1])) == []  # at rest
-    (second,) = measured(fingers, MOVED, other=touch(place, codes[1]))
+    assert measured(fingers, other=touch(pose, codes[1])) == []  # at rest
+    (second,) = measured(fingers, MOVED, other=touch(pose, codes[1]))
     assert 0 < second.tempering < 0.3
     count([second])
-    assert measured(fingers, MOVED, other=touch(place, codes[1])) == []  # the same image
+    assert measured(fingers, MOVED, other=touch(pose, codes[1])) == []  # the same image
     fingers.force_update()
-    assert measured(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
+    assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
     fingers.restart()
-    assert measured(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
+    assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
 
 
 def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
     """What was measured in the air says nothing about the patch that is touched next, and the other way round."""
     codes = world.encode(world.poses[:3])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    count(measured(fingers, other=touch(place, codes[0])))
-    (free,) = measured(fingers, MOVED, other=touch(place))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    count(measured(fingers, other=touch(pose, codes[0])))
+    (free,) = measured(fingers, MOVED, other=touch(pose))
     assert free.tempering == 1.0
     free.count()
-    (again,) = measured(fingers, MOVED, other=touch(place))
+    (again,) = measured(fingers, MOVED, other=touch(pose))
     assert again.tempering < 0.3
     again.count()
-    (landed,) = measured(fingers, MOVED, other=touch(place, codes[1]))
+    (landed,) = measured(fingers, MOVED, other=touch(pose, codes[1]))
     path = 3 * (2e-3 + 0.01 * 0.05)
     assert landed.tempering == pytest.approx(path / CONFIG.correlation_length, rel=0.05)
 
 
 def test_a_finger_that_moves_alone_tells_something(fingers, world):
     codes = world.encode(world.poses[:2])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    count(measured(fingers, other=touch(place, codes[0])))
-    (moved,) = measured(fingers, other=touch(place @ MOVED, codes[1]))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    count(measured(fingers, other=touch(pose, codes[0])))
+    (moved,) = measured(fingers, other=touch(pose @ MOVED, codes[1]))
     assert moved.tempering == pytest.approx((2e-3 + 0.01 * 0.05) / CONFIG.correlation_length, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("place", "kind", "reason"),
+    ("pose", "kind", "reason"),
     [
         (np.full((4, 4), np.nan), "bad_finger_pose", "finger left: pose is not finite"),
         (2 * np.eye(4), "bad_finger_pose", "finger left: pose is not a rigid transform"),
@@ -209,8 +209,8 @@ def test_a_finger_that_moves_alone_tells_something(fingers, world):
         (se3.make(np.eye(3), np.array([1e300, 0, 0])), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
     ],
 )
-def test_finger_poses_that_are_none_are_refused(fingers, gates, world, place, kind, reason):
-    assert measured(fingers, left=touch(place, world.codebook.codes[0])) == []
+def test_finger_poses_that_are_none_are_refused(fingers, gates, world, pose, kind, reason):
+    assert measured(fingers, left=touch(pose, world.codebook.codes[0])) == []
     assert gates.counts[kind] == 1
     assert gates.note.startswith(reason)
 

@@ -1,4 +1,4 @@
-"""Hindsight in the whole filter: what the fine stage does for an answer, and what once the answer is out."""
+"""Fixed-lag smoothing in the whole filter: what the fine stage does for an answer, and what once the answer is out."""
 
 from dataclasses import replace
 

@@ -7,7 +7,7 @@ HYPOTHESES = 1000.0
 
 
 def at(evidence, change):
-    """Posterior of hypotheses as likely as any of `PLACES`, beforehand and after a broken motion."""
+    """Posterior of hypotheses as likely as any of `HYPOTHESES`, beforehand and after a broken motion."""
     prior = np.full(len(evidence), 1 / HYPOTHESES)
     likely = np.log(np.append(prior, 1 - prior.sum()))
     return hypothesis_posterior(np.array(evidence, float), likely, likely, change)
