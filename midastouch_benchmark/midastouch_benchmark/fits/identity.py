@@ -23,7 +23,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.identification.catalogue import Catalogue
-from midastouch_filter.identification.identity import Contest, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import Contest
 
 from .training_scans import parser_of, scans_of, stock_of
 
@@ -31,7 +32,7 @@ CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
 FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
 HALF = 0.5  # of the slides are over an object that is not in the catalogue
-FITTED = ("between_objects", "foreign_misfit", "strain_cost")
+FITTED = ("between_objects", "foreign_residual", "innovation_cost")
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 

@@ -1,4 +1,4 @@
-"""With hindsight: what the last touches together say of the modes that codes and maps have found."""
+"""Fixed-lag smoothing: what the last touches together say of the modes that codes and maps have found."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.particles import Particles
-from ..core.places import ANOTHER, Place, Prior, pose_distance
+from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, pose_distance
 from ..core.resampling import Resampler
 from ..core.touch import Measurement
-from ..refinement.fine_stage import FineStage, impose_shares, mapped_of
+from ..refinement.fine_stage import FineStage, impose_fractions, mapped_of
 from ..refinement.refinement import Refinement, is_narrow
 from .reevaluation import Comparison, Reevaluation
 
-_NEGLIGIBLE = 0.02  # change of a place's share of the belief
+_NEGLIGIBLE_CHANGE = 0.02  # change of a hypothesis' fraction of the belief
 
 
-class Hindsight(FineStage):
-    """A fine stage that compares the modes with other places, by the last touches.
+class FixedLagSmoother(FineStage):
+    """A fine stage that compares the modes with other hypotheses, by the last touches.
 
     Args: refinement; reevaluation; config; noise; source of particles for new modes; resample; gates; watch.
     """
@@ -56,11 +56,11 @@ class Hindsight(FineStage):
         self._known_at = np.eye(4)
         self._reevaluation.restart(prior)
 
-    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
-        self._reevaluation.score_anew(log_ratio_of, places)
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
+        self._reevaluation.score_anew(log_ratio_of, n_poses)
 
-    def recall(self, felt: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
-        self._reevaluation.recall(felt, log_ratio_of)
+    def recall(self, measured: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        self._reevaluation.recall(measured, log_ratio_of)
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         if motion is None:
@@ -69,22 +69,22 @@ class Hindsight(FineStage):
             self._reevaluation.moved(motion.transform, motion.path, in_contact)
         self.checked = self.checked and not self._reevaluation.lifted
 
-    def __call__(self, belief: Belief, felt: list[Finger], tempering: float) -> bool:
-        explained = super().__call__(belief, felt, tempering)
-        if mapped_of(felt):
+    def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
+        explained = super().__call__(belief, measured, tempering)
+        if mapped_of(measured):
             self.checked = explained and self._is_trusted(belief)
         return explained
 
-    def reflect(self, belief: Belief, felt: list[Finger]) -> None:
-        if mapped_of(felt):
+    def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
+        if mapped_of(measured):
             with self._watch.stage("hindsight"):
-                self._reevaluate(belief, felt)
+                self._reevaluate(belief, measured)
 
-    def _reevaluate(self, belief: Belief, felt: list[Finger]) -> None:
-        """Keep the touch, and go on asking whether other places explain the last ones as well."""
+    def _reevaluate(self, belief: Belief, measured: list[Finger]) -> None:
+        """Keep the touch, and go on asking whether other hypotheses explain the last ones as well."""
         reevaluation = self._reevaluation
         if reevaluation.due:
-            touching = [finger for finger in felt if finger.touch.in_contact]
+            touching = [finger for finger in measured if finger.touch.in_contact]
             reevaluation.keep(
                 [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
             )
@@ -97,27 +97,28 @@ class Hindsight(FineStage):
                 self._known, self._known_at = comparison, reevaluation.motion
 
     def _is_trusted(self, belief: Belief) -> bool:
-        """Whether the last comparison found the dominant mode probable enough, and left no place out."""
+        """Whether the last comparison found the dominant mode probable enough, and left no hypothesis out."""
         known, reevaluation = self._known, self._reevaluation
         if known is None or not known.exhaustive or reevaluation.lifted:
             return False
-        place = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
-        return known.probability_at(place) >= self._config.converged_probability
+        pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
+        return known.probability_at(pose) >= self._config.converged_probability
 
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
-        """Give the modes the probability of their places, and rivals that have no particles some of their own."""
-        owners = list(self._modes_at(belief.modes, comparison.places))
-        shares = np.array([place.probability for place in comparison.places])
+        """Give the modes the probability of their hypotheses, and competitors that have no particles some of their
+        own."""
+        owners = list(self._modes_at(belief.modes, comparison.hypotheses))
+        fractions = np.array([hypothesis.probability for hypothesis in comparison.hypotheses])
         held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
-        if np.abs(held - shares).max() < _NEGLIGIBLE:
+        if np.abs(held - fractions).max() < _NEGLIGIBLE_CHANGE:
             return
-        particles, new = impose_shares(
+        particles, new = impose_fractions(
             belief.particles,
             belief.members,
             owners,
-            shares,
+            fractions,
             comparison.elsewhere,
-            lambda place, count: self._born(comparison, place, count),
+            lambda hypothesis, count: self._born(comparison, hypothesis, count),
             exact=comparison.exhaustive,
         )
         self._gates.count("rivals", new)
@@ -128,20 +129,20 @@ class Hindsight(FineStage):
         if pose_distance(before, belief.modes[0].pose) > ANOTHER:
             self.region.restart()  # what maps corrected there says nothing of how they will fit here
 
-    def _born(self, comparison: Comparison, place: int | None, count: int) -> Particles:
-        """Particles at one of the places, or (None) wherever codes put them."""
-        if place is None:
+    def _born(self, comparison: Comparison, hypothesis: int | None, count: int) -> Particles:
+        """Particles at one of the hypotheses, or (None) wherever codes put them."""
+        if hypothesis is None:
             return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
-        return self._source.at(comparison.places[place], count)
+        return self._source.at(comparison.hypotheses[hypothesis], count)
 
-    def _modes_at(self, modes: list[Mode], places: list[Place]) -> Iterator[int | None]:
-        """The narrow mode at each place, None if none has it: each is the other's nearest."""
-        at, held = (np.stack([each.pose for each in some]) for some in (places, modes))
+    def _modes_at(self, modes: list[Mode], hypotheses: list[PoseHypothesis]) -> Iterator[int | None]:
+        """The narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
+        at, held = (np.stack([each.pose for each in some]) for some in (hypotheses, modes))
         distance = pose_distance(at[:, None], held)
         for i, k in enumerate(distance.argmin(axis=1)):
             is_at = distance[i, k] < self._config.mode_radius and distance[:, k].argmin() == i
             yield int(k) if is_at and is_narrow(modes[k], self._config) else None
 
     @property
-    def felt(self) -> np.ndarray:
-        return self._reevaluation.felt
+    def measured_gels(self) -> np.ndarray:
+        return self._reevaluation.measured_gels

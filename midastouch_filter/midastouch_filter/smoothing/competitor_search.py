@@ -1,4 +1,4 @@
-"""Which places on the whole object explain the last touches by their codes?"""
+"""Which hypotheses on the whole object explain the last touches by their codes?"""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.keyframes import Keyframe, independence
+from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.lookup import NearestEntry, PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.places import ANOTHER, APART, distinct, far_from
+from ..core.pose_hypothesis import ANOTHER, APART, distinct, far_from
 from ..core.touch import Measurement
 
-_OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
-_AROUND = 8  # entries beside the nearest one
-_SAMPLE = 2048  # entries that stand for the codebook
+_OFF_SURFACE = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
+_ENTRIES_AROUND = 8  # entries beside the nearest one
 _AXES = np.concatenate([np.zeros((1, 6)), np.eye(6)[3:], -np.eye(6)[3:]])
 
 
 @dataclass(frozen=True)
-class Rivals:
-    """poses: of places that are worth a look, (4, 4) at the newest keyframe, by turns the next best of all touches and
-    of those since the last lift; scores: nats of each by whichever of the two praises it more; lasting: after so many
-    of them all of the former have come; cloud (C, 4, 4): of everything that may explain the touches, there too, and
-    cloud_scores (C,) nats."""
+class Competitors:
+    """Hypotheses that compete with the filter's modes.
+
+    poses: (4, 4) of each at the newest keyframe; by turns the next best by all touches, and by those since the last
+    lift. scores: nats of each, the larger of the two. lasting: number of the first poses that hold all that are good by
+    all touches. cloud (C, 4, 4): every pose that may explain the touches, at the newest keyframe, and cloud_scores (C,)
+    in nats.
+    """
 
     poses: list[np.ndarray]
     scores: list[float]
@@ -35,63 +37,22 @@ class Rivals:
     cloud_scores: np.ndarray
 
 
-@dataclass(frozen=True)
-class Scored:
-    """keyframes, oldest first; weights (K,): how much of an independent touch each is; change (K,): probability that
-    the motion was broken before each."""
-
-    keyframes: list[Keyframe]
-    weights: np.ndarray
-    change: np.ndarray
-
-    @classmethod
-    def of(cls, keyframes: list[Keyframe], noise: NoiseModel) -> Scored:
-        """Weighed by how far apart they are; the motion may have been broken, above all where the sensor was lifted."""
-        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
-        change = np.where(lifted, noise.change_lifted, noise.change)
-        return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
-
-    def sparser(self, count: int) -> Scored:
-        """The newest one and, ever farther apart, so many in all."""
-        last = len(self.keyframes) - 1
-        chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
-        change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
-        return Scored([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
-
-    def chance(self) -> np.ndarray:
-        """(K,) nats that the codes of each touch, weighted, say of a place at random: their mean over the codebook."""
-        return np.array(
-            [
-                sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
-                for weight, keyframe in zip(self.weights, self.keyframes, strict=True)
-            ]
-        )
-
-    def best_suffix(self, scores: np.ndarray) -> np.ndarray:
-        """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
-
-        scores (C, K): of each touch.
-        """
-        price = np.append(0.0, np.log(self.change[1:]))
-        return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
-
-
 class Pace:
-    """Says when a step has looked up enough, to whoever shares it; most: poses in one step."""
+    """Bounds the look-ups of one step for all searches that share it. Args: most, poses in one step."""
 
     def __init__(self, most: int):
         self.most, self._looked_up = most, 0
 
     def pause(self, part: slice) -> Iterator[None]:
-        """Leave what is to be looked up to the next step, if this one has done enough."""
+        """Yield None before `part` is looked up, if that would be more than one step may do."""
         self._looked_up += part.stop - part.start
         if self._looked_up > self.most:
             self._looked_up = part.stop - part.start
             yield None
 
 
-class RivalSearch:
-    """Looks for the places that explain keyframes best, in slices: each generator yields None between two of them.
+class CompetitorSearch:
+    """Looks for the hypotheses that explain keyframes best, in slices: each generator yields None between two of them.
 
     Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
     """
@@ -101,8 +62,8 @@ class RivalSearch:
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or Pace(effort.lookups_per_step)
 
-    def find(self, window: Scored, taken: Sequence[np.ndarray]) -> Generator[None, None, Rivals]:
-        """What may explain the touches of the window, apart from `taken` (poses (4, 4) at the newest keyframe)."""
+    def find(self, window: WeighedWindow, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
+        """The competitors of `taken`, poses (4, 4) at the newest keyframe, by the touches of the window."""
         effort, newest, some = self._effort, window.keyframes[-1], window.sparser(self._effort.sieve)
         candidates = yield from self._candidates(some.keyframes)
         candidates, *_ = self._best(candidates, *(yield from self._scored(candidates, newest, some)))
@@ -111,7 +72,7 @@ class RivalSearch:
                 yield None
                 candidates = self._turned(candidates[: effort.turned], angle, newest, some)
         candidates, *scores = self._best(candidates, *(yield from self._scored(candidates, newest, window)))
-        return self._worth_replaying(candidates, *scores, taken)
+        return self._worth_following(candidates, *scores, taken)
 
     def _candidates(self, keyframes: list[Keyframe]) -> Generator[None, None, np.ndarray]:
         """Poses (C, 4, 4) at the newest keyframe of the entries that fit best in any of them."""
@@ -144,7 +105,7 @@ class RivalSearch:
         best = turns[np.sort(np.unique(turns, return_index=True)[1])][: self._effort.kept]
         return candidates[best], score[best], recent[best]
 
-    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: Scored) -> np.ndarray:
+    def _turned(self, candidates: np.ndarray, angle: float, newest: Keyframe, window: WeighedWindow) -> np.ndarray:
         """Each of the candidates (C, 4, 4), turned by `angle` about one of its axes if that explains the keyframes."""
         turned = candidates[:, None] @ se3.exp(angle * _AXES)
         every = turned.reshape(-1, 4, 4)
@@ -153,7 +114,7 @@ class RivalSearch:
         return turned[np.arange(len(turned)), score.reshape(len(turned), -1).argmax(axis=1)]
 
     def _scored(
-        self, candidates: np.ndarray, newest: Keyframe, window: Scored
+        self, candidates: np.ndarray, newest: Keyframe, window: WeighedWindow
     ) -> Generator[None, None, tuple[np.ndarray, np.ndarray]]:
         """Scores (C,) of candidates (C, 4, 4) at the newest keyframe: over the window, and since the last lift."""
         scores = np.zeros((len(candidates), len(window.weights)))
@@ -165,7 +126,7 @@ class RivalSearch:
         best = window.best_suffix(scores)
         return best, best if all(recent) else scores[:, recent].sum(axis=1)
 
-    def _of(self, candidates: np.ndarray, newest: Keyframe, window: Scored, k: int) -> np.ndarray:
+    def _of(self, candidates: np.ndarray, newest: Keyframe, window: WeighedWindow, k: int) -> np.ndarray:
         """Tempered log-likelihood ratios (C,) of candidates (C, 4, 4) at the newest keyframe, by keyframe k."""
         keyframe = window.keyframes[k]
         poses = candidates @ (se3.inverse(newest.motion) @ keyframe.motion)
@@ -179,7 +140,7 @@ class RivalSearch:
         a pose the best counts: it lies between them.
         """
         out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
-        around = np.column_stack([entries, self._lookup.neighbours[entries, :_AROUND]])
+        around = np.column_stack([entries, self._lookup.neighbours[entries, :_ENTRIES_AROUND]])
         for k, keyframe in enumerate(keyframes):
             for touch, log_ratio in zip(keyframe.touches, keyframe.log_ratios, strict=True):
                 if touch.T_gel_finger is None:
@@ -192,15 +153,15 @@ class RivalSearch:
         """(C,) of poses (C, 4, 4) of the first finger; where a finger would be off the surface, its worst."""
         if touch.T_gel_finger is None:
             return log_ratio[self._lookup.exact(poses)].astype(float)
-        entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF)
+        entries = self._lookup.exact(poses @ touch.T_gel_finger, within=_OFF_SURFACE)
         return np.append(log_ratio, log_ratio.min())[entries].astype(float)
 
-    def _worth_replaying(
+    def _worth_following(
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
-    ) -> Rivals:
+    ) -> Competitors:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        rivals = (lasting | recently) & far_from(taken, candidates, ANOTHER)
-        chosen = distinct(candidates, np.flatnonzero(rivals), APART)
+        competitors = (lasting | recently) & far_from(taken, candidates, ANOTHER)
+        chosen = distinct(candidates, np.flatnonzero(competitors), APART)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
-        return Rivals(list(candidates[chosen]), scores.tolist(), until, candidates, score)
+        return Competitors(list(candidates[chosen]), scores.tolist(), until, candidates, score)

@@ -1,4 +1,4 @@
-"""Hindsight in the whole filter: what the fine stage does for an answer, and what once the answer is out."""
+"""Fixed-lag smoothing in the whole filter: what the fine stage does for an answer, and what once the answer is out."""
 
 from dataclasses import replace
 
@@ -25,18 +25,18 @@ def without_ms(status):
     return replace(status, ms={})
 
 
-def test_who_does_not_ask_for_reflection_gets_the_same_answers(slide):
+def test_who_does_not_ask_for_the_deferred_update_gets_the_same_answers(slide):
     make_filter, odometry, touches = slide
     asked, left_alone = make_filter(), make_filter()
     states = set()
     for motion, touch in zip(odometry, touches, strict=True):
         one, other = asked.step(motion, touch, elapsed=0.05), left_alone.step(motion, touch, elapsed=0.05)
-        asked.reflect()
+        asked.deferred_update()
         assert without_ms(one.status) == without_ms(other.status)
         np.testing.assert_array_equal(one.pose, other.pose)
         np.testing.assert_array_equal(one.covariance, other.covariance)
         states.add(one.status.state)
-    assert CONVERGED in states  # which it is not before places were compared
+    assert CONVERGED in states  # which it is not before hypotheses were compared
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
@@ -47,12 +47,12 @@ def test_a_map_that_is_not_finite_is_refused_once_and_forgotten(slide, value):
     broken[40, 30] = value
     for k, (motion, touch) in enumerate(zip(odometry, touches, strict=True)):
         estimate = running.step(motion, replace(touch, penetration=broken) if k == 30 else touch, elapsed=0.05)
-        running.reflect()
+        running.deferred_update()
         assert np.isfinite(estimate.pose).all()
     assert estimate.status.skipped["bad_relief"] == 1
 
 
-def test_without_kld_sampling_places_that_are_born_do_not_add_particles_for_good(mapped_slide):
+def test_without_kld_sampling_hypotheses_that_are_born_do_not_add_particles_for_good(mapped_slide):
     running = mapped_slide.make_filter(kld_sampling=False)
     running.initialise_uniform()
     counts = [
@@ -70,7 +70,7 @@ def test_who_asks_for_a_narrower_covariance_than_is_published_gets_no_trusted_an
     assert any("published" in each.status.reason for each in estimates)
 
 
-def test_what_maps_corrected_at_a_wrong_place_is_not_held_against_the_right_one(mapped_slide):
+def test_what_maps_corrected_at_a_wrong_pose_is_not_held_against_the_right_one(mapped_slide):
     running = mapped_slide.make_filter()
     running.initialise_gaussian(mapped_slide.poses[40], 0.004, 0.1)  # the slide begins at the first one
     right, states = [], []
@@ -83,7 +83,7 @@ def test_what_maps_corrected_at_a_wrong_place_is_not_held_against_the_right_one(
     assert CONVERGED in states[found : found + 10]
 
 
-def test_places_are_compared_after_the_answer(slide):
+def test_hypotheses_are_compared_after_the_answer(slide):
     make_filter, odometry, touches = slide
     running = make_filter()
     first, second = (
@@ -94,23 +94,23 @@ def test_places_are_compared_after_the_answer(slide):
     assert {"refinement", "hindsight", "track"} <= set(second), "those of the first touch"
 
 
-def test_a_restart_forgets_what_is_left_to_reflect_on(slide):
+def test_a_restart_forgets_what_is_left_to_be_done(slide):
     make_filter, odometry, touches = slide
-    reflected, restarted = make_filter(), make_filter()
-    for running in (reflected, restarted):
+    updated, restarted = make_filter(), make_filter()
+    for running in (updated, restarted):
         running.step(None, touches[0])
-    reflected.reflect()
-    for running in (reflected, restarted):
+    updated.deferred_update()
+    for running in (updated, restarted):
         running.initialise_uniform()
-    ms = [running.step(odometry[1], touches[1]).status.ms for running in (reflected, restarted)]
+    ms = [running.step(odometry[1], touches[1]).status.ms for running in (updated, restarted)]
     assert "hindsight" in ms[0]
     assert "hindsight" not in ms[1]
 
 
-def test_there_is_nothing_to_reflect_on_without_a_start(slide):
+def test_there_is_nothing_to_be_done_without_a_start(slide):
     make_filter, _, touches = slide
     running = make_filter()
     running.reset(0)
     running.step(None, touches[0])
-    running.reflect()
+    running.deferred_update()
     assert running.poses.shape == (0, 4, 4)

@@ -1,4 +1,4 @@
-"""Places on the object that may explain what was felt, and what is known of them."""
+"""Hypotheses on the object that may explain what was measured, and what is known of them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 from .alignment import transform_covariance
 
 ANOTHER = 0.01
-"""m: a place farther than this from the truth is a wrong answer, so it is another place; 1 rad counts as 10 mm."""
+"""m: a hypothesis farther than this from the truth is a wrong answer, so it is another hypothesis; 1 rad counts as 10
+mm."""
 
 APART = 0.015
-"""m: rivals nearer to each other than this are so alike that one is followed for all; never less than `ANOTHER`."""
+"""m: competitors nearer to each other than this are so alike that one is followed for all; never less than
+`ANOTHER`."""
 
 
 @dataclass(frozen=True)
-class Place:
+class PoseHypothesis:
     """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
     probability."""
 
@@ -28,7 +30,7 @@ class Place:
     covariance: np.ndarray
     probability: float
 
-    def moved(self, transform: np.ndarray) -> Place:
+    def moved(self, transform: np.ndarray) -> PoseHypothesis:
         """After the gel moved by `transform` (4, 4)."""
         return replace(self, pose=self.pose @ transform, covariance=transform_covariance(self.covariance, transform))
 

@@ -1,16 +1,16 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.smoothing.replay import place_posterior
+from midastouch_filter.smoothing.window_likelihood import hypothesis_posterior
 
-PLACES = 1000.0
+HYPOTHESES = 1000.0
 
 
 def at(evidence, change):
-    """Posterior of places as likely as any of `PLACES`, beforehand and after a broken motion."""
-    prior = np.full(len(evidence), 1 / PLACES)
+    """Posterior of hypotheses as likely as any of `HYPOTHESES`, beforehand and after a broken motion."""
+    prior = np.full(len(evidence), 1 / HYPOTHESES)
     likely = np.log(np.append(prior, 1 - prior.sum()))
-    return place_posterior(np.array(evidence, float), likely, likely, change)
+    return hypothesis_posterior(np.array(evidence, float), likely, likely, change)
 
 
 def posterior(evidence, change=1e-3):
@@ -18,15 +18,15 @@ def posterior(evidence, change=1e-3):
 
 
 def test_without_evidence_it_is_elsewhere():
-    share, elsewhere = posterior([[0, 0], [0, 0]])
-    assert share == pytest.approx([1 / PLACES] * 2, rel=0.01)
-    assert elsewhere == pytest.approx(1 - 2 / PLACES)
+    fraction, elsewhere = posterior([[0, 0], [0, 0]])
+    assert fraction == pytest.approx([1 / HYPOTHESES] * 2, rel=0.01)
+    assert elsewhere == pytest.approx(1 - 2 / HYPOTHESES)
 
 
 def test_by_touches_alone_it_is_bayes_rule():
-    share, elsewhere = posterior([[5, 6], [4, 5]], change=1e-12)
-    odds = np.exp([11 - np.log(PLACES), 9 - np.log(PLACES), np.log(1 - 2 / PLACES)])
-    assert [*share, elsewhere] == pytest.approx(odds / odds.sum(), rel=1e-6)
+    fraction, elsewhere = posterior([[5, 6], [4, 5]], change=1e-12)
+    odds = np.exp([11 - np.log(HYPOTHESES), 9 - np.log(HYPOTHESES), np.log(1 - 2 / HYPOTHESES)])
+    assert [*fraction, elsewhere] == pytest.approx(odds / odds.sum(), rel=1e-6)
 
 
 def test_a_touch_that_nothing_explains_decides_nothing():
@@ -34,8 +34,8 @@ def test_a_touch_that_nothing_explains_decides_nothing():
     assert after[0] / after[1] == pytest.approx(before[0] / before[1], rel=0.05)
 
 
-def test_a_place_is_left_after_as_many_touches_as_it_takes_to_find_another_one():
-    for kept in (5, 50):  # however long the first place was right
+def test_a_hypothesis_is_left_after_as_many_touches_as_it_takes_to_find_another_one():
+    for kept in (5, 50):  # however long the first hypothesis was right
         new = [[4] * kept + [-2] * 4, [-4] * kept + [5] * 4]
         assert posterior(new)[0].argmax() == 1
 
@@ -51,14 +51,14 @@ def test_after_a_lift_fewer_touches_are_enough():
     assert of_lifted.sum() < 1
 
 
-def test_many_places_and_loud_touches_stay_finite():
+def test_many_hypotheses_and_loud_touches_stay_finite():
     rng = np.random.default_rng(0)
     evidence = 1e4 * rng.standard_normal((300, 20))
-    share, elsewhere = posterior(evidence)
-    assert share.sum() + elsewhere == pytest.approx(1)
+    fraction, elsewhere = posterior(evidence)
+    assert fraction.sum() + elsewhere == pytest.approx(1)
 
 
 def test_touches_that_say_nothing_leave_what_was_believed_however_often_it_is_lifted():
     likely = np.log([0.1, 0.2, 0.05, 0.65])
-    share, elsewhere = place_posterior(np.zeros((3, 20)), likely, likely, np.full(20, 0.2))
-    assert [*share, elsewhere] == pytest.approx(np.exp(likely))
+    fraction, elsewhere = hypothesis_posterior(np.zeros((3, 20)), likely, likely, np.full(20, 0.2))
+    assert [*fraction, elsewhere] == pytest.approx(np.exp(likely))
