@@ -9,9 +9,8 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_perception.tdn import load_tdn
-from midastouch_perception.tdn.fcrn import HEIGHT_UNIT, FcrnDepthNet
+from midastouch_perception.tdn.fcrn import HEIGHT_UNIT, NORM, QUARTERS, FcrnDepthNet, expected_shapes
 from midastouch_perception.tdn.fcrn_graph import Graph, save_fcrn
-from midastouch_perception.tdn.fcrn_shapes import NORM, QUARTERS, expected_shapes
 
 
 def formula_state() -> dict[str, np.ndarray]:
