@@ -16,11 +16,10 @@ import numpy as np
 
 from .contact import Contact, ContactDetector
 from .tcn.inference import TactileCodeNet
-from .tdn.background import shows_contact
+from .tdn.background import TouchedBackground, shows_contact
 from .tdn.depth_net import DepthNet
-from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
-from .tdn.touched_background import TouchedBackground
+from .tdn.inputs import LightDrift
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
 _QUIET = 1.2  # grey levels, largest block-mean difference to the background that still counts as none

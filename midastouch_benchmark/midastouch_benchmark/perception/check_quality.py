@@ -20,7 +20,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_perception.tdn import DepthNet
-from midastouch_perception.tdn.background import shows_contact
+from midastouch_perception.tdn.background import TouchedBackground, shows_contact
 from midastouch_perception.tdn.colour_layout import (
     ORIENTATIONS,
     image_problem,
@@ -29,7 +29,6 @@ from midastouch_perception.tdn.colour_layout import (
     turned_since,
 )
 from midastouch_perception.tdn.fit_check import FitCheck
-from midastouch_perception.tdn.touched_background import TouchedBackground
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""

@@ -9,8 +9,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration import presses as ball_presses
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import colour_layout
-from midastouch_perception.tdn.drift import without_drift
-from midastouch_perception.tdn.inputs import ContactLight, reduce_image
+from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 
 from .press_quality import visible_contact
 

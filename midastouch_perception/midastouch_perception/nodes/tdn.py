@@ -23,12 +23,11 @@ from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
-from ..tdn.background_store import store_of
-from ..tdn.calibration_in_use import CalibrationInUse
+from ..tdn.background import TouchedBackground
+from ..tdn.background_store import SensorBackground, store_of
 from ..tdn.colour_layout import exposure_problem, turned_since
+from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
-from ..tdn.sensor_background import SensorBackground
-from ..tdn.touched_background import TouchedBackground
 from .capture_service import CaptureService
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less

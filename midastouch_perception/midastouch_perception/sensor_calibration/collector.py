@@ -9,8 +9,7 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
-from ..tdn.drift import without_drift
-from ..tdn.inputs import ContactLight, check_image, reduce_image
+from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
 from .presses import MOST_SPOILED, look_at
 from .search import Contact
 

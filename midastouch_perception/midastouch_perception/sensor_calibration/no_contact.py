@@ -10,9 +10,8 @@ from midastouch_common.errors import InputError
 from ..sensor_model import SensorModel
 from ..tdn.background import estimate_background, shows_contact
 from ..tdn.colour_layout import image_problem
-from ..tdn.drift import without_drift
 from ..tdn.inference import load_tdn
-from ..tdn.inputs import ContactLight, check_image, reduce_image
+from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
 from .presses import circle
 from .search import find_contact
 

@@ -11,8 +11,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
-from ..tdn.drift import without_drift
-from ..tdn.inputs import ContactLight, check_image, reduce_image
+from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
 from .fit import Result, made_of
 from .gain import felt_errors
 from .held_out import FEWEST, cross_validation, fitted, require_upright

@@ -11,9 +11,8 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
-from ..tdn.drift import without_drift
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
-from ..tdn.inputs import ContactLight, reduce_image
+from ..tdn.inputs import ContactLight, reduce_image, without_drift
 from .search import Contact, find_contact
 
 _FAINT = 8.0  # grey levels of a block: less is no contact

@@ -11,7 +11,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file, sha256
 
-from ..model_card import read_card, write_card
+from ..onnx_network import read_card, write_card
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
 from ..state_dict import matched

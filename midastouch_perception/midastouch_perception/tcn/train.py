@@ -34,7 +34,7 @@ from ..training.objects import stretched
 from ..training.run import TrainingRun
 from ..training.setting import TrainingData, TrainingOptions
 from ..training.unfolding import unfold
-from .inputs import code_input
+from .inference import code_input
 from .misreading import misread
 from .network import CodeNet
 

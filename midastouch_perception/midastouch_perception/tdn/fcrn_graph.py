@@ -14,7 +14,7 @@ from onnx import helper, numpy_helper
 
 from midastouch_common.files import atomic_path
 
-from ..model_card import write_card
+from ..onnx_network import write_card
 from .fcrn import BLOCKS, NORM, QUARTERS
 
 _EPSILON = 1e-5  # of batch normalisation

@@ -16,8 +16,7 @@ from ..sensor_calibration.calibration import standard_colours
 from ..sensor_calibration.response import ColourResponse, NormalEquations, press_equations
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange, RandomSensor
-from ..tdn.drift import without_drift
-from ..tdn.inputs import ContactLight
+from ..tdn.inputs import ContactLight, without_drift
 
 _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8

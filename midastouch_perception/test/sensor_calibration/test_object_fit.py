@@ -7,8 +7,7 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.held_out import cross_validation
 from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
-from midastouch_perception.tdn.drift import without_drift
-from midastouch_perception.tdn.inputs import ContactLight, reduce_image
+from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 
 TOUCHES = 15
 

@@ -8,7 +8,7 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.background_store import BackgroundStore
-from midastouch_perception.tdn.calibration_in_use import CalibrationInUse
+from midastouch_perception.tdn.depth_net import CalibrationInUse
 
 
 @pytest.fixture(scope="module")
