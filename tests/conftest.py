@@ -6,6 +6,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The workspace."""

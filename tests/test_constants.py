@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.refinement.effort import Effort
-from midastouch_perception.codebook_poses import YAWS
+from midastouch_perception.codebook import YAWS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "constants.md"
 ORIGINS = {

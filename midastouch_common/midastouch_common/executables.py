@@ -16,4 +16,3 @@ def executable(module: str) -> Callable[[], int]:
         return importlib.import_module(module).main()
 
     return main
-

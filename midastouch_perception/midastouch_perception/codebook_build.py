@@ -15,8 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 from midastouch_common.mesh import ObjectMesh
 
-from .codebook import FORMAT, Codebook
-from .codebook_poses import codebook_poses
+from .codebook import FORMAT, Codebook, codebook_poses
 from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
 from .tcn.inference import TactileCodeNet

@@ -2,7 +2,7 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/diameter.py`. Each sensor is another one than
+`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/network_checks.py`. Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from midastouch_benchmark.perception.diameter_checks import felt_balls
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.training.backgrounds import load_backgrounds
+from midastouch_perception.training.setting import load_backgrounds
 
 DOUBTED = 1 / 8
 """Share of right diameters."""

@@ -40,6 +40,6 @@ def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sen
         colour_layout.exposure_problem(image, ball_presses.MOST_SPOILED)
         # an image that is turned differs everywhere too; how it is turned says more
         or colour_layout.turned_since(image, background)
-        or ball_presses.image_problem(image, seen)
+        or ball_presses.sensor_mismatch(image, seen)
         or ("" if visible_contact(without_drift(seen), sensor.for_maps).any() else "nothing touches the gel")
     )

@@ -79,5 +79,3 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
     save_book(box, **changes)
     with pytest.raises(InputError, match=message):
         options.load_object("box", None, None, NETWORKS)
-
-

@@ -6,9 +6,9 @@ from midastouch_benchmark.perception.diameter_checks import FACTORS, diameter_ch
 from midastouch_benchmark.perception.real_checks import real_checks
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
-from midastouch_perception.sensor_calibration.diameter import FELT
+from midastouch_perception.sensor_calibration.network_checks import FELT
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import load_tdn
 
 

@@ -9,7 +9,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.fit import Result, calibrate
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import load_tdn
 
 from ..datasets.slide_simulation import no_contact_image

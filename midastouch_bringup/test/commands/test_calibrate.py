@@ -18,7 +18,7 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 from midastouch_perception.tdn.background_store import BackgroundStore
 

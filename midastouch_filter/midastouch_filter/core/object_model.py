@@ -11,7 +11,7 @@ from pykdtree.kdtree import KDTree
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook_poses import PRESS
+from midastouch_perception.codebook import PRESS
 from midastouch_perception.sensor_model import SensorModel
 
 from .alignment import PenetrationAlignment

@@ -20,8 +20,7 @@ from midastouch_common.ros.parameters import Parameter, Parameters
 
 from ..sensor_calibration.calibration import scale_problem
 from ..sensor_calibration.collector import PressCollector
-from ..sensor_calibration.fit import MOST, Result, calibrate
-from ..sensor_calibration.held_out import FEWEST
+from ..sensor_calibration.fit import FEWEST, MOST, Result, calibrate
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
 

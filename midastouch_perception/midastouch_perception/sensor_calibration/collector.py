@@ -10,8 +10,8 @@ import numpy as np
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
 from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
+from .ball import Contact
 from .presses import MOST_SPOILED, look_at
-from .search import Contact
 
 _BLOCK = 8  # px
 _TOUCHED = 8.0  # grey levels of a block: something touches

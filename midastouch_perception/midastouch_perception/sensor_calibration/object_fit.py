@@ -12,11 +12,10 @@ from midastouch_common.mesh import ObjectMesh
 from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
-from .fit import Result, made_of
-from .gain import felt_errors
-from .held_out import FEWEST, cross_validation, fitted, require_upright
-from .pose_refinement import refine_poses
-from .presses import Press, image_problem, reasons
+from .fit import FEWEST, Result, cross_validation, fitted, made_of, require_upright
+from .network_checks import felt_errors
+from .presses import Press, reasons, sensor_mismatch
+from .refine import refine_poses
 
 _TOUCHES = 40  # of a slide: more tell little more
 _PRESSED = 0.2e-3  # m: less leaves hardly a trace
@@ -63,7 +62,7 @@ def calibrate_on_object(
     touches = []
     for name, image in images.items():
         seen = light.difference(reduce_image(check_image(image, sensor, name)))
-        touches.append(Press(name, without_drift(seen), None, image_problem(image, seen)))
+        touches.append(Press(name, without_drift(seen), None, sensor_mismatch(image, seen)))
     touches, penetrations = _refined(touches, poses, PenetrationRenderer(mesh, half))
     usable = sum(not touch.problem for touch in touches)
     if usable < FEWEST:

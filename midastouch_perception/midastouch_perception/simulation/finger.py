@@ -12,7 +12,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
-from .surface_walk import MIN_PROGRESS, Ahead, Grip, place, somewhere, straight_on
+from .slide import MIN_PROGRESS, Ahead, Grip, place, somewhere, straight_on
 
 _PRESS, _MAX_TILT = (0.5e-3, 1e-3), np.radians(5.0)  # of simulated slides
 _IN_AIR = 4  # times as fast as on the surface

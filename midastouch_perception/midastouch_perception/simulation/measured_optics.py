@@ -21,7 +21,7 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
-from ..rendering.gel_surface import GelShape
+from ..rendering.renderer import GelShape
 from ..sensor_calibration.response import height_slopes, place_terms
 from ..sensor_model import SensorModel
 

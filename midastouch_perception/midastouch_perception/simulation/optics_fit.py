@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..rendering.gel_surface import GelShape
+from ..rendering.renderer import GelShape
 from ..sensor_calibration.calibration import background_colours
 from ..sensor_calibration.fit import Result
 from ..sensor_calibration.response import place_terms

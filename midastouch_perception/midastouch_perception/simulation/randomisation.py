@@ -5,7 +5,7 @@ no-contact background differ from sensor to sensor. Each term is one method of `
 sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
 shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says. All of these add to a
 photograph, as TACTO does; sensors whose model says that their light is relative have the light and the gel of
-`gel_light.py` and `gel_surface.py`.
+`gel_light.py` and `rendering/renderer.py`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ import dataclasses
 import cv2
 import numpy as np
 
-from ..rendering.gel_surface import sunk_in
+from ..rendering.renderer import sunk_in
 from ..sensor_model import SensorModel
-from .colour_table import ColourTable
 from .gel_light import DIGIT_DESIGN, GelLight, LampDesign
-from .optics import Illumination, gel_normals, shade
+from .optics import ColourTable, Illumination, gel_normals, shade
 
 _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
 

@@ -20,7 +20,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
 
-from ..codebook_poses import PRESS, codebook_poses
+from ..codebook import PRESS, codebook_poses
 from ..contact import ContactDetector
 from ..onnx_network import network_path
 from ..rendering.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
@@ -28,14 +28,11 @@ from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..tdn.inference import TactileDepthNet
-from ..training.export import export_onnx
-from ..training.loading import rendered_batches, rendering_process
-from ..training.objects import stretched
-from ..training.run import TrainingRun
-from ..training.setting import TrainingData, TrainingOptions
-from ..training.unfolding import unfold
+from ..training.export import export_onnx, unfold
+from ..training.run import TrainingRun, rendered_batches, rendering_process
+from ..training.setting import TrainingData, TrainingOptions, stretched
+from ..training.touches import misread
 from .inference import code_input
-from .misreading import misread
 from .network import CodeNet
 
 _GROUP = 256  # touches of one object that are told apart

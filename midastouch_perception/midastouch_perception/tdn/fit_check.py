@@ -19,7 +19,7 @@ import collections
 import cv2
 import numpy as np
 
-from ..rendering.gel_surface import GelShape
+from ..rendering.renderer import GelShape
 from ..sensor_calibration.response import height_slopes, place_terms
 from ..sensor_model import SensorModel
 

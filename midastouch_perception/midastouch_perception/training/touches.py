@@ -1,10 +1,16 @@
-"""An endless, seeded stream of simulated touches for training."""
+"""Simulated touches for training: an endless, seeded stream of them, and how sensors misread depth.
+
+Real gel differs from what the depth network's own errors in simulation show: the measured depth is off by a factor
+that belongs to the sensor, and gel that sinks in around a contact makes its outline soft. Codes must tell positions
+apart all the same.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
@@ -27,6 +33,10 @@ _BALL_SHARE = 0.2  # of those sensors, for what they press: large slopes within 
 _BALL_PRESSES = (5, 15)  # for a calibration
 _BALL_RADIUS = (1.5e-3, 8e-3)  # m
 _WIDEST = 4e-3  # m: radius of a ball's contact
+_MISREAD_FRACTION = 0.5  # of the touches: the others are as the depth network saw them
+_DEPTH_FACTORS = 0.7, 1.4
+_MOST_BLUR = 3.0  # pixels
+_MOST_CUT_OFF = 0.1e-3  # m
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,3 +115,15 @@ def shuffled(stream: Iterator[Touch], size: int, rng: np.random.Generator) -> It
         slot = int(rng.integers(size))
         yield reservoir[slot]
         reservoir[slot] = next(stream)
+
+
+def misread(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Penetration maps (N, H, W) float32 m, half of them as a sensor would feel them that is off: depth scaled by
+    0.7 to 1.4, and for half of these the relief blurred by up to 3 pixels and cut off below up to 0.1 mm."""
+    out = maps.copy()
+    for i in np.flatnonzero(rng.random(len(maps)) < _MISREAD_FRACTION):
+        out[i] *= np.exp(rng.uniform(*np.log(_DEPTH_FACTORS)))
+        if rng.random() < 0.5:
+            soft = cv2.GaussianBlur(out[i], (0, 0), rng.uniform(0.3, _MOST_BLUR))
+            out[i] = np.where(soft > rng.uniform(0.1, 1) * min(_MOST_CUT_OFF, 0.5 * soft.max()), soft, 0)
+    return out

@@ -17,7 +17,7 @@ from midastouch_common.ros import qos
 from midastouch_msgs.msg import TactileContact
 from midastouch_perception.nodes.tdn import TdnNode
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn.background_store import BackgroundStore
 
 pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.sensor_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
+from midastouch_perception.sensor_calibration.calibration import standard_colours
+from midastouch_perception.sensor_calibration.fit import calibrate, require_upright
+from midastouch_perception.sensor_calibration.response import height_slopes
+from midastouch_perception.sensor_model import SensorModel
 
 RADIUS = 3e-3  # m, of the ball that `digit` is pressed with
 DIAMETER = 2 * RADIUS
@@ -152,3 +156,13 @@ def test_presses_that_leave_no_gel_free_need_a_no_contact_image(digit, real):
 def test_images_of_another_size_are_refused(digit, presses, real):
     with pytest.raises(InputError, match=r"small\.png"):
         calibrate({**presses, "small.png": digit.background[::2]}, digit.background, DIAMETER, real)
+
+
+def test_only_a_digit_is_refused_for_colours_that_answer_the_other_way_round():
+    digit = SensorModel.load("digit_real").for_maps
+    penetration = ball_penetration(ball_centre(60, 80, 1.5e-3, 3e-3, digit), 3e-3, digit)
+    upright = standard_colours(height_slopes(np.maximum(penetration, 0), digit.pixel_size))
+    require_upright([upright], [penetration], digit)
+    with pytest.raises(InputError, match="the other way round than on other DIGITs"):
+        require_upright([-upright], [penetration], digit)
+    require_upright([-upright], [penetration], dataclasses.replace(digit, lamps=""))

@@ -4,7 +4,7 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_calibration.held_out import cross_validation
+from midastouch_perception.sensor_calibration.fit import cross_validation
 from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift

@@ -1,8 +1,12 @@
 import numpy as np
 import pytest
 
+from midastouch_common.errors import InputError
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.optics import Illumination, TactoOptics, gel_normals, render_gel
+from midastouch_perception.simulation.optics import ColourTable, Illumination, TactoOptics, gel_normals, render_gel
+
+SLOPES, DIRECTIONS = 9, 17  # a quarter turn is a whole number of bins
+PIXEL = 1e-4  # m
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +70,126 @@ def test_image_is_background_plus_change_plus_noise(pressed, sensor):
     residual = image - np.floor(optics.difference(penetration, normals) + background)
     assert residual.std() == pytest.approx(2.0, abs=0.1)
     np.testing.assert_array_equal(image, optics.image(penetration, background, np.random.default_rng(0), normals))
+
+
+@pytest.fixture(scope="module")
+def coefficients():
+    """Responds to the slope's direction (red: cosine, green: sine), twice as strongly per bin, plus an offset."""
+    angle = np.linspace(-np.pi, np.pi, DIRECTIONS)
+    out = np.zeros((SLOPES, DIRECTIONS, 6, 3))
+    strength = 2.0 * np.arange(SLOPES)[:, None]
+    out[:, :, 5, 0] = strength * np.cos(angle) + 7
+    out[:, :, 5, 1] = strength * np.sin(angle) - 3
+    return out
+
+
+@pytest.fixture(scope="module")
+def table(coefficients):
+    return ColourTable(coefficients)
+
+
+def ramp(along_x: float, along_y: float, shape=(40, 30)) -> np.ndarray:
+    """A plane (H, W) m that rises by these slopes to the right and downwards."""
+    rows, columns = np.mgrid[: shape[0], : shape[1]]
+    return ((along_x * columns + along_y * rows) * PIXEL).astype(np.float32)
+
+
+def test_flat_gel_changes_nothing(table):
+    assert not table.difference(np.zeros((32, 24), np.float32), PIXEL).any()
+    assert not table.difference(np.full((32, 24), 1e-3, np.float32), PIXEL).any()
+
+
+def test_the_offset_at_zero_slope_is_taken_off(table):
+    faint = table.difference(ramp(1e-4, 0), PIXEL)
+    assert np.abs(faint).max() < 0.01
+
+
+def test_steeper_is_stronger_until_the_last_bin(table):
+    strength = [np.abs(table.difference(ramp(slope, 0), PIXEL)[20, 15, 0]) for slope in (0.1, 0.5, 2.0, 1e3, 1e4)]
+    assert strength == sorted(strength)
+    assert strength[-1] == pytest.approx(2 * (SLOPES - 1), rel=0.01)
+    assert strength[-1] - strength[-2] < 0.1, "saturates"
+
+
+def test_between_bins_it_is_linear(table):
+    slope = np.tan(np.pi / 2 * 2.5 / (SLOPES - 1))
+    assert table.difference(ramp(slope, 0), PIXEL)[20, 15, 0] == pytest.approx(5.0, rel=0.01)
+
+
+def test_direction_is_that_of_the_slope(table):
+    right, down = (table.difference(ramp(*slope), PIXEL)[20, 15] for slope in ((1, 0), (0, 1)))
+    assert right[0] > 3 > abs(right[1])
+    assert down[1] > 3 > abs(down[0])
+    np.testing.assert_allclose(table.difference(ramp(-1, 0), PIXEL)[20, 15, 0], -right[0], atol=0.05)
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3, 4, -1])
+def test_quarter_turns_turn_the_camera_with_its_lights(table, turns):
+    """The picture of a turned relief by the turned table is the turned picture."""
+    relief = np.random.default_rng(0).normal(0, 1e-4, (24, 24)).astype(np.float32)
+    plain = table.difference(relief, PIXEL)
+    turned = table.difference(np.rot90(relief, -turns), PIXEL, turns)
+    np.testing.assert_allclose(turned, np.rot90(plain, -turns), atol=0.05)
+    if turns % 4:
+        assert np.abs(table.difference(relief, PIXEL, turns) - plain).max() > 3
+
+
+def test_mirrored_is_the_mirror_image(table):
+    relief = np.random.default_rng(1).normal(0, 1e-4, (24, 24)).astype(np.float32)
+    plain = table.difference(relief, PIXEL)
+    np.testing.assert_allclose(table.difference(relief[:, ::-1], PIXEL, mirrored=True), plain[:, ::-1], atol=0.05)
+
+
+def test_the_answer_differs_over_the_image(coefficients):
+    local = np.zeros_like(coefficients)
+    local[1:, :, 3, 2] = 0.1  # blue, linear in x
+    blue = ColourTable(local).difference(ramp(1, 0), PIXEL)[..., 2]
+    assert blue[20, 25] > blue[20, 4] + 20
+
+
+def test_extrapolated_answers_are_limited(coefficients):
+    difference = ColourTable(coefficients * 1e4).difference(ramp(1, 1), PIXEL)
+    assert np.isfinite(difference).all()
+    assert np.abs(difference).max() == 130
+
+
+def test_the_size_of_the_pixels_does_not_matter(table):
+    """The same plane at half the resolution."""
+    full = table.difference(ramp(0.7, 0.2), PIXEL)
+    half = table.difference(2 * ramp(0.7, 0.2, (20, 15)), 2 * PIXEL)
+    np.testing.assert_allclose(half[10, 7], full[20, 15], atol=0.05)
+
+
+def test_load_reads_what_taxim_writes(coefficients, table, tmp_path):
+    path = tmp_path / "polycalib.npz"
+    np.savez(path, **{f"grad_{c}": coefficients[..., k] for k, c in enumerate("rgb")})
+    np.testing.assert_array_equal(
+        ColourTable.load(path).difference(ramp(1, 0.3), PIXEL), table.difference(ramp(1, 0.3), PIXEL)
+    )
+
+
+def test_unusable_files_are_named(tmp_path, coefficients):
+    (tmp_path / "text.npz").write_text("no table")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    np.savez(tmp_path / "nan.npz", **{f"grad_{c}": coefficients[..., 0] * np.nan for c in "rgb"})
+    np.savez(tmp_path / "flat.npz", **{f"grad_{c}": np.zeros((3, 3)) for c in "rgb"})
+    (tmp_path / "empty.npz").touch()
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "flat.npz").read_bytes()[:-99])
+    with pytest.raises(InputError, match=r"none\.npz: no such colour table file"):
+        ColourTable.load(tmp_path / "none.npz")
+    for name in ("text", "other", "nan", "flat", "empty", "cut"):
+        with pytest.raises(InputError, match=f"{name}.npz: not a Taxim colour table"):
+            ColourTable.load(tmp_path / f"{name}.npz")
+
+
+def test_the_table_of_a_real_digit(shared):
+    """A ball presses bright and coloured: tens of grey levels, each side of it in another colour."""
+    table = ColourTable.load(shared / "data/digit_real/taxim_digit/polycalib.npz")
+    rows, columns = np.mgrid[:160, :120]
+    distance = np.hypot(rows - 80, columns - 60) * PIXEL
+    relief = np.maximum(0, 1e-3 - distance**2 / 8e-3).astype(np.float32)
+    difference = table.difference(relief, PIXEL)
+    assert 20 < np.abs(difference).max() <= 130
+    assert not difference[:20].any(), "flat gel"
+    left, right = difference[70:90, 40:55].mean(axis=(0, 1)), difference[70:90, 65:80].mean(axis=(0, 1))
+    assert np.abs(left - right).max() > 10

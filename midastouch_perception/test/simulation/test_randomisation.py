@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.colour_table import ColourTable
+from midastouch_perception.simulation.optics import ColourTable
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 
 

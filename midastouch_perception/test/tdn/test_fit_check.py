@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.rendering.gel_surface import GelShape
+from midastouch_perception.rendering.renderer import GelShape
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn.fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, FitCheck, explained_share, quietest_tenth
 

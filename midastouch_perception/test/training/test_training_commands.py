@@ -12,8 +12,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import sha256
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.training import setting
-from midastouch_perception.training.objects import stretched
-from midastouch_perception.training.setting import TrainingData, TrainingOptions
+from midastouch_perception.training.setting import TrainingData, TrainingOptions, stretched
 
 
 @pytest.fixture

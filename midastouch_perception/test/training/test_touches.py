@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn.misreading import misread
+from midastouch_perception.training.touches import misread
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,8 @@
-"""Is the ball as large as its diameter says? The depth network tells, which knows many other DIGITs.
+"""What the depth network, which knows many other DIGITs, says of a calibration: the ball's diameter, and the gain.
 
-Colours alone cannot: whatever slope they are said to mean, some light would make them. Light of which most is like that
-of other DIGITs would not, and that is what the network, without calibration, has learned. It takes every ball for a
-smaller one, by a share that hardly depends on the sensor.
+Colours alone cannot tell the diameter: whatever slope they are said to mean, some light would make them. Light of which
+most is like that of other DIGITs would not, and that is what the network, without calibration, has learned. It takes
+every ball for a smaller one, by a factor that hardly depends on the sensor.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from ..tdn.inference import load_tdn
+from .calibration import SensorCalibration
 from .response import height_slopes
 
 FELT = 0.82
@@ -58,3 +59,38 @@ def _curvature(felt: np.ndarray, pixel: float) -> float | None:
     places = places - places.mean(axis=0)
     slopes = height_slopes(felt, pixel)[core]
     return -float((slopes * places).sum() / (places**2).sum())
+
+
+def felt_errors(
+    images: Sequence[np.ndarray],
+    penetrations: Sequence[np.ndarray | None],
+    held_out: Sequence[SensorCalibration | None],
+    background: np.ndarray,
+    sensor: SensorModel,
+) -> dict[str, float]:
+    """felt_error_before, felt_error_after: root mean square error [m] of the felt depth in a touch's contact, median.
+
+    Without calibration, and with the touch's own one of `held_out`, which has not seen it. images (320, 240, 3) uint8
+    RGB; penetrations (H, W) m of what touches, None, as in held_out, for a touch that is not used; sensor: full size.
+    """
+    tdn, rows = load_tdn("fast", sensor), []
+    for image, penetration, calibration in zip(images, penetrations, held_out, strict=True):
+        if calibration is None:
+            continue
+        inside, row = penetration > 0, []
+        for tdn.calibration in (None, calibration):
+            error = (tdn.predict(image, background) - penetration)[inside]
+            row.append(float(np.sqrt((error**2).mean())))
+        rows.append(row)
+    return dict(zip(("felt_error_before", "felt_error_after"), np.median(rows, axis=0).tolist(), strict=True))
+
+
+def gain_doubt(figures: dict[str, float]) -> str:
+    """In words, if touches that a calibration has not seen are felt no better with it (`felt_errors`); else empty."""
+    before, after = (1e3 * figures[f"felt_error_{when}"] for when in ("before", "after"))
+    if after < before:
+        return ""
+    return (
+        f"depth in touches that it has not seen is felt no better with it, off by {after:.2f} mm, and without by "
+        f"{before:.2f} mm; press more often and all over the gel, straight and without sliding, or go on without it"
+    )

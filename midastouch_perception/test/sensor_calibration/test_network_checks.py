@@ -4,9 +4,36 @@ import numpy as np
 import pytest
 
 from midastouch_perception.sensor_calibration.fit import calibrate
-from midastouch_perception.sensor_calibration.gain import felt_errors, gain_doubt
+from midastouch_perception.sensor_calibration.network_checks import (
+    DOUBT,
+    FELT,
+    diameter_doubt,
+    felt_errors,
+    felt_radius,
+    gain_doubt,
+)
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 
 RADIUS = 3e-3  # m, of the ball
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_diameter_that_hardly_fits_is_doubted(way):
+    felt = FELT * 3e-3
+    assert diameter_doubt(felt, 6e-3 * (0.98 * DOUBT) ** way) == ""
+    assert "feels like one of about 6 mm" in diameter_doubt(felt, 6e-3 * (1.02 * DOUBT) ** way)
+
+
+def test_nothing_felt_says_nothing(digit, real):
+    assert felt_radius([digit.background], digit.background, real) is None
+    assert diameter_doubt(None, 6e-3) == ""
+
+
+@pytest.mark.parametrize("radius", [2.5e-3, 4e-3])
+def test_larger_balls_feel_larger(digit, real, radius):
+    sensor = PressedSensor(real, digit.background[None], radius, np.random.default_rng(3))
+    felt = felt_radius(list(sensor.presses(6).values()), sensor.background, real)
+    assert felt == pytest.approx(FELT * radius, rel=DOUBT - 1)
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,8 @@ torch = pytest.importorskip("torch")
 
 from midastouch_perception.onnx_network import OnnxNetwork, network_path  # noqa: E402
 from midastouch_perception.tcn.network import CodeNet  # noqa: E402
-from midastouch_perception.tdn.network import UNet  # noqa: E402
-from midastouch_perception.tdn.train import export  # noqa: E402
-from midastouch_perception.training.unfolding import unfold  # noqa: E402
+from midastouch_perception.tdn.train import UNet, export  # noqa: E402
+from midastouch_perception.training.export import unfold  # noqa: E402
 
 
 @pytest.fixture(scope="module")

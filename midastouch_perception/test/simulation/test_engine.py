@@ -1,9 +1,44 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.simulation.motion_watch import MotionWatch, too_deep
+from midastouch_perception.simulation.engine import MotionWatch, Shutter, too_deep
 
+PERIOD = 20_000_000  # ns, at 50 images a second
 MS = 1_000_000  # ns
+
+
+@pytest.fixture
+def shutter():
+    shutter = Shutter(50)
+    assert shutter.due(7 * PERIOD) == 7 * PERIOD
+    return shutter
+
+
+def test_moments_are_evenly_spaced_and_never_ahead_of_the_engine(shutter):
+    taken = [shutter.due(7 * PERIOD + step * 3_000_000) for step in range(100)]
+    moments = [moment for moment in taken if moment is not None]
+    assert moments == [(8 + i) * PERIOD for i in range(14)]
+    assert all(m is None or m <= 7 * PERIOD + i * 3_000_000 for i, m in enumerate(taken))
+
+
+def test_an_engine_slower_than_the_camera_has_images_between_its_states(shutter):
+    newest = 10 * PERIOD
+    assert [shutter.due(newest) for _ in range(4)] == [8 * PERIOD, 9 * PERIOD, newest, None]
+
+
+def test_what_is_far_behind_is_left_out(shutter):
+    assert shutter.due(400 * PERIOD + 5) == 400 * PERIOD
+    assert shutter.due(400 * PERIOD + 5) is None
+
+
+def test_time_that_ran_back_is_followed(shutter):
+    assert shutter.due(2 * PERIOD) == 2 * PERIOD
+    assert shutter.due(3 * PERIOD) == 3 * PERIOD
+
+
+def test_a_restart_forgets_what_was_due(shutter):
+    shutter.restart()
+    assert shutter.due(9 * PERIOD + 1) == 9 * PERIOD + 1
 
 
 def at(x: float) -> np.ndarray:
