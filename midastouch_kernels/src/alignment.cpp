@@ -28,7 +28,7 @@ std::vector<float> padded(const T* map, std::size_t size) {
     return out;
 }
 
-// Robust normal equations in a pose's tangent space, the cost, and the share of touched pixels explained.
+// Robust normal equations in a pose's tangent space, the cost, and the fraction of touched pixels explained.
 struct Equations {
     Matrix6 hessian{};
     Vector6 gradient{};
@@ -47,9 +47,9 @@ public:
         gel_depth_ = padded(gel_depth.data(), pixels_);
     }
 
-    nb::tuple align(In<double, 4, 4> pose, In<double, 6, 6> covariance, In<float, -1, -1> felt,
+    nb::tuple align(In<double, 4, 4> pose, In<double, 6, 6> covariance, In<float, -1, -1> map,
                     In<double, 4, 4> start) const {
-        if (static_cast<int>(felt.shape(0)) != scene_.height() || static_cast<int>(felt.shape(1)) != scene_.width())
+        if (static_cast<int>(map.shape(0)) != scene_.height() || static_cast<int>(map.shape(1)) != scene_.width())
             throw nb::value_error("a penetration map of another size than the sensor's");
         auto found_pose = make_array<double>({4, 4}), found_covariance = make_array<double>({6, 6});
         double log_evidence, fit;
@@ -62,7 +62,7 @@ public:
             std::copy_n(covariance.data(), 36, spread.begin());
             const Cholesky wide(spread);
             const Matrix6 prior = wide.inverse();
-            const Equations at = descend(centre, state, prior, first_width(spread), padded(felt.data(), pixels_));
+            const Equations at = descend(centre, state, prior, first_width(spread), padded(map.data(), pixels_));
             const Cholesky narrow(sum_of(prior, at.hessian));
             log_evidence = -0.5 * (at.cost + narrow.log_determinant() + wide.log_determinant());
             fit = at.fit;
@@ -91,9 +91,9 @@ private:
 
     // Gauss-Newton from `state`, which ends at the optimum; the equations there, the prior's part added to the cost.
     Equations descend(const Transform& centre, Transform& state, const Matrix6& prior, int first,
-                      const std::vector<float>& felt) const {
+                      const std::vector<float>& map) const {
         const Transform from_centre = inverse(centre);
-        std::vector<float> rendered(felt.size());
+        std::vector<float> rendered(map.size());
         Patch patch(scene_);
         double settled = INFINITY;
         for (int k = first;; ++k) {
@@ -102,7 +102,7 @@ private:
             if (width == settled && !last) continue;
             std::fill(rendered.begin(), rendered.end(), 0.0f);
             patch.draw(state, rendered.data());
-            Equations at = accumulate(rendered, felt, static_cast<float>(width));
+            Equations at = accumulate(rendered, map, static_cast<float>(width));
             const Vector6 offset = logarithm(from_centre * state);
             Vector6 pull = at.gradient;
             for (int i = 0; i < 6; ++i)
@@ -121,7 +121,7 @@ private:
     }
 
     // The rendered map counts from the scene's margin below the gel; both maps are padded.
-    Equations accumulate(const std::vector<float>& rendered, const std::vector<float>& felt, float width) const {
+    Equations accumulate(const std::vector<float>& rendered, const std::vector<float>& map, float width) const {
         const int columns = scene_.width();
         const Lanes margin = all(static_cast<float>(scene_.margin())), nothing = all(-0.999f) * margin;
         const Lanes distance = all(static_cast<float>(scene_.gel_distance()));
@@ -131,8 +131,8 @@ private:
         for (int v = 1; v < scene_.height() - 1; ++v) {
             for (int u = 1; u < columns - 1; u += kLanes) {
                 const int here_at = v * columns + u;
-                const Lanes measured = load(felt.data() + here_at), here = load(rendered.data() + here_at) - margin;
-                // elsewhere nothing is felt and nothing expected
+                const Lanes measured = load(map.data() + here_at), here = load(rendered.data() + here_at) - margin;
+                // elsewhere nothing is XX expected
                 const Mask touch = ((measured > 0) | (here > 0)) & (column + u < columns - 1);
                 if (!any(touch)) continue;
                 const Lanes residual = measured - here, ratio = residual / width;
@@ -199,7 +199,7 @@ void bind_alignment(nb::module_& m) {
     nb::class_<MapAlignment>(m, "MapAlignment", "Aligns poses on one scene to penetration maps.")
         .def(nb::init<const Scene&, In<double, -1, -1>, In<double, -1, -1>, In<double, -1, -1>, double>(),
              nb::arg("scene"), named("tangent_x"), named("tangent_y"), named("gel_depth"), nb::arg("information"))
-        .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("felt"), named("start"),
+        .def("align", &MapAlignment::align, named("pose"), named("covariance"), named("map"), named("start"),
              "Posterior pose (4, 4), covariance (6, 6), log-evidence and fit of the prior N(pose, covariance), own "
              "frame, given a map (H, W) [m]; the optimum is looked for from `start` (4, 4).");
 }

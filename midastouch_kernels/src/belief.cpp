@@ -5,10 +5,10 @@
 namespace {
 
 // Mass of the particles outside of mode 0, and the mean (6, 6) of d d' over them, d = (position, rotation vector) from
-// `place` [x y z qx qy qz qw] in fixed axes. At most about `most` of them are looked at, every n-th: that is systematic
+// `centre` [x y z qx qy qz qw] in fixed axes. At most about `most` of them are looked at, every n-th: systematic
 // sampling.
 nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions, In<double, -1> weights,
-                        In<int32_t, -1> members, In<double, 7> place, std::size_t most) {
+                        In<int32_t, -1> members, In<double, 7> centre, std::size_t most) {
     const std::size_t n = weights.shape(0);
     if (positions.shape(0) != n || quaternions.shape(0) != n || members.shape(0) != n)
         throw nb::value_error("poses, weights and members of different sizes");
@@ -23,7 +23,7 @@ nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions
             mass += other ? weights.data()[i] : 0.0, count += other;
         }
         const std::size_t every = count / most > 1 ? count / most : 1;
-        const double* c = place.data();
+        const double* c = centre.data();
         double sums[6][6] = {}, sampled = 0;
         for (std::size_t i = 0, left = 1; i < n; ++i) {
             left -= members.data()[i] != 0;
@@ -52,7 +52,7 @@ nb::tuple second_moment(In<float, -1, 3> positions, In<float, -1, 4> quaternions
 
 void bind_belief(nb::module_& m) {
     m.def("second_moment", &second_moment, named("positions"), named("quaternions"), named("weights"),
-          named("members"), named("place"), nb::arg("most"),
+          named("members"), named("centre"), nb::arg("most"),
           "Mass of the particles outside of mode 0, and the mean (6, 6) of d d' over them, d = (position, rotation "
-          "vector) from `place` (7,), fixed axes.");
+          "vector) from `centre` (7,), fixed axes.");
 }

@@ -39,9 +39,9 @@ Out<double> corner_normals(In<int32_t, -1, 3> faces, In<double, -1, 3> normals, 
             double total[3] = {};
             for (int64_t k = start.data()[vertex]; k < start.data()[vertex + 1]; ++k) {
                 const double *other = normals.data() + 3 * adjacent.data()[k],
-                             *share = weighted.data() + 3 * adjacent.data()[k];
+                             *weight = weighted.data() + 3 * adjacent.data()[k];
                 if (own[0] * other[0] + own[1] * other[1] + own[2] * other[2] > crease_cosine)
-                    for (int i = 0; i < 3; ++i) total[i] += share[i];
+                    for (int i = 0; i < 3; ++i) total[i] += weight[i];
             }
             const double length = std::sqrt(total[0] * total[0] + total[1] * total[1] + total[2] * total[2]);
             for (int i = 0; i < 3; ++i) out.data()[9 * f + 3 * c + i] = length > 0 ? total[i] / length : own[i];

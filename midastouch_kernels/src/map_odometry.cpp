@@ -53,7 +53,7 @@ public:
     }
 
 private:
-    // Robust normal equations in the motion's tangent space, and the share of shared pixels explained.
+    // Robust normal equations in the motion's tangent space, and the fraction of common pixels explained.
     struct Equations {
         Matrix6 hessian{};
         Vector6 gradient{};
@@ -140,11 +140,11 @@ private:
                 return (1 - b) * ((1 - a) * map[0] + a * map[1]) +
                        b * ((1 - a) * map[columns_] + a * map[columns_ + 1]);
             };
-            const double felt = between(later + at), expected = between(gel_depth_.data() + at) - depth;
+            const double measured = between(later + at), expected = between(gel_depth_.data() + at) - depth;
             const double towards = n[0] * tx + n[1] * ty - n[2];
-            // neither felt nor expected: it left the gel, and where it is now nobody sees
-            if ((felt <= 0 && expected <= 0) || !(towards < 0)) continue;
-            const double residual = felt - expected, ratio = residual / width;
+            // neither measured nor expected: it left the gel, and where it is now nobody sees
+            if ((measured <= 0 && expected <= 0) || !(towards < 0)) continue;
+            const double residual = measured - expected, ratio = residual / width;
             const double weight = 1 / (1 + ratio * ratio), pull = weight * weight * information_;
             explained += weight, shared += 1;
             const double jacobian[6] = {n[0] / towards,

@@ -12,7 +12,7 @@
 
 namespace {
 
-constexpr double kValley = 0.5;  // two peaks stay two modes if the density between them falls below this share
+constexpr double kValley = 0.5;  // two peaks stay two modes if the density between them falls below this fraction
 constexpr std::size_t kCoordinates = 8, kSums = kCoordinates * kCoordinates + 1;
 
 // The regions as a graph: neighbours of region r are neighbour[start[r]] up to neighbour[start[r + 1]], ascending.
@@ -58,10 +58,10 @@ struct RegionGraph {
             }
             int32_t own = root[i] = best < i ? find(best) : i;
             for (std::size_t j = 0; j < count; ++j) {
-                const int32_t rival = find(denser[j]);
-                if (rival == own) continue;
-                const bool below = rho[order[rival]] < rho[order[own]];
-                const int32_t lower = below ? rival : own, higher = below ? own : rival;
+                const int32_t other_peak = find(denser[j]);
+                if (other_peak == own) continue;
+                const bool below = rho[order[other_peak]] < rho[order[own]];
+                const int32_t lower = below ? other_peak : own, higher = below ? own : other_peak;
                 if (near(order[lower], order[higher]) && rho[r] >= kValley * rho[order[lower]]) {
                     root[lower] = higher;
                     if (own == lower) own = higher;

@@ -1,4 +1,4 @@
-// Motion of the particles: odometry, noise, and the maps of modes to where their relief puts them.
+// Motion of the particles: odometry, noise, and the maps of modes to where their penetration maps put them.
 #include "arrays.hpp"
 #include "noise.hpp"
 #include "quaternion.hpp"

@@ -212,16 +212,16 @@ void render(const Scene& scene, In<double, -1, 4, 4> poses, InOut<float, -1, -1,
     if (penetration.size() != n * pixels || (with_faces && faces.size() != n * pixels))
         throw nb::value_error("penetration and faces must hold a map for each pose");
     nb::gil_scoped_release released;
-    auto share = [&](std::size_t first, std::size_t last) {
+    auto render_range = [&](std::size_t first, std::size_t last) {
         std::vector<int32_t> seen(scene.faces(), -1);
         for (std::size_t i = first; i < last; ++i)
             scene.draw(poses.data() + 16 * i, penetration.data() + i * pixels,
                        with_faces ? faces.data() + i * pixels : nullptr, seen, static_cast<int32_t>(i));
     };
     if (n < kWorthThreads)
-        share(0, n);
+        render_range(0, n);
     else
-        parallel_for(n, 16, share);
+        parallel_for(n, 16, render_range);
 }
 
 Out<float> interpolate_normals(const Scene& scene, In<double, -1, 4, 4> poses, In<int32_t, -1, -1, -1> faces,

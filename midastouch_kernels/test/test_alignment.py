@@ -15,7 +15,7 @@ PLACED = 1e-16 * np.eye(6)  # a prior so narrow that the pose stays where it is
 
 @pytest.fixture
 def fit_at(corners):
-    """The share of a rendered map that alignment explains at the pose it was rendered at, once it came there."""
+    """The fraction of a rendered map that alignment explains at the pose it was rendered at, once it came there."""
     # with a wall that goes through the camera's near plane
     wall = np.array([[[0.004, -0.02, -0.005], [0.004, 0.02, -0.005], [0.004, 0.0, 0.05]]])
     v, u = np.meshgrid(np.arange(HEIGHT), np.arange(WIDTH), indexing="ij")
@@ -26,12 +26,12 @@ def fit_at(corners):
         scene = kernels.Scene(
             grid, np.full((HEIGHT, WIDTH), GEL_DISTANCE + MARGIN, np.float32), FOCAL, GEL_DISTANCE, MARGIN
         )
-        felt = np.zeros((1, HEIGHT, WIDTH), np.float32)
-        kernels.render(scene, pose[None], felt, np.empty((1, 0, 0), np.int32))
+        measured = np.zeros((1, HEIGHT, WIDTH), np.float32)
+        kernels.render(scene, pose[None], measured, np.empty((1, 0, 0), np.int32))
         alignment = kernels.MapAlignment(scene, *tangents, np.full((HEIGHT, WIDTH), GEL_DISTANCE), 1e6)
         start = pose.copy()
         start[0, 3] += 0.02  # far off: what is seen from there is not what is seen from the pose
-        return alignment.align(pose, PLACED, felt[0] - np.float32(MARGIN), start)[3]
+        return alignment.align(pose, PLACED, measured[0] - np.float32(MARGIN), start)[3]
 
     return fit
 
