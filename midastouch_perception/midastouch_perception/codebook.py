@@ -54,7 +54,7 @@ def codebook_poses(
     yaws = min(YAWS, size)
     wanted = -(-size // yaws)
     reachability = Reachability(mesh, sensor)
-    surplus, share = 2.0, 1.0
+    surplus, fraction = 2.0, 1.0
     while surplus <= _MOST_SURPLUS:
         points, normals = _candidates(mesh, max(round(6 * surplus * wanted), 512), rng)
         features = np.hstack([points, _NORMAL_SCALE * normals])
@@ -68,10 +68,10 @@ def codebook_poses(
         reachable = _reachable(reachability, poses, size, pause)
         if len(reachable) == size:
             return reachable
-        share = len(reachable) / len(poses)
-        # as many as this share asks for, and some more
-        surplus = 1.2 * max(surplus, 1 / max(share, 1e-3))
-    raise InputError(f"{mesh.name}: only {share:.0%} of its surface can be reached; is it inside out?")
+        fraction = len(reachable) / len(poses)
+        # as many as this fraction asks for, and some more
+        surplus = 1.2 * max(surplus, 1 / max(fraction, 1e-3))
+    raise InputError(f"{mesh.name}: only {fraction:.0%} of its surface can be reached; is it inside out?")
 
 
 def _reachable(reachability: Reachability, poses: np.ndarray, size: int, pause: Callable[[], None]) -> np.ndarray:
@@ -90,7 +90,7 @@ def _reachable(reachability: Reachability, poses: np.ndarray, size: int, pause: 
 
 def _candidates(mesh: ObjectMesh, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Surface points with face, edge and smoothed normals: near an edge a finger can lie at any of them."""
-    points, normals = touch_points(mesh, n, edge_share=0.25, rng=rng)
+    points, normals = touch_points(mesh, n, edge_fraction=0.25, rng=rng)
     smooth = rng.random(n) < 0.4
     normals[smooth] = mesh.smooth_normals(points[smooth])
     return points, normals
@@ -180,7 +180,7 @@ class Codebook:
         outside = max((low - touched).max(), (touched - high).max())
         if outside > _OUTSIDE:
             raise InputError(
-                f"{self.source}: its poses touch places {1e3 * outside:.0f} mm outside the mesh "
+                f"{self.source}: its poses touch points {1e3 * outside:.0f} mm outside the mesh "
                 f"{mesh.path or mesh.name}; the two do not belong together: midastouch build-codebook makes it again"
             )
 

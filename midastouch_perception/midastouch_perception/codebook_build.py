@@ -21,7 +21,7 @@ from .sensor_model import SensorModel
 from .tcn.inference import TactileCodeNet
 
 CHUNK = 256
-"""Poses that are rendered, encoded and kept together; the result must not depend on how they are shared out."""
+"""Poses that are rendered, encoded and kept together; the result must not depend on how they are divided."""
 
 _ARRAYS = ("poses", "codes", "finished")
 _MOST_CONTRARY = 0.02  # one face in a hundred; of scans it is 0, of faces wound at random 0.5

@@ -27,7 +27,7 @@ _TRAIN_EXTRA = ".venv/bin/pip install -r tools/requirements/train.txt"
 def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) -> Path:
     """Write the network in a checkpoint, with its model card, to the folder `out`; returns the network's file.
 
-    The names of its tensors tell which of the two networks it is. voxel_size: of MinkLoc3D, in units of the cloud
+    The names of its tensors show which of the two networks it is. voxel_size: of MinkLoc3D, in units of the cloud
     scaled to [-1, 1] (0.001 in the official code). Raises InputError: not a checkpoint, of neither network, tensors
     missing, unexpected or of other shape, a package missing that reads or writes the file.
     """
@@ -51,14 +51,14 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
     if network == "tcn_minkloc3d":
         return save_minkloc3d(state, card, Path(out), voxel_size)
     try:
-        from .tdn.fcrn_graph import save_fcrn  # the only place that needs the package onnx
+        from .tdn.fcrn_graph import save_fcrn  # only this needs the package onnx
     except ImportError as error:
         raise InputError(f"{path}: writing this network needs the package onnx; pip install onnx") from error
     return save_fcrn(state, card, Path(out))
 
 
 def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
-    """{name: values} of the tensors in a weight file, whose content tells its format.
+    """{name: values} of the tensors in a weight file, whose format its content shows.
 
     A NumPy archive needs nothing else; a PyTorch checkpoint needs torch, which reads tensors only (`weights_only`),
     and .safetensors that package: both are in the `train` extra. Raises InputError: no such file, none of the formats,

@@ -195,9 +195,9 @@ def discrepancy(points, reference, directions):
     """Mean over the directions of the largest difference between the two sets' cumulated shares along each."""
     largest = []
     for along, expected in zip((points @ directions.T).T, np.sort(reference @ directions.T, axis=0).T, strict=True):
-        share = np.searchsorted(expected, np.sort(along)) / len(expected)
+        fraction = np.searchsorted(expected, np.sort(along)) / len(expected)
         steps = np.arange(len(along) + 1) / len(along)
-        largest.append(max(np.abs(share - steps[:-1]).max(), np.abs(share - steps[1:]).max()))
+        largest.append(max(np.abs(fraction - steps[:-1]).max(), np.abs(fraction - steps[1:]).max()))
     return np.mean(largest)
 
 

@@ -45,20 +45,20 @@ def test_a_gelsight_mini_is_flat_and_of_the_published_scale():
     np.testing.assert_allclose(mini.gel_depth, mini.gel_distance, atol=1e-6)
 
 
-def test_the_network_feels_a_ball_on_a_gelsight_mini():
+def test_the_network_measures_a_ball_on_a_gelsight_mini():
     """Its geometry is one that the network can use; its light is another matter."""
     mini = SensorModel.load("gelsight_mini")
     mesh = ObjectMesh.load(bundled_objects()["ball"])
     rng = np.random.default_rng(0)
-    sampling = ContactSampling(press=(0.6e-3, 1.2e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.6e-3, 1.2e-3), free_fraction=0.0)
     poses = sample_contact_poses(mesh, 3, rng, mini, sampling)
     background = np.full((320, 240, 3), (120, 110, 130), np.uint8)
     light, tdn = GelLight(mini, rng), load_tdn("fast", mini)
     for truth in PenetrationRenderer(mesh, mini).render(poses):
         image = np.clip(background * light.ratio(truth), 0, 255).astype(np.uint8)
-        felt = tdn.predict(image, background) > 3e-5
+        measured = tdn.predict(image, background) > 3e-5
         touched = truth[::2, ::2] > 3e-5
-        assert (felt & touched).sum() / (felt | touched).sum() > 0.85
+        assert (measured & touched).sum() / (measured | touched).sum() > 0.85
 
 
 def test_at_scale_sets_what_a_pixel_is():

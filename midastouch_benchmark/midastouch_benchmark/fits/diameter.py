@@ -2,7 +2,8 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/network_checks.py`. Each sensor is another one than
+`RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of `midastouch_perception/sensor_calibration/network_checks.py`.
+Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 
@@ -34,7 +35,7 @@ def main() -> None:
     shares = np.log([felt / radius for radius, felt in balls if felt is not None])
     usual = np.median(shares)
     doubt = np.exp(np.quantile(np.abs(shares - usual), 1 - DOUBTED))
-    print(f"{len(shares)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}")
+    print(f"{len(shares)} of {args.sensors} felt: RADIUS_RATIO {np.exp(usual):.3f}, MOST_DIAMETER_FACTOR {doubt:.2f}")
 
 
 if __name__ == "__main__":

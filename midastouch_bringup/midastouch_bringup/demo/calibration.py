@@ -18,7 +18,7 @@ from ..drawing.relief_rows import ReliefRow, felt_with
 _RADIUS = 3e-3  # m
 _SEED = 6  # of a sensor on which the network alone feels too deep
 _PRESSES, _TOUCHES = 10, 6
-_FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_share=0.0)
+_FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_fraction=0.0)
 
 
 def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[ReliefRow]]:

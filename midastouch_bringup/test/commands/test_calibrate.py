@@ -139,7 +139,7 @@ def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
     assert cli.main(["calibrate", str(few), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 2
     said = capsys.readouterr().err
     assert f"{few}: 4 images; calibration needs 5 to 40 presses" in said
-    assert "press the ball in more places" in said
+    assert "press the ball" in said
     assert not (tmp_path / "a.npz").exists()
 
 

@@ -28,7 +28,7 @@ def sensor():
 @pytest.fixture(scope="module")
 def touches(tool, sensor):
     """Poses on the tool and what they feel, averaged from full resolution."""
-    sampling = ContactSampling(press=(0.5e-3, 1.2e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.5e-3, 1.2e-3), free_fraction=0.0)
     poses = sample_contact_poses(tool, 40, np.random.default_rng(0), sensor, sampling)
     maps = PenetrationRenderer(tool, sensor.scaled(4)).render(poses)
     return poses, maps.reshape(len(maps), 80, 4, 60, 4).mean(axis=(2, 4))

@@ -59,7 +59,7 @@ def ball_centre(u: float, v: float, contact_radius: float, radius: float, sensor
 
 @dataclasses.dataclass(frozen=True)
 class Contact:
-    """A circle in which a ball touches: column u and row v of its middle [px], radius [m]; explained, share
+    """A circle in which a ball touches: column u and row v of its middle [px], radius [m]; explained, fraction
     (0 ... 1) of the image's change that a ball there explains."""
 
     u: float
@@ -88,10 +88,10 @@ def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> Contac
             seen += within / (2 * whole)
         explained[seen < _LEAST_VISIBLE] = 0
         row, column = np.unravel_index(explained.argmax(), explained.shape)
-        if (share := float(explained[row, column]) / energy) > best.explained:
+        if (fraction := float(explained[row, column]) / energy) > best.explained:
             # the middle of a block of pixels
             u, v = (_SEARCH_PIXEL * i + (_SEARCH_PIXEL - 1) / 2 for i in (column, row))
-            best = Contact(u, v, radius, share)
+            best = Contact(u, v, radius, fraction)
     return best
 
 

@@ -1,6 +1,6 @@
 """What the depth network, which knows many other DIGITs, says of a calibration: the ball's diameter, and the gain.
 
-Colours alone cannot tell the diameter: whatever slope they are said to mean, some light would make them. Light of which
+Colours alone do not show the diameter: whatever slope they are said to mean, some light would make them. Light of which
 most is like that of other DIGITs would not, and that is what the network, without calibration, has learned. It takes
 every ball for a smaller one, by a factor that hardly depends on the sensor.
 """
@@ -17,58 +17,58 @@ from ..tdn.inference import load_tdn
 from .calibration import SensorCalibration
 from .response import height_slopes
 
-FELT = 0.82
-"""Radius that the shipped network feels, of the ball's: median over simulated sensors
+RADIUS_RATIO = 0.82
+"""Radius that the shipped network measures, relative to the ball's: median over simulated sensors
 (`midastouch_benchmark/fits/diameter.py`)."""
-DOUBT = 1.4
-"""Factor between the diameter given and the one felt. On simulated sensors one right diameter in eight is beyond it
+MOST_DIAMETER_FACTOR = 1.4
+"""Factor between the diameter given and the one measured. On simulated sensors one right diameter in eight is beyond it
 (`midastouch_benchmark/fits/diameter.py`: 1.39 with seed 1, 1.38 with seed 2): as many have to say that theirs is
 right."""
-_CORE = 0.3  # of the deepest penetration: the rim is smeared
-_FEWEST = 40  # px of it
+_CORE_DEPTH = 0.3  # of the deepest penetration: the rim is smeared
+_FEWEST_CORE_PIXELS = 40  # px of it
 
 
-def felt_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor: SensorModel) -> float | None:
-    """Radius [m] of the ball that the uncalibrated network feels in presses (320, 240, 3) uint8 RGB, their median; None
-    if it feels none. sensor: full size."""
+def measured_radius(images: Sequence[np.ndarray], background: np.ndarray, sensor: SensorModel) -> float | None:
+    """Radius [m] of the ball that the uncalibrated network measures in presses (320, 240, 3) uint8 RGB, their median;
+    None if it measures none. sensor: full size."""
     tdn = load_tdn("fast", sensor)
-    felt = [_curvature(tdn.predict(image, background), tdn.sensor.pixel_size) for image in images]
-    bulging = [curvature for curvature in felt if curvature is not None and curvature > 0]
+    measured = [_curvature(tdn.predict(image, background), tdn.sensor.pixel_size) for image in images]
+    bulging = [curvature for curvature in measured if curvature is not None and curvature > 0]
     return 1 / float(np.median(bulging)) if bulging else None
 
 
-def diameter_doubt(felt: float | None, ball_diameter: float) -> str:
-    """Why a ball that is felt with this radius [m] hardly has this diameter [m]; empty if it may."""
-    if felt is None:
+def diameter_doubt(radius: float | None, ball_diameter: float) -> str:
+    """Why a ball of this measured radius [m] hardly has this diameter [m]; empty if it may."""
+    if radius is None:
         return ""
-    likely = 2 * felt / FELT
+    likely = 2 * radius / RADIUS_RATIO
     factor = max(likely / ball_diameter, ball_diameter / likely)
-    if factor <= DOUBT:
+    if factor <= MOST_DIAMETER_FACTOR:
         return ""
-    return f"the ball of {1e3 * ball_diameter:g} mm feels like one of about {1e3 * likely:.0f} mm"
+    return f"the ball of {1e3 * ball_diameter:g} mm measures like one of about {1e3 * likely:.0f} mm"
 
 
-def _curvature(felt: np.ndarray, pixel: float) -> float | None:
-    """Mean curvature [1/m] of the core of a felt contact (H, W) m: how fast its slopes change with the position."""
-    row, column = np.unravel_index(felt.argmax(), felt.shape)
-    _, regions = cv2.connectedComponents((felt > _CORE * felt[row, column]).astype(np.uint8))
+def _curvature(penetration: np.ndarray, pixel: float) -> float | None:
+    """Mean curvature [1/m] of the core of a contact (H, W) m: how fast its slopes change with the position."""
+    row, column = np.unravel_index(penetration.argmax(), penetration.shape)
+    _, regions = cv2.connectedComponents((penetration > _CORE_DEPTH * penetration[row, column]).astype(np.uint8))
     core = cv2.erode((regions == regions[row, column]).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    if felt[row, column] <= 0 or core.sum() < _FEWEST:
+    if penetration[row, column] <= 0 or core.sum() < _FEWEST_CORE_PIXELS:
         return None
-    places = np.argwhere(core)[:, ::-1] * pixel
-    places = places - places.mean(axis=0)
-    slopes = height_slopes(felt, pixel)[core]
-    return -float((slopes * places).sum() / (places**2).sum())
+    positions = np.argwhere(core)[:, ::-1] * pixel
+    positions = positions - positions.mean(axis=0)
+    slopes = height_slopes(penetration, pixel)[core]
+    return -float((slopes * positions).sum() / (positions**2).sum())
 
 
-def felt_errors(
+def depth_errors(
     images: Sequence[np.ndarray],
     penetrations: Sequence[np.ndarray | None],
     held_out: Sequence[SensorCalibration | None],
     background: np.ndarray,
     sensor: SensorModel,
 ) -> dict[str, float]:
-    """felt_error_before, felt_error_after: root mean square error [m] of the felt depth in a touch's contact, median.
+    """felt_error_before, felt_error_after: root mean square error [m] of the depth in a touch's contact, median.
 
     Without calibration, and with the touch's own one of `held_out`, which has not seen it. images (320, 240, 3) uint8
     RGB; penetrations (H, W) m of what touches, None, as in held_out, for a touch that is not used; sensor: full size.
@@ -86,11 +86,12 @@ def felt_errors(
 
 
 def gain_doubt(figures: dict[str, float]) -> str:
-    """In words, if touches that a calibration has not seen are felt no better with it (`felt_errors`); else empty."""
+    """In words, if touches that a calibration has not seen are measured no better with it (`depth_errors`); else
+    empty."""
     before, after = (1e3 * figures[f"felt_error_{when}"] for when in ("before", "after"))
     if after < before:
         return ""
     return (
-        f"depth in touches that it has not seen is felt no better with it, off by {after:.2f} mm, and without by "
+        f"depth in touches that it has not seen is measured no better with it, off by {after:.2f} mm, and without by "
         f"{before:.2f} mm; press more often and all over the gel, straight and without sliding, or go on without it"
     )

@@ -19,18 +19,18 @@ from ..tdn.inference import load_tdn
 from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
 from .ball import Contact, find_contact
 
-_FAINT = 8.0  # grey levels of a block: less is no contact
+_LEAST_CHANGE = 8.0  # grey levels of a block: less is no contact
 _BLOCK = 8  # px
-_EXPLAINED = 0.45  # share of the change that a ball explains
-_SECOND = 0.25  # energy of another contact, of the first one's
-_APART = 2.0  # radii: what is further away is not of the same contact
-_VISIBLE = 0.8  # of the circle
+_LEAST_EXPLAINED = 0.45  # fraction of the change that a ball explains
+_MOST_SECOND_ENERGY = 0.25  # energy of another contact, of the first one's
+_CONTACT_REACH = 2.0  # radii: what is further away is not of the same contact
+_LEAST_VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
-_BRIGHT = 250
+_SATURATED_LEVEL = 250
 MOST_SPOILED = 0.5  # of an image, black or saturated
-_MASK = 1.7  # radii around a press that are no background
-_PASSES = 2
-_NEVER_FREE = 0.02  # of the image
+_MASK_RADII = 1.7  # radii around a press that are no background
+_MASK_PASSES = 2
+_MOST_HIDDEN = 0.02  # of the image
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +52,7 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
         return Press(name, change, None, problem)
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-    if np.abs(blocks).max() < _FAINT:
+    if np.abs(blocks).max() < _LEAST_CHANGE:
         return Press(name, change, None, "nothing touches the gel")
     contact = find_contact(change, ball_radius, sensor.pixel_size)
     return Press(name, change, contact, _problem(image, change, contact, ball_radius, sensor))
@@ -87,25 +87,25 @@ def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:
     return np.hypot(columns - contact.u, rows - contact.v) < scale * contact.radius / sensor.pixel_size
 
 
-def visible_share(contact: Contact, sensor: SensorModel) -> float:
-    """Share (0 ... 1) of a contact's circle that is in the image."""
+def visible_fraction(contact: Contact, sensor: SensorModel) -> float:
+    """Fraction (0 ... 1) of a contact's circle that is in the image."""
     return float(circle(contact, 1, sensor).sum() * sensor.pixel_area / (np.pi * contact.radius**2))
 
 
 def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radius: float, sensor: SensorModel) -> str:
-    near = circle(contact, _APART, sensor)
+    near = circle(contact, _CONTACT_REACH, sensor)
     rest = np.where(near[..., None], np.float32(0), change)
     other = find_contact(rest, ball_radius, sensor.pixel_size)
     second = other.explained * float((rest**2).sum()) / max(float((change**2).sum()), 1e-9)
-    if second > _SECOND * contact.explained and contact.explained + second > _EXPLAINED:
+    if second > _MOST_SECOND_ENERGY * contact.explained and contact.explained + second > _LEAST_EXPLAINED:
         return "two contacts"
-    if contact.explained < _EXPLAINED:
+    if contact.explained < _LEAST_EXPLAINED:
         said = f"what is seen is not one ball of {2e3 * ball_radius:g} mm diameter"
         return f"{said} (it explains {100 * contact.explained:.0f} % of the change)"
-    if (share := visible_share(contact, sensor)) < _VISIBLE:
-        return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
+    if (visible := visible_fraction(contact, sensor)) < _LEAST_VISIBLE:
+        return f"cut off at the edge of the view ({100 * visible:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)
-    bright = cv2.resize((image >= _BRIGHT).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
+    bright = cv2.resize((image >= _SATURATED_LEVEL).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
     if bright > _MOST_SATURATED:
         return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
     return ""
@@ -113,7 +113,7 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
 
 def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor: SensorModel) -> None:
     """Raises InputError if a no-contact image (320, 240, 3) uint8 RGB is none of a sensor that is pressed in `images`
-    of the same size: of another size, black, saturated, or with a touch in it that the images do not share. sensor:
+    of the same size: of another size, black, saturated, or with a touch in it that the images do not show. sensor:
     full size."""
     check_image(background, sensor, "background")
     if problem := image_problem(background, None):
@@ -130,20 +130,20 @@ def background_behind(images: list[np.ndarray], ball_radius: float, sensor: Sens
     ball_radius m; sensor at the map's resolution. Raises InputError where the presses leave too little gel free.
     """
     background = estimate_background(images)
-    for _ in range(_PASSES):
+    for _ in range(_MASK_PASSES):
         light = ContactLight(reduce_image(background), sensor.light)
         covered = []
         for image in images:
             change = without_drift(light.difference(reduce_image(image)))
             contact = find_contact(change, ball_radius, sensor.pixel_size)
-            near = circle(contact, _MASK, sensor).astype(np.uint8)
+            near = circle(contact, _MASK_RADII, sensor).astype(np.uint8)
             covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
         hidden = np.all(covered, axis=0)
         masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
         background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
-    if hidden.mean() > _NEVER_FREE:
+    if hidden.mean() > _MOST_HIDDEN:
         raise InputError(
-            f"{100 * hidden.mean():.0f} % of the gel is pressed in every image, so the no-contact image cannot be told "
-            "from them; put one beside them as background.png"
+            f"{100 * hidden.mean():.0f} % of the gel is pressed in every image, so they do not show the no-contact "
+            "image; put one beside them as background.png"
         )
     return background

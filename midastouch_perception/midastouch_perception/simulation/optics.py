@@ -161,12 +161,12 @@ class ColourTable:
         except Exception as error:  # NumPy, zipfile and zlib raise a different type for each way a file can be broken
             raise InputError(f"{path}: not a Taxim colour table ({error}); give its polycalib.npz") from error
 
-    def difference(self, relief: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):
-        """Change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `relief` (H, W) m.
+    def difference(self, height: np.ndarray, pixel: float, quarter_turns: int = 0, mirrored: bool = False):
+        """Change (H, W, 3) float32, grey levels, of the image by a gel surface raised by `height` (H, W) m.
 
         pixel: m per pixel. quarter_turns, mirrored: how the table's camera image maps to this portrait image; the
         table's own orientation (one quarter turn) is not documented with it.
         """
-        down, right = np.gradient(np.ascontiguousarray(relief, np.float32), np.float32(pixel))
+        down, right = np.gradient(np.ascontiguousarray(height, np.float32), np.float32(pixel))
         out = kernels.look_up_colours(self._coefficients, down, right, quarter_turns % 4, mirrored)
         return np.clip(out, -_MOST_CHANGE, _MOST_CHANGE, out=out)

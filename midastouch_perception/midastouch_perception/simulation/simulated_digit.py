@@ -17,7 +17,7 @@ from ..sensor_model import SensorModel
 from .randomisation import RandomisationRange, RandomSensor
 
 # No region of the image is to lose a light for one frame: those of a stream belong together.
-_STEADY = RandomisationRange(dark_share=0.0)
+_STEADY_LIGHT = RandomisationRange(dark_fraction=0.0)
 _WIDEST_CONTACT = 2.0e-3  # m, radius of a contact: a hard press
 _COLUMNS, _ROWS = (0.29, 0.5, 0.71), (0.22, 0.41, 0.59, 0.78)  # of the image, where presses are
 
@@ -41,7 +41,7 @@ class SimulatedCamera:
 
     def __init__(self, sensor: SensorModel, background: np.ndarray, rng: np.random.Generator):
         self.background = background
-        self._sensor = RandomSensor(sensor, background[None], rng, _STEADY)
+        self._sensor = RandomSensor(sensor, background[None], rng, _STEADY_LIGHT)
         self._sensor.background = background.astype(np.float32)
 
     def image(self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -99,8 +99,8 @@ class PressedSensor:
 
     def presses(self, n: int) -> dict[str, np.ndarray]:
         """Images by file name of n presses, at most twelve, spread over the gel and of different depth."""
-        places = [(u * self.sensor.width, v * self.sensor.height) for v in _ROWS for u in _COLUMNS]
-        chosen = sorted(self._rng.permutation(len(places))[:n])
+        positions = [(u * self.sensor.width, v * self.sensor.height) for v in _ROWS for u in _COLUMNS]
+        chosen = sorted(self._rng.permutation(len(positions))[:n])
         widest = min(_WIDEST_CONTACT, 0.6 * self._radius)
         contacts = self._rng.uniform(0.6 * widest, widest, n)
-        return {f"{i}.png": self.image([(*places[i], c)]) for i, c in zip(chosen, contacts, strict=True)}
+        return {f"{i}.png": self.image([(*positions[i], c)]) for i, c in zip(chosen, contacts, strict=True)}

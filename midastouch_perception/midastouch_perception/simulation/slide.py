@@ -48,7 +48,7 @@ def straight_on(mesh: ObjectMesh, point: np.ndarray, heading: np.ndarray, step: 
     return Ahead(ahead, normal, tangent / max(np.linalg.norm(tangent), 1e-12), float(np.linalg.norm(moved)))
 
 
-def place(
+def pressed_pose(
     reachability: Reachability, point: np.ndarray, normal: np.ndarray, yaw: float, tilt: np.ndarray, depth: float
 ) -> tuple[np.ndarray, bool]:
     """Gel pose T_obj_gel (4, 4) that presses `depth` m at a point (3,), turned by yaw, tilted by `tilt` (2,) rad about
@@ -60,13 +60,13 @@ def place(
 
 
 def somewhere(mesh: ObjectMesh, reachability: Reachability, depth: float, rng: np.random.Generator) -> np.ndarray:
-    """A place (3,) that can be touched. Raises InputError if none is found."""
+    """A surface point (3,) that can be touched. Raises InputError if none is found."""
     for _ in range(_TRIES):
         (start,), _, _ = mesh.sample_surface(1, rng)
         (normal,) = mesh.smooth_normals(start[None])
-        if place(reachability, start, normal, 0.0, np.zeros(2), depth)[1]:
+        if pressed_pose(reachability, start, normal, 0.0, np.zeros(2), depth)[1]:
             return start
-    raise InputError(f"{mesh.name}: no reachable place to start a slide; is the mesh closed and in metres?")
+    raise InputError(f"{mesh.name}: no reachable point to start a slide; is the mesh closed and in metres?")
 
 
 def random_tangent(normal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -87,12 +87,12 @@ class Grip:
     def shake(self) -> None:
         """Both one step on, at random."""
         low, high = self._press
-        self.depth = _reflect(self.depth + self._rng.uniform(-1, 1) * (high - low) / 10, low, high)
+        self.depth = _bounced(self.depth + self._rng.uniform(-1, 1) * (high - low) / 10, low, high)
         tilt = 0.97 * self.tilt + self._rng.normal(0, 0.08 * self._max_tilt, 2)
         self.tilt = tilt * min(1.0, self._max_tilt / max(np.linalg.norm(tilt), 1e-12))
 
 
-def _reflect(value: float, low: float, high: float) -> float:
+def _bounced(value: float, low: float, high: float) -> float:
     return low + abs(value - low) if value < high else high - (value - high)
 
 
@@ -160,7 +160,7 @@ class _Walk:
                 self._turn, self._left = rng.choice([-1.0, 1.0]), 0.25 * mesh.diagonal * rng.uniform(0.4, 1)
             ahead = straight_on(mesh, self._position, self._heading, self._step)
             yaw = self._yaw + self._turn * np.radians(1)
-            pose, reachable = place(self._reachability, ahead.point, ahead.normal, yaw, grip.tilt, grip.depth)
+            pose, reachable = pressed_pose(self._reachability, ahead.point, ahead.normal, yaw, grip.tilt, grip.depth)
             if reachable and ahead.moved > MIN_PROGRESS * self._step:
                 break
             self._left = 0.0
@@ -182,13 +182,15 @@ class _Walk:
             order = np.argsort(normals @ last[:3, 2], kind="stable")
             yaws = _yaws(normals, last[:3, :3], leap.angle)
         for k in order:
-            pose, reachable = place(self._reachability, goals[k], normals[k], yaws[k], np.zeros(2), self._grip.depth)
+            pose, reachable = pressed_pose(
+                self._reachability, goals[k], normals[k], yaws[k], np.zeros(2), self._grip.depth
+            )
             if reachable:
                 self._position, self._yaw, self._left = goals[k], yaws[k], 0.0
                 self._grip.tilt = np.zeros(2)
                 self._frames += 1
                 return pose
-        raise InputError(f"{self._mesh.name}: no reachable place {1e3 * leap.distance:.0f} mm away; try another seed")
+        raise InputError(f"{self._mesh.name}: no reachable pose {1e3 * leap.distance:.0f} mm away; try another seed")
 
     def _goals(self, distance: float) -> tuple[np.ndarray, np.ndarray]:
         """Points (N, 3) of the surface that lie nearest to so far away, and their normals (N, 3)."""

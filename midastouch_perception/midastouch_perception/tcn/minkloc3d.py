@@ -89,7 +89,7 @@ def contact_cloud(penetration: np.ndarray, sensor: SensorModel, points: int, rng
 def scaled_cloud(cloud: np.ndarray) -> np.ndarray:
     """A cloud (K, 3), K >= 1, moved and scaled so that its smallest coordinate is -1 and its largest 1.
 
-    Over all axes together, as in the official code: what is lost by it (metric size, place on the gel) the network
+    Over all axes together, as in the official code: what is lost by it (metric size, position on the gel) the network
     was trained without.
     """
     low, high = cloud.min(), cloud.max()

@@ -1,7 +1,7 @@
 """The sensor's no-contact image: captured on request, estimated from images, and whether it shows a touch.
 
 A touch in the no-contact image is in every difference, wherever the finger is, and hides what is measured there. The
-median of images that are touched in different places is the untouched gel; the no-contact image must not look like
+median of images that are touched at different positions is the untouched gel; the no-contact image must not look like
 that with something pressed onto it.
 """
 
@@ -16,18 +16,18 @@ from midastouch_common.errors import InputError
 
 from ..contact import ContactDetector
 from .depth_net import DepthNet
-from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
+from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_fraction, quietest_tenth
 from .inputs import without_drift
 
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
-_SAME = 4.0  # grey levels between block means that still are the same surface
-_CHANGED = 8.0  # grey levels
-_SMOOTHED = 2.0  # px of half the image's resolution
-_CLEARLY = 1.02  # times as rough
+_SAME_SURFACE = 4.0  # grey levels between block means that still are the same surface
+_LEAST_CHANGE = 8.0  # grey levels: a pixel that differs more is touched
+_SMOOTHING = 2.0  # px of half the image's resolution
+_LEAST_ROUGHNESS_RATIO = 1.02  # times as rough
 MOST_DOUBTFUL = 0.1
-"""Share of the image: with more of it doubtful an estimate shows contacts."""
-_MAJORITY = 1 / 3  # of the frames that show a place untouched, or its median is not trusted
+"""Fraction of the image: an estimate with more of it doubtful shows contacts."""
+_LEAST_FREE_FRACTION = 1 / 3  # of the frames that show a pixel untouched, or its median is not trusted
 
 
 def estimate_background(images: list[np.ndarray]) -> np.ndarray:
@@ -46,14 +46,14 @@ def estimate_background(images: list[np.ndarray]) -> np.ndarray:
     return out
 
 
-def doubtful_share(images: list[np.ndarray], background: np.ndarray) -> float:
-    """Share of the image in which `background`, estimated from `images`, is that of few of them only.
+def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float:
+    """Fraction of the image in which `background`, estimated from `images`, is that of few of them only.
 
-    There the sensor was touched too often, and the median shows contacts. A contact that never ends cannot be told.
+    There the sensor was touched too often, and the median shows contacts. A contact that never ends goes unnoticed.
     """
     small = [_block_means(image) for image in (*images, background)]
-    same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME
-    return float((same.mean(axis=0) < _MAJORITY).mean())
+    same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME_SURFACE
+    return float((same.mean(axis=0) < _LEAST_FREE_FRACTION).mean())
 
 
 def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
@@ -67,22 +67,22 @@ def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> 
     if quietest_tenth(difference) > QUIET_LIMIT:
         return False
     difference = without_drift(difference)
-    felt = tdn.predict(candidate, present, difference)
-    forward = explained_share(difference, felt, tdn.sensor.pixel_size)
+    penetration = tdn.predict(candidate, present, difference)
+    explained = explained_fraction(difference, penetration, tdn.sensor.pixel_size)
     if (
-        forward is None
-        or forward < EXPLAINED_LIMIT[tdn.sensor.light]
-        or not ContactDetector(tdn.sensor).update(felt).in_contact
+        explained is None
+        or explained < EXPLAINED_LIMIT[tdn.sensor.light]
+        or not ContactDetector(tdn.sensor).update(penetration).in_contact
     ):
         return False
-    touched = np.abs(difference).max(axis=2) > _CHANGED
-    return _roughness(candidate, touched) > _CLEARLY * _roughness(present, touched)
+    touched = np.abs(difference).max(axis=2) > _LEAST_CHANGE
+    return _roughness(candidate, touched) > _LEAST_ROUGHNESS_RATIO * _roughness(present, touched)
 
 
 def _roughness(image: np.ndarray, where: np.ndarray) -> float:
     """Mean curvature of an image's brightness over the pixels (160, 120) bool, noise smoothed away."""
     small = cv2.resize(image, where.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
-    curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHED), cv2.CV_32F)).sum(axis=2)
+    curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHING), cv2.CV_32F)).sum(axis=2)
     return float(curvature[where].mean())
 
 
@@ -161,7 +161,7 @@ class TouchedBackground:
     Args: tdn; every, how many such images pass for one that is kept, at first: twice as many after each window, as a
     no-contact image does not change by itself; window, how many of those count, at least a third of which must have
     come before anything is said.
-    Attribute: problem, that the no-contact image shows a touch, and the mend; empty if it does not.
+    Attribute: problem, that the no-contact image shows a touch, and the fix; empty if it does not.
     """
 
     def __init__(self, tdn: DepthNet, every: int = 5, window: int = 15):

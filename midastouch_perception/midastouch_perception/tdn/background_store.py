@@ -14,7 +14,7 @@ from midastouch_common.files import atomic_path
 
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import DIGIT_LAMPS, SensorModel
-from .background import MOST_DOUBTFUL, RunningBackground, doubtful_share, estimate_background
+from .background import MOST_DOUBTFUL, RunningBackground, doubtful_fraction, estimate_background
 from .colour_layout import image_problem, shipped_layout
 
 _MOST_FILES = 200
@@ -24,7 +24,7 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
 
     Raises InputError: no such path, no images in it, not an image, another size, or images that show contacts at the
-    same place too often to tell what is behind them.
+    same pixels too often to show what is behind them.
     """
     path = Path(path)
     if not path.is_dir():
@@ -35,7 +35,7 @@ def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
     chosen = files[:: -(-len(files) // _MOST_FILES)]
     images = [_read_image(file, height, width) for file in chosen]
     background = estimate_background(images)
-    doubt = doubtful_share(images, background)
+    doubt = doubtful_fraction(images, background)
     if doubt > MOST_DOUBTFUL:
         raise InputError(
             f"{path}: {100 * doubt:.0f} % of the image is touched in most of these images; "
@@ -103,7 +103,7 @@ class BackgroundStore:
         return f"kept in {self.path}"
 
     def save(self, image: np.ndarray) -> None:
-        """Keep an image (H, W, 3) uint8 RGB in place of the last one; InputError if it cannot be written."""
+        """Keep an image (H, W, 3) uint8 RGB that replaces the last one; InputError if it cannot be written."""
         encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
         try:
             with atomic_path(self.path) as temporary:

@@ -11,13 +11,13 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 
-from ..sensor_calibration.response import place_terms
+from ..sensor_calibration.response import position_terms
 from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
 RELATIVE_LEVEL = 100.0  # grey levels of the background that a relative difference is expressed for
 _DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
-_EVERY = 4  # px; as many tell the gain
+_GAIN_STEP = 4  # px; every fourth pixel is enough to measure the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
@@ -26,11 +26,11 @@ _DRIFT_RATE = 0.1  # per frame without contact
 _BLOCK = 8  # px
 _DRIFT_ROUNDS = 6
 _QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
-_LARGEST_DRIFT = 15.0  # grey levels: what differs more is another sensor or another light, which the fit check tells
+_LARGEST_DRIFT = 15.0  # grey levels: what differs more is another sensor or another light, which the fit check reports
 
 
 def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
-    """`image` if it is (H, W, 3) uint8 of the sensor's size; InputError naming `what` and the mend otherwise."""
+    """`image` if it is (H, W, 3) uint8 of the sensor's size; else InputError naming `what` and the fix."""
     shape = (sensor.height, sensor.width, 3)
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)
@@ -50,13 +50,13 @@ class ContactLight:
 
     light: as `SensorModel.light`. Exposure and lamps change from frame to frame and turn a whole colour up or down;
     they are no contact, and most of the image is untouched, so each colour's median ratio to the background is taken
-    off. Of relative light what is left is divided by the background: the share by which real gel becomes brighter
+    off. Of relative light what is left is divided by the background: the fraction by which real gel becomes brighter
     where it slopes hardly differs from sensor to sensor or over the image, the grey levels do several times.
     """
 
     def __init__(self, background: np.ndarray, light: str):
         self._background = np.ascontiguousarray(background, np.float32)
-        self._sparse = 1 / np.maximum(self._background[::_EVERY, ::_EVERY], 1)
+        self._sparse = 1 / np.maximum(self._background[::_GAIN_STEP, ::_GAIN_STEP], 1)
         self._unit = RELATIVE_LEVEL / np.maximum(background, _DARKEST) if light == "relative" else None
 
     def difference(self, image: np.ndarray) -> np.ndarray:
@@ -65,7 +65,7 @@ class ContactLight:
         In grey levels; of relative light in those it would have over a background of 100.
         """
         image = np.ascontiguousarray(image, np.float32)
-        change = kernels.change_beside_gain(image, self._background, self._sparse, _EVERY, _LEAST_GAIN)
+        change = kernels.change_beside_gain(image, self._background, self._sparse, _GAIN_STEP, _LEAST_GAIN)
         return change if self._unit is None else change * self._unit
 
 
@@ -110,11 +110,11 @@ def without_drift(change: np.ndarray) -> np.ndarray:
     """
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-    places = place_terms(*blocks.shape[:2]).reshape(-1, 6)
+    positions = position_terms(*blocks.shape[:2]).reshape(-1, 6)
     blocks = blocks.reshape(-1, 3)
     kept = np.ones(len(blocks), bool)
     for _ in range(_DRIFT_ROUNDS):
-        factors = np.linalg.lstsq(places[kept], blocks[kept], rcond=None)[0]
-        off = np.abs(blocks - places @ factors).max(axis=1)
+        factors = np.linalg.lstsq(positions[kept], blocks[kept], rcond=None)[0]
+        off = np.abs(blocks - positions @ factors).max(axis=1)
         kept = off <= max(np.quantile(off, _QUIET_FRACTION), 1e-3)
-    return change - (place_terms(height, width) @ factors).astype(np.float32)
+    return change - (position_terms(height, width) @ factors).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What every training run shares: batches rendered beside it, a time budget, checkpoints, a log with its curve."""
+"""What training runs have in common: batches rendered beside it, a time budget, checkpoints, a log with its curve."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class TrainingRun:
 
     @property
     def progress(self) -> float:
-        """Share of the budget used, 0 ... 1."""
+        """Fraction of the budget used, 0 ... 1."""
         if self._options.steps:
             return min((self.step - self._first_step) / self._options.steps, 1.0)
         return min((time.monotonic() - self.started) / (60 * self._options.minutes), 1.0)

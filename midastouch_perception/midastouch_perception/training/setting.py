@@ -128,5 +128,5 @@ class TrainingData:
         return cls(
             *load_objects(options.meshes, PROCEDURAL_OBJECTS, options.seed),
             *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
-            RandomisationRange(colour_table=table, design_share=_OTHER_DESIGNS),
+            RandomisationRange(colour_table=table, design_fraction=_OTHER_DESIGNS),
         )

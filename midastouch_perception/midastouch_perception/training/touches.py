@@ -27,12 +27,12 @@ from ..tdn.inputs import ContactLight, without_drift
 _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8
 # wider than the paper's: small presses too, or light touches are missed
-_SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_share=0.04)
-_CALIBRATED_SHARE = 0.4  # of the sensors whose light is relative
-_BALL_SHARE = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
+_SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_fraction=0.04)
+_CALIBRATED_FRACTION = 0.4  # of the sensors whose light is relative
+_BALL_FRACTION = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
 _BALL_PRESSES = (5, 15)  # for a calibration
 _BALL_RADIUS = (1.5e-3, 8e-3)  # m
-_WIDEST = 4e-3  # m: radius of a ball's contact
+_WIDEST_CONTACT = 4e-3  # m: radius of a ball's contact
 _MISREAD_FRACTION = 0.5  # of the touches: the others are as the depth network saw them
 _DEPTH_FACTORS = 0.7, 1.4
 _MOST_BLUR = 3.0  # pixels
@@ -72,9 +72,9 @@ def touches(
             imaginary = RandomSensor(sensor, backgrounds, rng, ranges)
             response, maps, facing = None, penetration[part], normals[part]
             if sensor.light == "relative":
-                if rng.random() < _CALIBRATED_SHARE:
+                if rng.random() < _CALIBRATED_FRACTION:
                     response = calibrate(imaginary, rng)
-                if rng.random() < _BALL_SHARE:
+                if rng.random() < _BALL_FRACTION:
                     radius = float(rng.uniform(*_BALL_RADIUS))
                     maps = np.maximum(ball_presses(radius, len(part), sensor, rng), 0)
                     facing = np.zeros((*maps.shape, 3), np.float32)
@@ -87,11 +87,11 @@ def touches(
 
 
 def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Penetration (n, H, W) float32 m of a ball in random places, negative beside the contact."""
+    """Penetration (n, H, W) float32 m of a ball at random positions, negative beside the contact."""
     presses = []
     for _ in range(n):
         u, v = rng.uniform(0.05, 0.95, 2) * (sensor.width, sensor.height)
-        contact = min(rng.uniform(0.25, 0.85) * radius, _WIDEST)
+        contact = min(rng.uniform(0.25, 0.85) * radius, _WIDEST_CONTACT)
         presses.append(ball_penetration(ball_centre(u, v, contact, radius, sensor), radius, sensor))
     return np.stack(presses)
 
@@ -118,8 +118,8 @@ def shuffled(stream: Iterator[Touch], size: int, rng: np.random.Generator) -> It
 
 
 def misread(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Penetration maps (N, H, W) float32 m, half of them as a sensor would feel them that is off: depth scaled by
-    0.7 to 1.4, and for half of these the relief blurred by up to 3 pixels and cut off below up to 0.1 mm."""
+    """Penetration maps (N, H, W) float32 m, half of them as a sensor that is off would measure them: depth scaled by
+    0.7 to 1.4, and for half of these the map blurred by up to 3 pixels and cut off below up to 0.1 mm."""
     out = maps.copy()
     for i in np.flatnonzero(rng.random(len(maps)) < _MISREAD_FRACTION):
         out[i] *= np.exp(rng.uniform(*np.log(_DEPTH_FACTORS)))

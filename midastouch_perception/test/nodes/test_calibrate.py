@@ -132,13 +132,13 @@ def test_images_of_another_size_are_counted(graph, live):
 @pytest.mark.usefixtures("brisk_health")
 def test_images_that_stay_away_are_asked_for_until_they_come(graph, folder, digit, monkeypatch):
     monkeypatch.setattr("midastouch_perception.nodes.calibrate.SILENT_S", 0.2)
-    told = []
-    graph.add(CalibrateNode, parameters(folder), say=told.append)
+    said = []
+    graph.add(CalibrateNode, parameters(folder), say=said.append)
     camera = Camera(graph)
     asked = "no images on /image_raw; is the driver running?"
     graph.spin_until(lambda: camera.status and camera.status.message == asked, "the question")
     assert camera.status.level == DiagnosticStatus.WARN
-    assert told[-1] == asked
+    assert said[-1] == asked
     camera.hold(digit.background, lambda: camera.status.level == DiagnosticStatus.OK)
 
 

@@ -77,7 +77,7 @@ def test_another_sensor_or_scale_is_refused(calibration, real):
         calibration.check_sensor(dataclasses.replace(real, focal=1.1 * real.focal))
 
 
-def test_another_gel_is_told_from_the_same_under_another_brightness(calibration, background):
+def test_another_gel_is_distinguished_from_the_same_under_another_brightness(calibration, background):
     assert not calibration.background_problem(background)
     assert not calibration.background_problem((0.8 * background).astype(np.uint8))
     assert "another gel" in calibration.background_problem(background[:, ::-1].copy())

@@ -103,16 +103,16 @@ def test_another_ball_is_refused(digit, presses, real):
         calibrate(presses, digit.background, 3 * DIAMETER, real)
 
 
-def test_a_diameter_that_feels_like_another_is_refused_unless_it_is_said_to_be_right(digit, presses, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
-    with pytest.raises(InputError, match=r"feels like one of about 4 mm; measure.*--diameter-is-right"):
+def test_a_diameter_that_measures_like_another_is_refused_unless_it_is_confirmed(digit, presses, real, monkeypatch):
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
+    with pytest.raises(InputError, match=r"about 4 mm.*--diameter-is-right"):
         calibrate(presses, digit.background, DIAMETER, real)
     made = calibrate(presses, digit.background, DIAMETER, real, diameter_is_right=True)
-    assert "feels like one of about 4 mm" in made.warnings[0]
+    assert "about 4 mm" in made.warnings[0]
 
 
 def test_under_other_lamps_than_a_digits_the_diameter_is_not_doubted(digit, presses, real, monkeypatch):
-    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.felt_radius", lambda *_: RADIUS / 2)
+    monkeypatch.setattr("midastouch_perception.sensor_calibration.fit.measured_radius", lambda *_: RADIUS / 2)
     made = calibrate(presses, digit.background, DIAMETER, dataclasses.replace(real, lamps=""))
     assert not made.doubt
 

@@ -49,10 +49,10 @@ def at(x: float) -> np.ndarray:
 
 @pytest.fixture
 def watch():
-    return MotionWatch(patience=0.5)
+    return MotionWatch(timeout=0.5)
 
 
-def test_silence_counts_from_the_last_change_and_only_beyond_the_patience(watch):
+def test_silence_counts_from_the_last_change_and_only_beyond_the_timeout(watch):
     assert watch.silence(10, now=100.0) == 0
     assert watch.silence(10, now=100.4) == 0
     assert watch.silence(10, now=103.0) == pytest.approx(3.0)

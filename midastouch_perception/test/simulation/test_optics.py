@@ -125,19 +125,19 @@ def test_direction_is_that_of_the_slope(table):
 
 @pytest.mark.parametrize("turns", [1, 2, 3, 4, -1])
 def test_quarter_turns_turn_the_camera_with_its_lights(table, turns):
-    """The picture of a turned relief by the turned table is the turned picture."""
-    relief = np.random.default_rng(0).normal(0, 1e-4, (24, 24)).astype(np.float32)
-    plain = table.difference(relief, PIXEL)
-    turned = table.difference(np.rot90(relief, -turns), PIXEL, turns)
+    """The picture of a turned height by the turned table is the turned picture."""
+    height = np.random.default_rng(0).normal(0, 1e-4, (24, 24)).astype(np.float32)
+    plain = table.difference(height, PIXEL)
+    turned = table.difference(np.rot90(height, -turns), PIXEL, turns)
     np.testing.assert_allclose(turned, np.rot90(plain, -turns), atol=0.05)
     if turns % 4:
-        assert np.abs(table.difference(relief, PIXEL, turns) - plain).max() > 3
+        assert np.abs(table.difference(height, PIXEL, turns) - plain).max() > 3
 
 
 def test_mirrored_is_the_mirror_image(table):
-    relief = np.random.default_rng(1).normal(0, 1e-4, (24, 24)).astype(np.float32)
-    plain = table.difference(relief, PIXEL)
-    np.testing.assert_allclose(table.difference(relief[:, ::-1], PIXEL, mirrored=True), plain[:, ::-1], atol=0.05)
+    height = np.random.default_rng(1).normal(0, 1e-4, (24, 24)).astype(np.float32)
+    plain = table.difference(height, PIXEL)
+    np.testing.assert_allclose(table.difference(height[:, ::-1], PIXEL, mirrored=True), plain[:, ::-1], atol=0.05)
 
 
 def test_the_answer_differs_over_the_image(coefficients):
@@ -187,8 +187,8 @@ def test_the_table_of_a_real_digit(shared):
     table = ColourTable.load(shared / "data/digit_real/taxim_digit/polycalib.npz")
     rows, columns = np.mgrid[:160, :120]
     distance = np.hypot(rows - 80, columns - 60) * PIXEL
-    relief = np.maximum(0, 1e-3 - distance**2 / 8e-3).astype(np.float32)
-    difference = table.difference(relief, PIXEL)
+    height = np.maximum(0, 1e-3 - distance**2 / 8e-3).astype(np.float32)
+    difference = table.difference(height, PIXEL)
     assert 20 < np.abs(difference).max() <= 130
     assert not difference[:20].any(), "flat gel"
     left, right = difference[70:90, 40:55].mean(axis=(0, 1)), difference[70:90, 65:80].mean(axis=(0, 1))

@@ -53,7 +53,7 @@ def test_undeformed_gel(sensor):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_any_relief_and_normals(sensor, seed):
+def test_any_penetration_and_normals(sensor, seed):
     """To a quarter of a grey level, as well as TACTO itself is known to agree with its description."""
     small = sensor.scaled(0.125)
     rng = np.random.default_rng(seed)

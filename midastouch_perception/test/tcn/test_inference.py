@@ -56,7 +56,7 @@ def test_depth_and_contact_are_means_of_four_pixels_in_metric_units():
     maps[1, :2, 2:4] = [[1e-3, 0], [0, 2e-3]]
     out = code_input(maps, sensor)
     assert out.shape == (2, 4, sensor.height // 2, sensor.width // 2)
-    np.testing.assert_allclose(out[1, :2, 0, 1], [0.75, 0.5], rtol=1e-6)  # mm; share
+    np.testing.assert_allclose(out[1, :2, 0, 1], [0.75, 0.5], rtol=1e-6)  # mm; fraction
     assert np.count_nonzero(out[:, :2]) == 2
     x, y = out[0, 2:]
     assert (np.diff(x, axis=1) > 0).all()

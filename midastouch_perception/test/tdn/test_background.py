@@ -15,7 +15,7 @@ from midastouch_perception.tdn.background import (
     BackgroundCapture,
     RunningBackground,
     TouchedBackground,
-    doubtful_share,
+    doubtful_fraction,
     largest_change,
     shows_contact,
 )
@@ -57,9 +57,9 @@ def slide(step: int) -> list[np.ndarray]:
 def test_a_contact_that_hardly_moves_leaves_a_doubtful_background():
     for step, doubtful in ((20, False), (2, True)):
         frames = slide(step)
-        assert (doubtful_share(frames, estimate_background(frames)) > 0.1) == doubtful
+        assert (doubtful_fraction(frames, estimate_background(frames)) > 0.1) == doubtful
     agreed = [np.full((320, 240, 3), level, np.uint8) for level in (99, 100, 101)]
-    assert doubtful_share(agreed, estimate_background(agreed)) == 0
+    assert doubtful_fraction(agreed, estimate_background(agreed)) == 0
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def tdn():
 def presses(tool, sensor):
     """Images of firm touches and two images of the untouched gel."""
     rng = np.random.default_rng(0)
-    sampling = ContactSampling(press=(0.8e-3, 1.5e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.8e-3, 1.5e-3), free_fraction=0.0)
     maps = PenetrationRenderer(tool, sensor).render_with_normals(sample_contact_poses(tool, 8, rng, sensor, sampling))
     plain, optics = np.full((320, 240, 3), (120, 110, 130), np.uint8), TactoOptics(sensor)
     images = [optics.image(p, plain, rng, n) for p, n in zip(*maps, strict=True)]

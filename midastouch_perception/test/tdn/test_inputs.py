@@ -26,10 +26,10 @@ def test_a_frame_s_own_brightness_is_no_contact(gain):
 @pytest.mark.parametrize("lamps", [0.5, 1.0, 1.4])
 def test_relative_light_looks_alike_under_any_lamps(lamps):
     background, contact = scene()
-    share = contact / 100
+    fraction = contact / 100
     light = ContactLight(lamps * background, "relative")
     bright = lamps * background > 30
-    seen = light.difference(lamps * background * (1 + share))
+    seen = light.difference(lamps * background * (1 + fraction))
     np.testing.assert_allclose(seen[bright], contact[bright], atol=1e-3)
     assert (np.abs(seen) <= np.abs(contact) + 1e-3).all(), "what is dark is not enlarged"
 
@@ -96,8 +96,8 @@ def test_warm_up_is_no_contact():
 
     tdn = Watched()
     stage = DepthStage(tdn)
-    felt = [stage.process(frame(3e-4 * i), background).in_contact for i in range(200)]
-    assert np.mean(felt) < 0.05
+    in_contact = [stage.process(frame(3e-4 * i), background).in_contact for i in range(200)]
+    assert np.mean(in_contact) < 0.05
     stage.process(frame(0.06), background)
     learned = np.abs(tdn.shown).mean()
     stage.process(frame(0.06), background.copy())
