@@ -29,7 +29,7 @@ def test_alarms_are_counted_with_the_right_and_with_a_touched_background(real):
 
 def test_doubts_are_counted_by_factor(real, monkeypatch):
     truth = iter(np.random.default_rng(0).uniform(0.98, 1.02, 3) * RADIUS_RATIO * 3e-3)
-    monkeypatch.setattr(diameters, "felt_radius", lambda *_: next(truth))
+    monkeypatch.setattr(diameters, "measured_radius", lambda *_: next(truth))
     monkeypatch.setattr(diameters, "RADII", (3e-3, 3e-3))
     rng = np.random.default_rng(0)
     counted = diameter_checks(real, no_contact_image(real, rng)[None], 3, rng)
