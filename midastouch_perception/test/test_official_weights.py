@@ -10,6 +10,7 @@ from midastouch_perception import official_weights
 from midastouch_perception.official_weights import import_weights, read_checkpoint
 from midastouch_perception.tcn import load_tcn
 from midastouch_perception.tdn import fcrn_graph, load_tdn
+from midastouch_perception.tdn.fcrn import FcrnDepthNet
 
 STATE = {
     "weight": np.arange(6, dtype=np.float32).reshape(2, 3),
@@ -63,8 +64,10 @@ def test_a_depth_network_becomes_loadable(tmp_path, monkeypatch):
     np.savez(tmp_path / "tdn_weights.npz", **{"conv.weight": np.full((1, 3, 1, 1), 0.5)})
     path = import_weights(tmp_path / "tdn_weights.npz", tmp_path / "out")
     assert path == tmp_path / "out" / "tdn_fcrn.onnx"
-    image = np.full((320, 240, 3), 200, np.uint8)
-    assert load_tdn(path).predict(image, image).shape == (160, 120)
+    image, tdn = np.full((320, 240, 3), 200, np.uint8), load_tdn(path)
+    assert isinstance(tdn, FcrnDepthNet)
+    assert tdn.network_id.startswith("tdn_fcrn-")
+    assert tdn.predict(image, image).shape == (160, 120)
 
 
 def test_missing_and_misshapen_tensors_are_listed(minkloc_state, tmp_path):

@@ -69,7 +69,7 @@ def test_at_scale_sets_what_a_pixel_is():
 
 @pytest.mark.parametrize("scale", [18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300])
 def test_a_scale_of_no_finger_is_refused(scale):
-    with pytest.raises(InputError, match=r"px/mm.*give pixels per millimetre; a DIGIT has 17 to 21"):
+    with pytest.raises(InputError, match=r"px/mm.*pixels per millimetre"):
         SensorModel.load("digit_real").at_scale(scale)
 
 
@@ -142,7 +142,7 @@ def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("light")))
     assert SensorModel.load(path).light == "relative"
     path.write_text(text.replace("light: relative", "light: bright"))
-    with pytest.raises(InputError, match="light 'bright' is not known; use relative or additive"):
+    with pytest.raises(InputError, match=r"bright.*relative.*additive"):
         SensorModel.load(path)
 
 

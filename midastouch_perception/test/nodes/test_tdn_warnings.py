@@ -150,4 +150,4 @@ def test_two_publishers_of_the_images_are_named(graph, depth, background):
         assert warned() == []
         graph.add(Node, node_name=name, namespace="cell").create_publisher(Image, "/image_raw", qos.stream_publisher())
     graph.spin_until(lambda: warned())
-    assert warned()[0] == "/image_raw has 2 publishers: /cell/digit_driver, /cell/replay; stop all but one of them"
+    assert all(name in warned()[0] for name in ("/image_raw", "/cell/digit_driver", "/cell/replay"))

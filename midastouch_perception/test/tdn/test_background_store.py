@@ -48,7 +48,7 @@ def test_serials_that_would_leave_the_folder_are_refused(tmp_path, serial):
 def test_a_damaged_or_foreign_file_is_named(tmp_path, image):
     store = BackgroundStore(tmp_path, "D20001")
     store.save(image)
-    with pytest.raises(InputError, match=r"240 x 320 pixels, the sensor model has 480 x 640"):
+    with pytest.raises(InputError, match=r"240 x 320.*480 x 640"):
         store.load(640, 480)
     store.path.write_bytes(b"no image")
     with pytest.raises(InputError, match=r"D20001\.png"):
@@ -89,7 +89,7 @@ def test_a_folder_of_touches_at_one_place_is_refused(tmp_path):
         image = GREY.copy()
         image[100:200] += np.uint8(10 * i)
         cv2.imwrite(str(tmp_path / f"{i:03d}.png"), image)
-    with pytest.raises(InputError, match="touched in most of these images"):
+    with pytest.raises(InputError, match="without contact"):
         read_background(tmp_path, 320, 240)
 
 
