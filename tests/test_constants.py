@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import Effort, NoiseModel
-from midastouch_perception.codebook_poses import YAWS
+from midastouch_perception.codebook import YAWS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "internals.md"
 ORIGINS = {

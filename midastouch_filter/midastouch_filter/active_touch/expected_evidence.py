@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_perception.codebook_poses import PRESS
+from midastouch_perception.codebook import PRESS
 
 from ..core.noise_model import NoiseModel
 from ..core.object_model import ObjectModel

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook_poses import PRESS
+from midastouch_perception.codebook import PRESS
 from midastouch_perception.sensor_model import SensorModel
 
 from .alignment import PenetrationAlignment

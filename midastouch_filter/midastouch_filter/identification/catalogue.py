@@ -12,8 +12,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook import Codebook
-from midastouch_perception.codebook_poses import YAWS
+from midastouch_perception.codebook import YAWS, Codebook
 from midastouch_perception.sensor_model import SensorModel
 
 from ..core import workers

@@ -35,7 +35,7 @@ def sensor():
 @pytest.fixture(scope="module")
 def touches(tool, sensor):
     """Poses on the tool and what they measure, averaged from full resolution."""
-    sampling = ContactSampling(press=(0.5e-3, 1.2e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.5e-3, 1.2e-3), free_fraction=0.0)
     poses = sample_contact_poses(tool, 40, np.random.default_rng(0), sensor, sampling)
     maps = PenetrationRenderer(tool, sensor.scaled(4)).render(poses)
     return poses, maps.reshape(len(maps), 80, 4, 60, 4).mean(axis=(2, 4))
@@ -100,7 +100,7 @@ def hand():
     """An alignment, poses (2, 4, 4) of two fingers on the tool and the penetrations they measure."""
     tool = ObjectMesh.load(bundled_objects()["handle_tool"])
     sensor = SensorModel.load("digit_tacto")
-    sampling = ContactSampling(press=(8e-4, 1e-3), edge_share=1.0, free_share=0.0)
+    sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
     poses = sample_contact_poses(tool, 6, np.random.default_rng(4), sensor, sampling)
     # the nearest two: neither decides alone
     gaps = np.linalg.norm(poses[:, None, :3, 3] - poses[None, :, :3, 3], axis=2) + np.eye(6)

@@ -35,7 +35,7 @@ def sensor():
 @pytest.fixture(scope="module")
 def touch(tool, sensor):
     """A pose on the tool's edge and what is measured there, and another pose far away."""
-    sampling = ContactSampling(press=(8e-4, 1e-3), edge_share=1.0, free_share=0.0)
+    sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
     poses = sample_contact_poses(tool, 2, np.random.default_rng(4), sensor, sampling)
     return poses[0], reduced_penetration(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
 

@@ -3,7 +3,7 @@ import pytest
 
 from midastouch_perception.sensor_calibration.ball import ball_centre, ball_penetration
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tcn.misreading import misread
+from midastouch_perception.training.touches import misread
 
 
 @pytest.fixture(scope="module")
@@ -16,9 +16,9 @@ def presses() -> np.ndarray:
 
 
 def test_half_of_the_touches_stay_and_of_the_others_half_are_only_scaled(presses):
-    felt = misread(presses, np.random.default_rng(0))
+    measured = misread(presses, np.random.default_rng(0))
     touched = presses[0] > 0
-    ratio = felt[:, touched] / presses[0, touched]
+    ratio = measured[:, touched] / presses[0, touched]
     only_scaled = np.ptp(ratio, axis=1) < 1e-4
     same = only_scaled & (np.abs(ratio[:, 0] - 1) < 1e-6)
     scale = ratio[only_scaled & ~same, 0]
@@ -27,7 +27,7 @@ def test_half_of_the_touches_stay_and_of_the_others_half_are_only_scaled(presses
     assert 0.7 - 1e-6 < scale.min() < 0.8
     assert 1.25 < scale.max() < 1.4 + 1e-6
     # the outlines of the rest grow or shrink, and none is lost
-    area = np.count_nonzero(felt, axis=(1, 2)) / np.count_nonzero(touched)
+    area = np.count_nonzero(measured, axis=(1, 2)) / np.count_nonzero(touched)
     assert (area[only_scaled] == 1).all()
     assert 0.5 < area.min() < 0.97
     assert 1.03 < area.max() < 2

@@ -8,7 +8,7 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 from midastouch_perception.tdn.background_store import BackgroundStore
-from midastouch_perception.tdn.calibration_in_use import CalibrationInUse
+from midastouch_perception.tdn.depth_net import CalibrationInUse
 
 
 @pytest.fixture(scope="module")
@@ -88,5 +88,5 @@ def test_it_is_kept_per_serial_number(real, calibration, tmp_path):
     dataclasses.replace(calibration, pixel_size=1.05 * real.pixel_size).save(store.calibration_path)
     assert store.load_calibration(real).pixel_size == 1.05 * real.pixel_size
     dataclasses.replace(calibration, serial="D9").save(store.calibration_path)
-    with pytest.raises(InputError, match=r"D20123\.calibration\.npz: calibration of the sensor 'D9', not of 'D20123'"):
+    with pytest.raises(InputError, match=r"D20123\.calibration\.npz: .*D9"):
         store.load_calibration(real)
