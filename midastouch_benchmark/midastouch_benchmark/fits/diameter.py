@@ -2,7 +2,8 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/diameter.py`. Each sensor is another one than
+`RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of `midastouch_perception/sensor_calibration/network_checks.py`.
+Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.training.backgrounds import load_backgrounds
+from midastouch_perception.training.setting import load_backgrounds
 
 from ..perception.check_quality import measured_balls
 
@@ -35,7 +36,8 @@ def main() -> None:
     fractions = np.log([measured / radius for radius, measured in balls if measured is not None])
     usual = np.median(fractions)
     doubt = np.exp(np.quantile(np.abs(fractions - usual), 1 - DOUBTED))
-    print(f"{len(fractions)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}")
+    print(f"{len(fractions)} of {args.sensors} measured")
+    print(f"RADIUS_RATIO {np.exp(usual):.3f}, MOST_DIAMETER_FACTOR {doubt:.2f}")
 
 
 if __name__ == "__main__":

@@ -17,13 +17,13 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_calibration.diameter import diameter_doubt, felt_radius
+from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_radius
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import DepthNet
-from midastouch_perception.tdn.background import shows_contact
+from midastouch_perception.tdn.background import TouchedBackground, shows_contact
 from midastouch_perception.tdn.colour_layout import (
     ORIENTATIONS,
     image_problem,
@@ -32,12 +32,11 @@ from midastouch_perception.tdn.colour_layout import (
     turned_since,
 )
 from midastouch_perception.tdn.fit_check import FitCheck
-from midastouch_perception.tdn.touched_background import TouchedBackground
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""
-_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_share=0.0)
-_FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_share=0.0)
+_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_fraction=0.0)
+_FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_fraction=0.0)
 DEPTHS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.7e-3)
 """Edges [m] of the classes of true penetration in which missed contacts are counted."""
 WARM_UP = (0.0, 0.01, 0.02, 0.05, 0.1)
@@ -196,7 +195,7 @@ def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -
     stage = DepthStage(tdn, check, touched)
     for image in images:
         stage.process(image, background)
-        stage.reflect()
+        stage.deferred_update()
     return check, touched
 
 
@@ -286,4 +285,4 @@ def measured_balls(
     for _ in range(n):
         radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)
-        yield radius, felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+        yield radius, measured_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)

@@ -16,7 +16,7 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.refinement.refinement import is_narrow
@@ -29,7 +29,7 @@ from midastouch_perception.simulation.simulated_digit import SimulatedDigit
 from midastouch_perception.state_dict import random_state
 from midastouch_perception.tcn import load_tcn, minkloc3d_network
 from midastouch_perception.tcn.minkloc3d import save_minkloc3d
-from midastouch_perception.tdn import fcrn_shapes, load_tdn
+from midastouch_perception.tdn import fcrn, load_tdn
 from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
 
@@ -95,8 +95,8 @@ class SpeedMeasurement:
         config = FilterConfig()
         particle_filter = ParticleFilter(copies.mesh, copies.codebook, config, seed=0)
         spread = np.diag(np.repeat(np.square(_GATHERED), 3))
-        particle_filter.initialise_places(
-            [Place(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
+        particle_filter.initialise_hypotheses(
+            [PoseHypothesis(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
         )
         stopwatch, narrow = Stopwatch(), []
         for i, touch in enumerate(self._measurements):
@@ -178,7 +178,7 @@ class SpeedMeasurement:
                 with answers:
                     touch = pipeline.process(image, self._background)
                     estimate = particle_filter.step(self._odometry(i), measurement_of(touch))
-                particle_filter.reflect()
+                particle_filter.deferred_update()
             states.append(estimate.status.state)
         answers.drop(2)
         frames.drop(2)
@@ -248,7 +248,7 @@ def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray]
     """
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        state = random_state(fcrn_shapes.expected_shapes(), rng)
+        state = random_state(fcrn.expected_shapes(), rng)
         tdn = load_tdn(save_fcrn(state, {"network": "tdn_fcrn"}, Path(folder)), sensor)
         state = random_state(minkloc3d_network.expected_shapes(), rng)
         tcn = load_tcn(save_minkloc3d(state, {"network": "tcn_minkloc3d"}, Path(folder), _VOXEL_SIZE), sensor)

@@ -1,4 +1,4 @@
-"""The tables of README.md, docs/evaluation.md and docs/trust.md from the committed reports.
+"""The tables of README.md, docs/evaluation.md, docs/trust.md and reports/README.md from the committed reports.
 
 .venv/bin/python -m midastouch_benchmark.tables.documents
 
@@ -12,17 +12,23 @@ import re
 
 import pandas as pd
 
-from . import accuracy, checks, comparisons, exploring, perception, speed, trust
+from . import accuracy, checks, comparisons, exploring, figures, perception, speed, trust
 from .reports import COMMANDS, ROOT, report, report_path, reported
 from .table import listed, markdown
 
-DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md")
+DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md", "reports/README.md")
 """Every document with generated tables; a table may stand in several."""
 
 
 def commands() -> pd.DataFrame:
     """What made each report."""
     return listed(("report", "made by"), ((f"[{name}]", f"`{_made_by(name)}`") for name in reported()))
+
+
+def figure_commands() -> pd.DataFrame:
+    """What made those that the figures of docs/evaluation.md come from."""
+    table = commands()
+    return table[table["report"].str.strip("[]").isin(figures.reports())]
 
 
 def _made_by(name: str) -> str:
@@ -35,6 +41,7 @@ TABLES = {
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
         comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
+        figures.figures, figure_commands,
         trust.converged, trust.weights, trust.regions, trust.events,
         exploring.identification, exploring.shapes, exploring.exploration,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,

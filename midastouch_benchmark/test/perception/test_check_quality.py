@@ -18,10 +18,10 @@ from midastouch_benchmark.perception.check_quality import (
 )
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_bringup.datasets.slide_simulation import no_contact_image
-from midastouch_perception.sensor_calibration.diameter import FELT
+from midastouch_perception.sensor_calibration.network_checks import RADIUS_RATIO
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
 from midastouch_perception.simulation.randomisation import RandomisationRange
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import load_tdn
 
 
@@ -125,7 +125,7 @@ def test_roc_area():
 
 def test_layouts_of_real_sensors(shared):
     """Of the 24 real no-contact images few are refused as they are, and nearly all when they are wrong."""
-    from midastouch_perception.training.backgrounds import load_backgrounds
+    from midastouch_perception.training.setting import load_backgrounds
 
     images = np.concatenate(load_backgrounds(shared / "data/digit_backgrounds", 80, 60))
     refused = layout_quality(images)
@@ -155,12 +155,12 @@ def test_alarms_are_counted_with_the_right_and_with_a_touched_background(real):
 
 
 def test_doubts_are_counted_by_factor(real, monkeypatch):
-    truth = iter(np.random.default_rng(0).uniform(0.98, 1.02, 3) * FELT * 3e-3)
-    monkeypatch.setattr(check_quality, "felt_radius", lambda *_: next(truth))
+    truth = iter(np.random.default_rng(0).uniform(0.98, 1.02, 3) * RADIUS_RATIO * 3e-3)
+    monkeypatch.setattr(check_quality, "measured_radius", lambda *_: next(truth))
     monkeypatch.setattr(check_quality, "RADII", (3e-3, 3e-3))
     rng = np.random.default_rng(0)
     counted = diameter_checks(real, no_contact_image(real, rng)[None], 3, rng)
-    assert counted["felt_over_true"] == pytest.approx(FELT, rel=0.02)
+    assert counted["felt_over_true"] == pytest.approx(RADIUS_RATIO, rel=0.02)
     assert counted["spread"] < 0.03
     given = {each["factor"]: each for each in counted["given"]}
     assert set(given) == set(FACTORS)
