@@ -153,7 +153,7 @@ class ObjectMesh:
         return first, second, contrary
 
     @property
-    def contrary_share(self) -> float:
+    def contrary_fraction(self) -> float:
         """Fraction of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
         contrary = self._shared_edges[2]
         return float(contrary.mean()) if len(contrary) else 0.0

@@ -83,12 +83,12 @@ def test_inverted_mesh_is_turned_outward(block):
 
 
 def test_faces_that_contradict_their_neighbours_are_counted_across_seams(block):
-    assert block.contrary_share == 0
+    assert block.contrary_fraction == 0
     apart = block.vertices[block.faces].reshape(-1, 3)  # as STL has them: no corner is shared
     faces = np.arange(len(apart)).reshape(-1, 3)
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_share == 0
+    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == 0
     faces[0] = faces[0, ::-1]
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_share == pytest.approx(3 / (1.5 * len(faces)))
+    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == pytest.approx(3 / (1.5 * len(faces)))
 
 
 def test_feature_edges_of_a_box():

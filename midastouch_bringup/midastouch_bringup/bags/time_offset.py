@@ -50,7 +50,7 @@ def estimate_time_offset(frames: Iterable[BagFrame]) -> TimeOffset:
     if agreement[best] < _CLEAR or best in (0, len(lags) - 1):
         raise InputError(
             f"images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST:g} s): slide over "
-            "something that can be felt, and start and stop several times"
+            "edges of an object, and start and stop several times"
         )
     before, at, after = agreement[best - 1 : best + 2]
     vertex = 0.5 * (before - after) / (before - 2 * at + after)

@@ -16,7 +16,7 @@ from midastouch_common.pose_metric import particle_rmse, pose_errors
 from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 
-from ..bags.snapshot import Snapshot
+from ..bags.run_record import Snapshot
 from .object_view import ObjectView
 
 PARTICLE_COLOUR, MODE_COLOUR, ESTIMATE_COLOUR = "#7a7f87", "#1f77b4", "#cc1a73"

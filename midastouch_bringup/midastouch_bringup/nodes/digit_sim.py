@@ -24,10 +24,9 @@ from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.motion_watch import MotionWatch, too_deep
-from midastouch_perception.simulation.shutter import Shutter
+from midastouch_perception.simulation.engine import MotionWatch, Shutter, too_deep
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit, SimulatedFrame
-from midastouch_perception.tdn.background_file import read_background
+from midastouch_perception.tdn.background_store import read_background
 
 from ..bags.messages import GEL_FRAME, TRUTH_FRAME
 from ..datasets.slide_simulation import no_contact_image

@@ -1,4 +1,4 @@
-"""How a replay is controlled: services for pause and steps, run-time parameters for pace and place, and keys."""
+"""How a replay is controlled: services for pause and steps, run-time parameters for pace and position, and keys."""
 
 from __future__ import annotations
 

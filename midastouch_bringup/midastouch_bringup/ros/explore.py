@@ -30,20 +30,18 @@ from midastouch_perception.objects import bundled_objects
 
 from ..bags.messages import IMAGE_TOPIC, IMAGE_TYPE, TF_TOPIC, Topic
 from ..bags.run_record import OBJECTS, PENETRATION, read_run
-from ..explore.page import write_page, write_words
-from ..explore.preparation import prepare
-from ..explore.result import Ended, ending, exploration_result, result_rows
+from ..demo.preparation import prepare_codebooks
+from ..explore.result import Ended, ending, exploration_result, result_rows, write_page, write_words
 from ..nodes.recorder import TOPICS, Recorder
 from ..output_paths import quick_codebook
-from ..processes.program import Program
+from ..processes.process import Program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
 from ..replay.keyboard import Keyboard
 from ..result_file import write_json
 from ..text_table import text_table
-from .launch_arguments import explored, quick_codebooks
-from .recording_ends import RESULTS, await_recorder, hear_the_last
-from .supervised_run import supervised_run
+from .launch_parameters import explored, quick_codebooks
+from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
 KEYS_HELP = (
     "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
@@ -65,8 +63,8 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     out.mkdir(parents=True, exist_ok=True)
     touched, codebook, objects = _path_of(given["mesh"]), given["codebook"], given["objects"]
     bag, started = out / "run.mcap", time.monotonic()
-    untold = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
-    print(f"a simulated finger explores '{Path(touched).stem}'{untold}")
+    unknown = f", for the filter one of {len(objects.split(','))} objects" if objects else ""
+    print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     with atomic_path(bag) as temporary:
         seat = _explore(programs, touched, temporary, out / "log", domain)
@@ -81,7 +79,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     if seat.mesh != touched:  # a person has changed it, and told: what came before was about another one
         record = record.last(1e-9 * seat.since_change_ns).told()
         changed = {"mesh": seat.mesh, "codebook": "", "objects": ""}
-        prepare(quick_codebooks(changed))
+        prepare_codebooks(quick_codebooks(changed))
         touched, codebook = seat.mesh, explored(changed)["codebook"]
     mesh = ObjectMesh.load(touched)
     result = exploration_result(record, mesh.name, seat.ended, seat.answering, seconds)

@@ -1,6 +1,7 @@
 """The command line as a user meets it: help, exit codes, one-line errors."""
 
 import argparse
+import importlib.metadata
 
 import pytest
 
@@ -106,3 +107,13 @@ def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch
     monkeypatch.setattr(doctor, "run", fail)
     assert cli.main(["doctor"]) == status
     assert capsys.readouterr().err.splitlines() == [line]
+
+
+def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeypatch, capsys):
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [])
+    assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - cli.add_commands(argparse.ArgumentParser()).keys()
+    for name in cli.OF_BENCHMARK:
+        assert cli.main([name, "--help"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{name}: comes with the package midastouch_benchmark" in line
+        assert "colcon build" in line

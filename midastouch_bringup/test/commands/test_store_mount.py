@@ -10,8 +10,8 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 
 from midastouch_bringup import cli
-from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_bringup.ros.learnt_calibration import learnt_calibration
+from midastouch_bringup.arm.mount import read_mount
+from midastouch_bringup.ros.local_context import learnt_calibration
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ArmCalibration
@@ -47,12 +47,12 @@ def test_nothing_is_stored_before_something_is_known(graph, tmp_path, capsys):
 
 def test_a_topic_that_nobody_publishes_is_named(graph):
     with pytest.raises(InputError, match=r"/left/calibration.*--namespace"):
-        learnt_calibration("left", patience=0.2)
+        learnt_calibration("left", timeout=0.2)
 
 
 def test_a_namespace_that_is_none_is_refused():
     with pytest.raises(InputError, match=r"--namespace a b: .*alphanumerics"):
-        learnt_calibration("a b", patience=0.2)
+        learnt_calibration("a b", timeout=0.2)
 
 
 def test_where_ros_does_not_start_that_is_said(tmp_path):

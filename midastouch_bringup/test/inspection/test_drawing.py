@@ -10,9 +10,8 @@ import trimesh
 
 from midastouch_bringup import cli
 from midastouch_bringup.inspection import require_open3d, window
-from midastouch_bringup.inspection.geometry import export, mesh_geometry
+from midastouch_bringup.inspection.geometry import export, mesh_geometry, shapes
 from midastouch_bringup.inspection.pictures import Pictures, save
-from midastouch_bringup.inspection.shapes import shapes
 from midastouch_common.errors import InputError
 
 from .conftest import MOMENTS

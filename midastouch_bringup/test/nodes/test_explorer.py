@@ -12,7 +12,7 @@ from midastouch_msgs.msg import FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.nodes import tdn
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
 
 def default(parameters, name):

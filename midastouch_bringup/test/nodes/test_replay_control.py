@@ -106,9 +106,10 @@ def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
 
 def test_what_the_keys_do(graph, simulated_sequence):
     sequence = simulated_sequence(n=80)  # 7.9 s
-    node = replay(graph, sequence.path, start_paused=True, rate=1.0, start_offset=7.0)
+    node = replay(graph, sequence.path, start_paused=True, rate=1.0)
     images = graph.listen(Image, "image_raw")
     keys = node.control.keys()
+    assert set_parameter(graph, "seek_to", 7.0).successful
     node.start()
     keys["right"]()
     graph.spin_until(lambda: len(images) == 1, "one frame")

@@ -6,10 +6,9 @@ import time
 import pytest
 
 from midastouch_bringup.processes import process
-from midastouch_bringup.processes.back_off import BackOff
 from midastouch_bringup.processes.local_domain import LogFolder
-from midastouch_bringup.processes.program import Program
-from midastouch_bringup.processes.supervisor import NodeFailed, Supervisor
+from midastouch_bringup.processes.process import Program
+from midastouch_bringup.processes.supervisor import BackOff, NodeFailed, Supervisor
 
 FOR_EVER = "while :; do sleep 0.05; done"
 PATIENCE = 120.0  # s; bounds a failing test only
@@ -101,3 +100,10 @@ def test_who_has_died_is_started_again_and_its_log_goes_on(tmp_path, heard):
         assert supervisor.pids["h_alive"] == before["h_alive"]
     said = (tmp_path / "log" / "midastouch.log").read_text()
     assert said == "h_dead died: exit code 3; starting it again in 0 s\n"
+
+
+def test_the_pause_grows_to_a_limit_and_begins_anew_after_a_long_life():
+    back_off = BackOff(first=2.0, longest=10.0)
+    assert [back_off.after(1.0) for _ in range(5)] == [2.0, 4.0, 8.0, 10.0, 10.0]
+    assert back_off.after(10.0) == 2.0
+    assert back_off.after(0.0) == 4.0
