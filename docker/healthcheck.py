@@ -21,8 +21,7 @@ def silent_nodes(names: set[str], timeout: float, context: rclpy.Context) -> set
     missing = set(names)
 
     def heard(message: DiagnosticArray) -> None:
-        # "name: detail", the name with or without its namespace
-        missing.difference_update(s.name.partition(":")[0].rpartition("/")[2] for s in message.status)
+        missing.difference_update(s.name.partition(":")[0] for s in message.status)  # "name: full name"
 
     node = rclpy.create_node("healthcheck", context=context)
     node.create_subscription(DiagnosticArray, "/diagnostics", heard, 50)

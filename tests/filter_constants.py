@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent / "midastouch_filter" / "midastouch_filter"
-CLASSES = {"core/noise_model.py": "NoiseModel", "refinement/effort.py": "Effort", "core/config.py": "FilterConfig"}
+CLASSES = {"core/noise_model.py": ("NoiseModel", "Effort"), "core/config.py": ("FilterConfig",)}
 _FIELDS = ("_number", "_switch")  # of FilterConfig: the default is the first argument
 _CALCULATION = (
     ast.Constant, ast.Tuple, ast.List, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.Call, ast.Name,
@@ -20,7 +20,7 @@ def constants() -> dict[tuple[str, str], str]:
     for path in sorted(ROOT.rglob("*.py")):
         file = path.relative_to(ROOT).as_posix()
         for node in ast.parse(path.read_text()).body:
-            if isinstance(node, ast.ClassDef) and node.name == CLASSES.get(file):
+            if isinstance(node, ast.ClassDef) and node.name in CLASSES.get(file, ()):
                 found |= {(file, name): ast.unparse(value) for name, value in _defaults(node)}
             else:
                 found |= {(file, name): ast.unparse(value) for name, value in _assigned(node) if _numeric(value)}

@@ -9,8 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.refinement.effort import Effort
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_perception.codebook import YAWS
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "constants.md"
@@ -58,11 +57,11 @@ def test_derived_values_follow_from_what_they_name():
 def test_a_new_number_is_found(tmp_path, monkeypatch):
     source = "A, B = 0.5, -2\nC: float = np.radians(3.0)\nNAME = 'text'\nON = True\nBOX = Box(3)\n"
     (tmp_path / "new.py").write_text(source)
-    (tmp_path / "refinement").mkdir()
+    (tmp_path / "core").mkdir()
     effort = "class Effort:\n    starts: int = 4\n    turns: tuple = (np.radians(10.0),)\n"
-    (tmp_path / "refinement" / "effort.py").write_text(effort)
+    (tmp_path / "core" / "noise_model.py").write_text(effort)
     monkeypatch.setattr(filter_constants, "ROOT", tmp_path)
     assert filter_constants.constants() == {
         ("new.py", "A"): "0.5", ("new.py", "B"): "-2", ("new.py", "C"): "np.radians(3.0)",
-        ("refinement/effort.py", "starts"): "4", ("refinement/effort.py", "turns"): "(np.radians(10.0),)",
+        ("core/noise_model.py", "starts"): "4", ("core/noise_model.py", "turns"): "(np.radians(10.0),)",
     }  # fmt: skip

@@ -46,7 +46,7 @@ import importlib, importlib.abc, sys
 class Refuse(importlib.abc.MetaPathFinder):
     def find_spec(self, name, path=None, target=None):
         if name.split(".")[0] in {COMPILERS}:
-            raise AssertionError(name + " is imported")
+            raise ModuleNotFoundError(name + " is imported", name=name)  # where it is optional, all goes on without
 
 sys.meta_path.insert(0, Refuse())
 for name in {modules()}:

@@ -7,7 +7,3 @@ class DeviceError(RuntimeError):
 
 class CorruptFrameError(RuntimeError):
     """One frame was damaged on its way; the next one may be good."""
-
-
-class EndOfStreamError(RuntimeError):
-    """A recording has been played to its end."""

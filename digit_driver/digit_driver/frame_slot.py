@@ -1,4 +1,4 @@
-"""What the thread that reads a source hands over: the newest frame, and what became of the others."""
+"""What the thread that reads a camera hands over: the newest frame, and what became of the others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ class ReaderState(Enum):
     CONNECTING = "connecting"
     STREAMING = "streaming"
     DISCONNECTED = "disconnected"
-    ENDED = "ended"
     FAILED = "failed"
 
 
@@ -26,12 +25,12 @@ class ReaderStatus:
 
     Attributes:
         state: see ReaderState.
-        info: the source, once it has been open.
+        info: the camera, once it has been open.
         frames: good frames read.
-        lost: frames that the source produced and nobody could read (gaps in its numbering).
+        lost: frames that the camera produced and nobody could read (gaps in its numbering).
         corrupt: damaged frames, not passed on.
         overwritten: good frames replaced by a newer one before they were taken.
-        reconnects: times the source came back.
+        reconnects: times the camera came back.
         last_error: why it failed last; kept after it came back.
         silent_s: time since the thread last gave a sign of life; more than a second means a call that hangs.
     """

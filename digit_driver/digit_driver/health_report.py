@@ -69,9 +69,7 @@ def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
 
 
 def _quiet_message(state: ReaderState) -> str:
-    return {ReaderState.STOPPED: "capture is off", ReaderState.ENDED: "recording played to its end"}.get(
-        state, state.value
-    )
+    return "capture is off" if state is ReaderState.STOPPED else state.value
 
 
 def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
@@ -79,7 +77,7 @@ def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
     if reader.silent_s > _SILENCE_S:
         return [(Level.ERROR, f"the device driver hangs since {reader.silent_s:.0f} s; replug the sensor")]
     if reader.state in (ReaderState.CONNECTING, ReaderState.DISCONNECTED, ReaderState.FAILED):
-        return [(Level.ERROR, f"{reader.state.value}: {reader.last_error or 'opening the source'}")]
+        return [(Level.ERROR, f"{reader.state.value}: {reader.last_error or 'opening the camera'}")]
     if reader.state is not ReaderState.STREAMING:
         return []
     findings = [(Level.WARN, warning) for warning in reader.info.warnings]
@@ -96,8 +94,7 @@ def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
 
 def _uneven(evidence: Evidence) -> str:
     reader = evidence.reader
-    # a recording may have been made of uneven frames
-    if reader.state is not ReaderState.STREAMING or not reader.info.live or evidence.jitter is None:
+    if reader.state is not ReaderState.STREAMING or evidence.jitter is None:
         return ""
     if evidence.jitter <= evidence.jitter_limit:
         return ""

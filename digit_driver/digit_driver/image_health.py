@@ -20,7 +20,7 @@ class ImageReport:
         mean: mean level of all channels, 0...255.
         saturated: fraction of pixels with at least one channel at its limit.
         repeats: how many times in a row the image came again unchanged.
-        problem: what is wrong, in words with the mend; empty when nothing is.
+        problem: what is wrong, in words with the fix; empty when nothing is.
     """
 
     mean: float
@@ -33,11 +33,11 @@ class ImageHealth:
     """Looks at every sixteenth pixel of each image.
 
     Args:
-        frozen_after: this many equal images in a row mean a frozen stream. A physical sensor's noise makes
-            two equal images all but impossible; None for recordings and simulations, which may well repeat.
+        frozen_after: this many equal images in a row mean a frozen stream. A sensor's noise makes two equal images all
+            but impossible.
     """
 
-    def __init__(self, frozen_after: int | None) -> None:
+    def __init__(self, frozen_after: int) -> None:
         self._frozen_after = frozen_after
         self._previous: np.ndarray | None = None
         self._repeats = 0
@@ -53,7 +53,7 @@ class ImageHealth:
         return ImageReport(mean, saturated, self._repeats, self._problem(mean, saturated))
 
     def _problem(self, mean: float, saturated: float) -> str:
-        if self._frozen_after is not None and self._repeats >= self._frozen_after:
+        if self._repeats >= self._frozen_after:
             return f"image frozen: {self._repeats} equal images in a row; replug the sensor"
         if mean < _BLACK_MEAN:
             return f"image black (mean {mean:.1f} of 255): check `intensity` and the LEDs"

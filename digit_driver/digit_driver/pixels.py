@@ -1,14 +1,11 @@
-"""From the bytes of one camera buffer to an RGB image, and recorded images to portrait ones."""
+"""From the bytes of one camera buffer to an RGB image."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
 
-from midastouch_common.errors import InputError
-
 from .errors import CorruptFrameError
-from .frame_source import PORTRAIT_SHAPE
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 
 _JPEG_END = b"\xff\xd9"
@@ -44,25 +41,3 @@ def decode(data: bytes, pixel_format: int, width: int, height: int, reduction: i
             raise CorruptFrameError(f"JPEG of {len(data)} bytes is not a {width}x{height} image")
         return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
     raise ValueError(f"pixel format {pixel_format:#x}")
-
-
-def recorded_portrait(image: np.ndarray | None, name: str) -> np.ndarray:
-    """(320, 240, 3) RGB image of one recorded BGR image, scaled if the recording was made larger or smaller.
-
-    Raises:
-        CorruptFrameError: ``image`` is None: it could not be decoded.
-        InputError: it is not a portrait image with the DIGIT's 3:4 sides.
-    """
-    if image is None:
-        raise CorruptFrameError(f"{name} cannot be decoded")
-    height, width = image.shape[:2]
-    rows, columns, _ = PORTRAIT_SHAPE
-    if height * columns != width * rows:
-        raise InputError(
-            f"{name} is {width} wide and {height} high; DIGIT images are portrait, {columns}x{rows}. "
-            "Turn images in the sensor's own landscape order by 90 degrees counter-clockwise."
-        )
-    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
-    if (height, width) == (rows, columns):
-        return rgb
-    return cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""Reads a source in a thread of its own, keeps the newest frame, and brings the source back when it fails."""
+"""Reads a camera in a thread of its own, keeps the newest frame, and brings the camera back when it fails."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 from midastouch_common.errors import InputError
 
-from .errors import CorruptFrameError, DeviceError, EndOfStreamError
+from .errors import CorruptFrameError, DeviceError
 from .frame_slot import FrameSlot, ReaderState, ReaderStatus
-from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
+from .frame_source import Frame, MonotonicClock, SourceInfo
+from .v4l2_device import V4l2Camera
 
 _POLL_S = 0.1
 _PATIENCE_FRAMES = 5
@@ -21,9 +22,9 @@ class ReaderTiming:
     """Seconds.
 
     Attributes:
-        wait_for_device: how long to wait for a source that is not there at the start; negative: for ever.
+        wait_for_device: how long to wait for a camera that is not there at the start; negative: for ever.
         reconnect: pause between attempts to open it.
-        stall: without a good frame for so long (or five frame periods, if longer) the source is opened anew.
+        stall: without a good frame for so long (or five frame periods, if longer) the camera is opened anew.
     """
 
     wait_for_device: float = -1.0
@@ -32,10 +33,10 @@ class ReaderTiming:
 
 
 class FrameReader:
-    """Owns ``source`` and the thread that reads it.
+    """Owns ``camera`` and the thread that reads it.
 
     Args:
-        source: used by the thread alone, except for ``set_leds``.
+        camera: used by the thread alone, except for ``set_leds``.
         on_event: called in the thread after every frame and every change of state; must return quickly.
         timing: see there.
         clock: the host's monotonic clock.
@@ -43,12 +44,12 @@ class FrameReader:
 
     def __init__(
         self,
-        source: FrameSource,
+        camera: V4l2Camera,
         on_event: Callable[[], None],
         timing: ReaderTiming | None = None,
         clock: MonotonicClock | None = None,
     ) -> None:
-        self._source = source
+        self._camera = camera
         self._on_event = on_event
         self._timing = timing or ReaderTiming()
         self._clock = clock or MonotonicClock()
@@ -76,9 +77,9 @@ class FrameReader:
         self._thread.start()
 
     def stop(self, timeout: float = 2.0) -> bool:
-        """Ends reading and closes the source. False if the thread did not end within ``timeout`` seconds.
+        """Ends reading and closes the camera. False if the thread did not end within ``timeout`` seconds.
 
-        Such a thread hangs in the kernel; it is left alone, closes the source when it gets free, and does not
+        Such a thread hangs in the kernel; it is left alone, closes the camera when it gets free, and does not
         keep the process from ending.
         """
         self._stopping.set()
@@ -90,7 +91,7 @@ class FrameReader:
         return True
 
     def wait_settled(self, timeout: float) -> bool:
-        """Waits until the first attempt to open the source has ended, well or badly."""
+        """Waits until the first attempt to open the camera has ended, well or badly."""
         return self._settled.wait(timeout)
 
     def take(self) -> Frame | None:
@@ -110,29 +111,27 @@ class FrameReader:
             self._slot.update(state=ReaderState.STOPPED)
         except InputError as error:
             self._settle(ReaderState.FAILED, str(error))
-        except EndOfStreamError:
-            self._settle(ReaderState.ENDED)
         except DeviceError as error:
             self._settle(ReaderState.FAILED, str(error))
         except Exception as error:
             self._settle(ReaderState.FAILED, f"internal error: {error!r}")
             raise
         finally:
-            self._source.close()
+            self._camera.close()
 
     def _connect_and_stream(self) -> None:
         """Until stopped: opens, reads until it fails, closes, waits, again.
 
         Raises:
-            InputError, EndOfStreamError: the end of it.
-            DeviceError: the source never appeared within the time given for it.
+            InputError: it can never be opened as it was asked for.
+            DeviceError: the camera never appeared within the time given for it.
         """
         started_ns = self._clock.now_ns()
         opened_before = False
         while not self._stopping.is_set():
             self._sign_of_life()
             try:
-                info = self._source.open()
+                info = self._camera.open()
                 self._connected(info, opened_before)
                 opened_before = True
                 self._stream(info)
@@ -140,7 +139,7 @@ class FrameReader:
                 # What worked once may work again, whatever the reason now; e.g. another camera on our number.
                 if isinstance(error, InputError) and not opened_before:
                     raise
-                self._source.close()
+                self._camera.close()
                 if not opened_before and self._waited_too_long(started_ns):
                     raise
                 state = ReaderState.DISCONNECTED if opened_before else ReaderState.CONNECTING
@@ -156,7 +155,7 @@ class FrameReader:
         while not self._stopping.is_set():
             self._sign_of_life()
             try:
-                frame = self._source.read(_POLL_S)
+                frame = self._camera.read(_POLL_S)
             except CorruptFrameError as error:
                 corrupt_since += 1
                 self._slot.count_corrupt(str(error))

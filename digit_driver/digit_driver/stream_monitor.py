@@ -31,9 +31,9 @@ class StreamMonitor:
         self._jitter = JitterMonitor()
 
     def opened(self, info: SourceInfo) -> None:
-        """The source was opened (again): what was measured before is forgotten."""
+        """The camera was opened (again): what was measured before is forgotten."""
         self._rate = RateMonitor(info.fps, self._clock.now_ns())
-        self._health = ImageHealth(round(FROZEN_AFTER_S * info.fps) if info.live else None)
+        self._health = ImageHealth(round(FROZEN_AFTER_S * info.fps))
         self._image = None
         self._jitter = JitterMonitor()
 

@@ -13,7 +13,7 @@ from . import videodev2 as v4l2
 from .camera_model import CameraMode, CameraModel
 from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
 from .errors import CorruptFrameError, DeviceError
-from .frame_source import Frame, FrameSource, MonotonicClock, SourceInfo
+from .frame_source import Frame, MonotonicClock, SourceInfo
 from .leds import MAX_LEVEL, packed
 from .pixels import decode
 from .system_calls import SystemCalls
@@ -61,8 +61,8 @@ class V4l2Settings:
         return self.camera.mode(self.resolution)
 
 
-class V4l2Camera(FrameSource):
-    """The sensor itself.
+class V4l2Camera:
+    """The sensor itself. One thread opens, reads and closes it; ``set_leds`` may come from any thread.
 
     Args:
         settings: see there.
@@ -93,6 +93,12 @@ class V4l2Camera(FrameSource):
         self._lock = threading.Lock()
 
     def open(self) -> SourceInfo:
+        """Acquires the sensor; afterwards ``read`` gives frames.
+
+        Raises:
+            InputError: it can never be opened as it was asked for.
+            DeviceError: it cannot be opened now.
+        """
         self.close()
         digit, nodes = self._locate()
         self._firmware = digit.firmware if digit else None
@@ -112,9 +118,15 @@ class V4l2Camera(FrameSource):
         if fps != self._rate:
             warnings.append(f"the camera runs at {fps:g} frames per second instead of {self._rate}")
         serial = digit.serial if digit else ""
-        return SourceInfo(stream.name, serial, *self._mode.output, fps, True, tuple(warnings))
+        return SourceInfo(stream.name, serial, *self._mode.output, fps, tuple(warnings))
 
     def read(self, timeout: float) -> Frame | None:
+        """Waits at most ``timeout`` seconds for the next frame; None when none came.
+
+        Raises:
+            CorruptFrameError: a frame came, but damaged.
+            DeviceError: the sensor is gone; close it, and perhaps open it again.
+        """
         stream = self._stream
         if stream is None:
             raise DeviceError("the sensor is not open")
@@ -128,13 +140,18 @@ class V4l2Camera(FrameSource):
         return Frame(self._camera.upright(image, mode), self._stamp(filled), filled.sequence)
 
     def close(self) -> None:
+        """Gives the sensor back. May be called at any time and more than once."""
         with self._lock:
             stream, self._stream = self._stream, None
         if stream is not None:
             stream.close()
 
     def set_leds(self, rgb: tuple[int, int, int]) -> None:
-        """See FrameSource. Raises DeviceError if the camera is there but refuses."""
+        """Sets the LEDs' brightness, 0...15 each, now and after every later ``open``; ignored by cameras without LEDs.
+
+        Raises:
+            DeviceError: the camera is there but refuses.
+        """
         if not self._camera.leds:
             return
         with self._lock:

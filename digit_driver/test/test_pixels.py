@@ -4,9 +4,8 @@ import pytest
 from fake_kernel import picture
 
 from digit_driver.errors import CorruptFrameError
-from digit_driver.pixels import decode, recorded_portrait
+from digit_driver.pixels import decode
 from digit_driver.videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
-from midastouch_common.errors import InputError
 
 
 def jpeg(width: int = 320, height: int = 240) -> bytes:
@@ -45,11 +44,3 @@ def test_bad_jpeg_is_corrupt(data) -> None:
 
 def test_padding_after_a_jpeg_is_harmless() -> None:
     assert decode(jpeg() + bytes(64), PIX_FMT_MJPEG, 320, 240).shape == (240, 320, 3)
-
-
-def test_recorded_images_are_scaled_but_not_bent() -> None:
-    assert recorded_portrait(np.zeros((640, 480, 3), np.uint8), "a.png").shape == (320, 240, 3)
-    with pytest.raises(InputError, match=r"a.png is 320 wide and 240 high.*portrait"):
-        recorded_portrait(np.zeros((240, 320, 3), np.uint8), "a.png")
-    with pytest.raises(CorruptFrameError, match=r"a.png"):
-        recorded_portrait(None, "a.png")

@@ -5,15 +5,12 @@ import threading
 import time
 from collections.abc import Callable
 
-import cv2
-import numpy as np
 import pytest
 from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
 from digit_driver.errors import DeviceError
 from digit_driver.frame_slot import ReaderState, ReaderStatus
-from digit_driver.image_folder import ImageFolder
 from digit_driver.reader import FrameReader, ReaderTiming
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
@@ -230,33 +227,6 @@ def test_start_twice_and_start_again(kernel, watch) -> None:
     camera.stalled = False
     watched.wait_for(streaming(1))
     assert camera.opened == 2
-
-
-def test_recording_ends_and_the_reader_says_so(tmp_path) -> None:
-    for i in range(3):
-        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros((320, 240, 3), np.uint8))
-    watched = Watched(ImageFolder(tmp_path, fps=500.0, loop=False))
-    watched.reader.start()
-    status = watched.wait_for(lambda status: status.state is ReaderState.ENDED)
-    assert status.frames == 3
-    assert watched.reader.take().sequence == 2
-
-
-def test_a_stray_image_in_a_recording_is_passed_over(tmp_path) -> None:
-    for i, shape in enumerate([(320, 240, 3), (100, 100, 3), (320, 240, 3)]):
-        cv2.imwrite(str(tmp_path / f"{i}.png"), np.zeros(shape, np.uint8))
-    watched = Watched(ImageFolder(tmp_path, fps=500.0, loop=False))
-    watched.reader.start()
-    status = watched.wait_for(lambda status: status.state in (ReaderState.ENDED, ReaderState.DISCONNECTED))
-    assert (status.state, status.frames, status.corrupt) == (ReaderState.ENDED, 2, 1)
-    assert "1.png" in status.last_error
-
-
-def test_bad_recording_fails_with_its_reason(tmp_path) -> None:
-    watched = Watched(ImageFolder(tmp_path))
-    watched.reader.start()
-    status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
-    assert "holds no images" in status.last_error
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")

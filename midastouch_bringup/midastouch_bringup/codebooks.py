@@ -11,7 +11,7 @@ from pathlib import Path
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.object_index import derived_arrays
+from midastouch_filter.core.object_model import derived_arrays
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.sensor_model import SensorModel

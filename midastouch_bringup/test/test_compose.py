@@ -106,7 +106,7 @@ def test_health_is_whether_the_nodes_speak(healthcheck):
     rclpy.init(context=context)
     node = rclpy.create_node("speaker", context=context)
     publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-    names = ("tdn: /left/tdn", "left/digit_driver: stream")
+    names = ("tdn: /left/tdn", "digit_driver: /left/digit_driver")
     message = DiagnosticArray(status=[DiagnosticStatus(name=name) for name in names])
     stop = threading.Event()
 

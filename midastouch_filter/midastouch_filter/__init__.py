@@ -14,11 +14,11 @@ __getattr__, __all__ = lazy_exports(
         "ParticleFilter": ".filter",
         "Particles": ".core.particles",
         "Policies": ".policies",
-        "Propagation": ".core.propagation",
+        "Propagation": ".core.motion_model",
         "Status": ".core.state",
         "Workers": ".core.workers",
         "default_policies": ".policies",
-        "measurement_of": ".core.perceived",
+        "measurement_of": ".core.touch",
         "preset": ".core.presets",
     },
 )

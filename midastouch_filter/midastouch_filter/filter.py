@@ -17,7 +17,7 @@ from .core.belief import Belief
 from .core.config import FilterConfig
 from .core.estimate import Estimate
 from .core.fingers import Finger, by_name
-from .core.gates import Gates
+from .core.gates import Gates, Stopwatch
 from .core.initialisation import checked_prior
 from .core.keyframes import KeyframeWindow
 from .core.noise_model import NoiseModel
@@ -25,12 +25,10 @@ from .core.object_model import ObjectModel
 from .core.particles import Particles
 from .core.places import Place, Prior
 from .core.state import CONVERGED
-from .core.stopwatch import Stopwatch
 from .core.touch import Measurement
 from .core.workers import Workers
 from .policies import Policies, default_policies
-from .reporting import Reporter
-from .step import Step
+from .step import Reporter, Step
 
 if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook

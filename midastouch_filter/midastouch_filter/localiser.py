@@ -1,29 +1,28 @@
-"""The filter on one object, with its start: what the node does between two messages."""
+"""Where the filter starts, and what it does between two messages of a node."""
 
 from __future__ import annotations
 
 import dataclasses
-import time
+import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
 from midastouch_common import se3
-from midastouch_common.mesh import ObjectMesh
-from midastouch_perception.codebook import Codebook
 from midastouch_perception.sensor_model import SensorModel
 
-from .active_touch.advisor import Advisor
 from .active_touch.suggestion import Advice, Wanted
-from .core import memory
-from .core.config import FilterConfig
 from .core.estimate import Estimate
 from .core.initialisation import checked_prior
 from .core.touch import Measurement
 from .filter import ParticleFilter
-from .growth import Growth
-from .pose_prior import spread_at_lever
+from .loaded_object import LoadedObject
+
+# Widest start: the paper's, appendix C (sigma_t = diagonal / 3, sigma_r = 60 degrees at beta = 1)
+_WIDEST_ROTATION = math.radians(60.0)
+# A prior sharper than this would put all particles onto one codebook entry.
+_SHARPEST_TRANSLATION = 5e-4
+_SHARPEST_ROTATION = math.radians(1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,58 +53,6 @@ class ObjectPrior:
         T_obj_gel = se3.inverse(self.T_base_obj) @ T_base_gel
         lever = float(np.linalg.norm(T_obj_gel[:3, 3]))
         return Start(T_obj_gel, spread_at_lever(self.sigma_t, self.sigma_r, lever), self.sigma_r)
-
-
-@dataclasses.dataclass(frozen=True)
-class LoadedObject:
-    """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
-    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next.
-    growth: makes the codebook denser meanwhile, None: nobody does."""
-
-    filter: ParticleFilter
-    diagonal: float
-    name: str
-    sensor: SensorModel | None = None
-    network_id: str = ""
-    advisor: Advisor | None = None
-    growth: Growth | None = None
-
-    @property
-    def density(self) -> str:
-        """How dense the codebook is, and what that allows, in words."""
-        return self.filter.object.density
-
-    @property
-    def coarse(self) -> str:
-        """That the codebook grows, or why it does not, in words; empty for a whole one."""
-        if self.growth is None or not (self.growth.failure or not self.growth.done):
-            return ""
-        return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
-
-    def take_growth(self) -> None:
-        """Go on by a denser codebook, if one is ready by now."""
-        if self.growth is not None and (prepared := self.growth.take()) is not None:
-            self.filter.take(prepared)
-
-    def close(self) -> None:
-        """End its growth."""
-        if self.growth is not None:
-            self.growth.close()
-
-
-def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
-    """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
-    mesh = ObjectMesh.load(mesh_path)
-    return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed)
-
-
-def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int) -> LoadedObject:
-    """The filter on a mesh and its codebook; InputError on a codebook that cannot be used."""
-    running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
-    memory.trim()
-    sensor = SensorModel.of_codebook(codebook.meta).for_maps
-    network_id = str(codebook.meta["tcn"])
-    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, Advisor(running))
 
 
 class Localiser:
@@ -245,3 +192,28 @@ class Localiser:
         """Once the answer to a frame is out: `ParticleFilter.reflect`."""
         if self.filter is not None:
             self.filter.reflect()
+
+
+def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:
+    """(sigma_t [m], sigma_r [rad]) for `ParticleFilter.initialise_gaussian`.
+
+    covariance (6, 6): REP 103 order. diagonal [m]: of the object. A zero variance means "unknown", not
+    "certain": RViz's 2D Pose Estimate leaves z, roll and pitch at zero. The largest variance counts for all
+    axes, and nothing is wider than the object or than 60 degrees (RViz's 0.5 m says nothing about a cup).
+    """
+    variances = np.diagonal(covariance)
+    return (
+        _spread(variances[:3], _SHARPEST_TRANSLATION, diagonal / 3),
+        _spread(variances[3:], _SHARPEST_ROTATION, _WIDEST_ROTATION),
+    )
+
+
+def spread_at_lever(sigma_t: float, sigma_r: float, lever: float) -> float:
+    """sigma_t [m] at a point `lever` metres from where the pose is given: rotation moves it too."""
+    return math.hypot(sigma_t, sigma_r * lever)
+
+
+def _spread(variances: np.ndarray, sharpest: float, widest: float) -> float:
+    if (variances <= 0).any():
+        return widest
+    return float(np.clip(np.sqrt(variances.max()), min(sharpest, widest), widest))

@@ -9,19 +9,15 @@ import numpy as np
 from .arm_calibration.odometry_correction import AsMeasured, OdometryCorrection
 from .core.config import FilterConfig
 from .core.fingers import Fingers
-from .core.gates import Gates
+from .core.gates import Gates, Stopwatch
 from .core.initialisation import ParticleSource
-from .core.motion_model import MotionModel
-from .core.noise_model import NoiseModel
+from .core.motion_model import MotionModel, Propagation
+from .core.noise_model import Effort, NoiseModel
 from .core.object_model import ObjectModel
 from .core.places import Prior
-from .core.propagation import Propagation
-from .core.recovery import Recovery
-from .core.resampler import Resampler
-from .core.reweighting import Reweighting
-from .core.stopwatch import Stopwatch
+from .core.resampling import Resampler
+from .core.reweighting import Recovery, Reweighting
 from .core.workers import Workers
-from .refinement.effort import Effort
 from .refinement.fine_stage import CoarseOnly, FineStage
 from .refinement.refinement import Refinement
 from .smoothing.hindsight import Hindsight
@@ -68,7 +64,7 @@ def default_policies(
         map_shape, effort = model.alignment.map_shape, Effort()
         refinement = Refinement(model.alignment, config, noise, effort, workers)
         refine = FineStage(refinement, config, gates, watch)
-        if config.hindsight:
+        if config.smoothing:
             places = len(model.regions)
             reevaluation = Reevaluation(model.lookup, model.alignment, places, config, noise, effort)
             refine = Hindsight(refinement, reevaluation, config, noise, source, resample, gates, watch)

@@ -1,7 +1,7 @@
-"""One step of the filter: what odometry and touches do to a belief (paper section 4.3 and appendix C).
+"""One step of the filter: what odometry and touches do to a belief (paper section 4.3 and appendix C), and its answer.
 
 Move the particles by the odometry, weigh them by the measured codes, resample if the weights have become too uneven,
-find the modes, and let what is felt in detail refine them. How each part works is said by `policies.py`.
+find the modes, and let the measured maps refine them. How each part works is said by `policies.py`.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ import numpy as np
 from midastouch_common import se3
 
 from .core.belief import Belief
+from .core.config import FilterConfig
+from .core.estimate import Estimate
 from .core.fingers import FIRST, Finger, count
-from .core.gates import Gates
-from .core.motion_model import Odometry
+from .core.gates import Gates, Stopwatch
+from .core.motion_model import Odometry, OdometryJump
 from .core.particles import Particles
-from .core.propagation import OdometryJump
-from .core.stopwatch import Stopwatch
+from .core.resampling import effective_size
+from .core.state import Evidence, StateMachine, Status
 from .core.touch import Measurement
 from .policies import Policies
 
@@ -121,3 +123,53 @@ class Step:
         with self._watch.stage("modes"):
             if not (belief.modes and self._gates.skips("unmoved_modes", not changed)):
                 belief.cluster()
+
+
+class Reporter:
+    """Turns the belief, and what the policies know besides, into an estimate and its status."""
+
+    def __init__(self, config: FilterConfig, policies: Policies, gates: Gates, watch: Stopwatch):
+        self._state, self._do, self._gates, self._watch = StateMachine(config), policies, gates, watch
+
+    def nothing(self) -> Estimate:
+        """No start was given yet."""
+        self._state.update(Evidence())
+        return Estimate([], self._status(None))
+
+    def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
+        """Answer of a step."""
+        dominant = belief.modes[0]
+        self._state.update(
+            Evidence(
+                initialised=True,
+                in_contact=outcome.in_contact,
+                support=self._do.reweigh.trend.support,
+                restarted=outcome.restarted,
+                checked=self._do.refine.checked,
+                mode_mass=dominant.weight,
+                spread_t=dominant.spread_translation,
+                spread_r=dominant.spread_rotation,
+                error=belief.answers[0].spread_translation,
+            )
+        )
+        return Estimate(belief.answers, self._status(belief), belief.covariance, self._do.correct.calibration)
+
+    def _status(self, belief: Belief | None) -> Status:
+        skipped, note = dict(self._gates.counts), self._gates.note
+        reason = f"{self._state.reason} ({note})" if note else self._state.reason
+        if belief is None:
+            return Status(self._state.state, reason, skipped=skipped)
+        dominant = belief.modes[0] if belief.modes else None
+        return Status(
+            state=self._state.state,
+            reason=reason,
+            n_particles=len(belief.particles),
+            ess=effective_size(belief.weights),
+            n_modes=len(belief.modes),
+            mode_mass=dominant.weight if dominant else 0.0,
+            spread_t=dominant.spread_translation if dominant else 0.0,
+            spread_r=dominant.spread_rotation if dominant else 0.0,
+            likelihood_trend=self._do.reweigh.trend.short,
+            skipped=skipped,
+            ms=self._watch.ms,
+        )

@@ -20,7 +20,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.object_index import derived_arrays
+from midastouch_filter.core.object_model import derived_arrays
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue

@@ -1,181 +1,171 @@
-"""The ``digit_driver`` node: a DIGIT (or a recording of one) as a ROS 2 camera."""
+"""The ``digit_driver`` node: a tactile camera as a ROS 2 camera."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from midastouch_common.errors import InputError
-from midastouch_common.ros.lifecycle import RobustLifecycleNode
-from midastouch_common.ros.spin import spin_nodes
+from midastouch_common.ros import spin
+from midastouch_common.ros.conversions import stamp_from_ns
+from midastouch_common.ros.managed_node import ManagedNode
 
 from ..camera_info import Calibration, load_calibration
 from ..errors import DeviceError
 from ..frame_slot import ReaderState, ReaderStatus
-from ..frame_source import FrameSource
 from ..reader import FrameReader
-from . import messages, settings
+from ..stream_monitor import StreamMonitor
+from ..v4l2_device import V4l2Camera, V4l2Settings
 from .image_publisher import ImagePublisher
-from .parameters import PARAMETERS, declare, refuse_unknown
-from .stream_report import StreamReport
+from .parameters import PARAMETERS, camera_settings, led_levels, reader_timing
 
 _FIRST_OPEN_S = 5.0
+_SIM_TIME = (
+    "use_sim_time: the driver stamps with the wall clock, which simulated time does not follow; "
+    "set it to false here, or play a recording with `midastouch replay`"
+)
 
 
-class DigitDriver(RobustLifecycleNode):
+class DigitDriver(ManagedNode):
     """Publishes ``image_raw``, ``image_raw/compressed``, ``camera_info``, diagnostics; has ``set_capture``.
 
-    Configuring checks the settings, activating opens the source; ``autostart`` does both on construction.
+    Configuring checks the settings, activating opens the camera; ``autostart`` does both on construction.
 
     Args:
-        kwargs: passed on to rclpy's node, e.g. ``parameter_overrides``, ``namespace``, ``context``.
+        make_camera: of its settings; tests put one on a fake kernel in its place.
+        node_options: passed on to rclpy's node, e.g. ``parameter_overrides``, ``namespace``, ``context``.
+
+    Attributes:
+        gave_up: whether the node cannot go on by itself, since the camera never came; ``failure`` says why.
 
     Raises:
-        InputError: a parameter cannot be used or, with ``autostart``, the source that it names.
+        InputError: a parameter cannot be used or, with ``autostart``, the camera that it names.
     """
 
-    def __init__(self, **kwargs) -> None:
-        super().__init__("digit_driver", **kwargs)
-        self._source: FrameSource | None = None
+    def __init__(self, make_camera: Callable[[V4l2Settings], V4l2Camera] = V4l2Camera, **node_options) -> None:
+        super().__init__("digit_driver", PARAMETERS, **node_options)
+        self.gave_up = False
+        self._make_camera = make_camera
+        self._camera: V4l2Camera | None = None
         self._reader: FrameReader | None = None
         self._calibration: Calibration | None = None
-        try:
-            self._values = declare(self, PARAMETERS)
-            self._wire()
-            refuse_unknown(self)
-            settings.refuse_sim_time(self.get_parameter("use_sim_time").value)
-            if self._values["autostart"] and not self.start():
-                raise InputError(self.failure)
-        except BaseException as error:
-            # Also on a signal during the start: the reader's thread must not outlive the node.
-            if isinstance(error, InputError) and str(error) != self.failure:
-                self.give_up(str(error))
-            self.destroy_node()
-            raise
-
-    def _wire(self) -> None:
+        self._monitor = StreamMonitor()
+        self._logged = ReaderStatus()
+        self.diagnostics.set_period(self.parameters["diagnostics_period"])
         self._images = ImagePublisher(self)
-        self._report = StreamReport(self, self._values)
         self._wake = self.create_guard_condition(self._on_reader_event)
-        # steady: a wall clock that is set back would silence a timer of its own for as long
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._values["diagnostics_period"], lambda: self._report.publish(self._status), clock=steady)
         self.create_service(SetBool, "set_capture", self._on_set_capture)
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
+        self.add_on_set_parameters_callback(self._refuse_sim_time)
+        self.add_post_set_parameters_callback(self._set_leds)
+        self.autostart()
 
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        values = self._values
-        try:
-            self._source = settings.source(values)
-            self._calibration = load_calibration(values["camera_info_url"], settings.image_size(values))
-        except Exception as error:  # rclpy swallows what is raised, and its reason
-            return self.give_up(str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}")
-        self._reader = FrameReader(self._source, self._wake.trigger, settings.timing(values))
-        if self.get_namespace() == "/" and not values["replay_path"]:
+    def configure(self) -> None:
+        """Check the settings and make the reader."""
+        if self.get_parameter("use_sim_time").value:
+            raise InputError(_SIM_TIME)
+        settings = camera_settings(self.parameters)
+        self._calibration = load_calibration(self.parameters["camera_info_url"], settings.mode.output)
+        self._camera = self._make_camera(settings)
+        self._reader = FrameReader(self._camera, self._wake.trigger, reader_timing(self.parameters))
+        self.diagnostics.hardware_id = settings.serial
+        if self.get_namespace() == "/":
             self.get_logger().warning("in the global namespace; better: --ros-args -r __ns:=/digit_left")
-        return TransitionCallbackReturn.SUCCESS
 
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+    def connect(self) -> None:
+        """Open the camera, or begin to wait for it."""
         try:
             self._begin_capture()
-        except (DeviceError, InputError) as error:
-            return self.give_up(str(error))
-        self.failure = ""
-        return TransitionCallbackReturn.SUCCESS
+        except DeviceError as error:
+            raise InputError(str(error)) from error
 
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._end_capture()
-        return TransitionCallbackReturn.SUCCESS
+    def disconnect(self) -> None:
+        """Close the camera."""
+        if not self._reader.stop():
+            self.get_logger().error("the device driver hangs in the kernel; leaving it behind")
 
-    on_shutdown = on_deactivate
+    def unload(self) -> None:
+        """Let go of camera and reader."""
+        self._reader = self._camera = None
 
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        self._reader = self._source = None
-        return TransitionCallbackReturn.SUCCESS
-
-    def destroy_node(self) -> None:
-        # First the thread that wakes us, then what it wakes.
-        self._end_capture()
-        super().destroy_node()
+    def describe(self) -> tuple[bytes, str, dict]:
+        """The verdict on the stream."""
+        report = self._monitor.report(self._reader.status(), self.parameters["stamp_jitter_limit"])
+        if report.uneven:
+            self.get_logger().warning(report.uneven, throttle_duration_sec=30.0)
+        return bytes([report.level]), report.message, report.values
 
     def _begin_capture(self) -> None:
-        """Raises DeviceError or InputError if the source can be said at once not to work."""
-        self._report.begin()
+        """Raises DeviceError or InputError if the camera can be said at once not to work."""
+        self._logged = ReaderStatus()
         self._reader.start()
         self._reader.wait_settled(_FIRST_OPEN_S)
-        status = self._status
+        status = self._reader.status()
         if status.state is ReaderState.FAILED:
             self._reader.stop()
             raise InputError(status.last_error)
-        self._report.tell(status)
-
-    def _end_capture(self) -> None:
-        if self._reader is not None and not self._reader.stop():
-            self.get_logger().error("the device driver hangs in the kernel; leaving it behind")
-
-    @property
-    def _status(self) -> ReaderStatus:
-        return self._reader.status() if self._reader is not None else ReaderStatus()
+        self._log_changes(status)
 
     def _on_reader_event(self) -> None:
         if self._reader is None:
             return
-        self._report.tell(self._status)
+        self._log_changes(self._reader.status())
         frame = self._reader.take()
         if frame is not None:
-            stamp = messages.time_message(self._report.stamp(frame) + self._values["timestamp_offset"])
-            header = Header(stamp=stamp, frame_id=self._values["frame_id"])
-            self._images.publish(frame.image, header, self._calibration, self._values["jpeg_quality"])
+            stamp = stamp_from_ns(self._monitor.stamp(frame) + self.parameters["timestamp_offset"])
+            header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
+            self._images.publish(frame.image, header, self._calibration, self.parameters["jpeg_quality"])
+
+    def _log_changes(self, status: ReaderStatus) -> None:
+        """Logs, once, what has happened to the camera since the last call; gives up when that has failed for good."""
+        log = self.get_logger()
+        before, self._logged = self._logged, status
+        if status.info is not None and (before.info is None or status.reconnects != before.reconnects):
+            self._monitor.opened(status.info)
+            self.diagnostics.hardware_id = status.info.serial or status.info.name
+            log.info(f"{self.parameters['camera_name']}: {status.info}")
+            for warning in status.info.warnings:
+                log.warning(warning)
+        if (status.state, status.last_error) == (before.state, before.last_error):
+            return
+        if status.state is ReaderState.FAILED:
+            self.failure, self.gave_up = status.last_error, True
+            log.error(status.last_error)
+        elif status.last_error != before.last_error:
+            log.warning(f"{status.state.value}: {status.last_error}", throttle_duration_sec=5.0)
 
     def _on_set_capture(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.success, response.message = True, f"capture is {'on' if request.data else 'off'}"
         try:
-            if self.lifecycle_state != "active":
+            if not self.active:
                 raise DeviceError("the node is not active; activate it first (ros2 lifecycle set)")
             if request.data:
                 self._begin_capture()
             else:
-                self._end_capture()
+                self.disconnect()
         except (DeviceError, InputError) as error:
             response.success, response.message = False, str(error)
         return response
 
-    @property
-    def gave_up(self) -> bool:
-        """Whether the node cannot go on by itself; ``failure`` says why."""
-        return bool(self.failure)
+    def _refuse_sim_time(self, changes: list[Parameter]) -> SetParametersResult:
+        refused = any(change.name == "use_sim_time" and change.value for change in changes)
+        return SetParametersResult(successful=not refused, reason=_SIM_TIME if refused else "")
 
-    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        new = self._values | {change.name: change.value for change in changes}
-        try:
-            settings.refuse_sim_time(new.get("use_sim_time", False))
-            settings.leds(new)
-        except InputError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _apply_parameters(self, changes: list[Parameter]) -> None:
-        self._values |= {change.name: change.value for change in changes if change.name in self._values}
-        if self._source is not None and any(change.name.startswith("intensity") for change in changes):
+    def _set_leds(self, changes: list[Parameter]) -> None:
+        if self._camera is not None and any(change.name.startswith("intensity") for change in changes):
             try:
-                self._source.set_leds(settings.leds(self._values))
+                self._camera.set_leds(led_levels(self.parameters))
             except DeviceError as error:
                 self.get_logger().warning(str(error))
 
 
-def main(args: list[str] | None = None) -> int:
+def main(args: Sequence[str] | None = None) -> int:
     """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
-    try:
-        return spin_nodes(lambda: [DigitDriver()], args)
-    except InputError:  # which the node has logged
-        return 2
+    return spin.run(lambda: [DigitDriver()], args)
 
 
 if __name__ == "__main__":

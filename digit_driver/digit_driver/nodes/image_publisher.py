@@ -1,16 +1,19 @@
-"""The driver's images on their topics."""
+"""A tactile camera's images on their topics."""
 
 from __future__ import annotations
 
+import array
+
+import cv2
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
+from midastouch_common.ros.conversions import image_to_msg
+from midastouch_common.ros.node import PipelineNode
+
 from ..camera_info import Calibration
-from . import messages
 
 IMAGE_QOS = QoSProfile(depth=2)
 """Reliable, volatile: serves best-effort subscribers as well (REP 2003)."""
@@ -19,16 +22,38 @@ IMAGE_QOS = QoSProfile(depth=2)
 class ImagePublisher:
     """Publishes ``image_raw`` and ``image_raw/compressed`` while somebody listens, and ``camera_info``."""
 
-    def __init__(self, node: Node) -> None:
-        options = {"qos_overriding_options": QoSOverridingOptions.with_default_policies()}
-        self._image = node.create_publisher(Image, "image_raw", IMAGE_QOS, **options)
-        self._jpeg = node.create_publisher(CompressedImage, "image_raw/compressed", IMAGE_QOS, **options)
-        self._info = node.create_publisher(CameraInfo, "camera_info", IMAGE_QOS, **options)
+    def __init__(self, node: PipelineNode) -> None:
+        self._image = node.create_publisher(Image, "image_raw", IMAGE_QOS)
+        self._jpeg = node.create_publisher(CompressedImage, "image_raw/compressed", IMAGE_QOS)
+        self._info = node.create_publisher(CameraInfo, "camera_info", IMAGE_QOS)
 
-    def publish(self, image: np.ndarray, header: Header, calibration: Calibration | None, jpeg_quality: int) -> None:
+    def publish(self, image: np.ndarray, header: Header, calibration: Calibration, jpeg_quality: int) -> None:
         """Publishes an (H, W, 3) uint8 RGB image; ``jpeg_quality`` is 1...100."""
         if self._image.get_subscription_count():
-            self._image.publish(messages.image_message(image, header))
+            self._image.publish(image_to_msg(image, "rgb8", header))
         if self._jpeg.get_subscription_count():
-            self._jpeg.publish(messages.compressed_message(image, header, jpeg_quality))
-        self._info.publish(messages.camera_info_message(calibration, header))
+            self._jpeg.publish(compressed_message(image, header, jpeg_quality))
+        self._info.publish(_camera_info_message(calibration, header))
+
+
+def compressed_message(image: np.ndarray, header: Header, quality: int) -> CompressedImage:
+    """JPEG of an (H, W, 3) uint8 RGB array, labelled as image_transport labels it."""
+    bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
+    _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    message = CompressedImage(header=header, format="rgb8; jpeg compressed bgr8")
+    # array.array is the one type rclpy takes without looking at every element.
+    message.data = array.array("B", jpeg.tobytes())
+    return message
+
+
+def _camera_info_message(calibration: Calibration, header: Header) -> CameraInfo:
+    return CameraInfo(
+        header=header,
+        width=calibration.width,
+        height=calibration.height,
+        distortion_model=calibration.distortion_model,
+        d=list(calibration.d),
+        k=list(calibration.k),
+        r=list(calibration.r),
+        p=list(calibration.p),
+    )

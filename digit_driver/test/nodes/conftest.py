@@ -7,10 +7,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
 import rclpy
 from fake_kernel import FakeDigit
@@ -18,7 +15,6 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
-from digit_driver import sources
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
 from midastouch_common.errors import InputError
@@ -29,14 +25,16 @@ PATIENCE = 120.0  # s; bounds a failing test only
 class Peer:
     """A driver and a node that listens to it, both spinning in a thread of their own."""
 
-    def __init__(self, **parameters) -> None:
+    def __init__(self, make_camera: Callable, **parameters) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
         self.received: dict[str, list] = {}
         self._changed = threading.Condition()
         try:
             overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-            self.driver = DigitDriver(context=self.context, namespace="/digit_test", parameter_overrides=overrides)
+            self.driver = DigitDriver(
+                make_camera, context=self.context, namespace="/digit_test", parameter_overrides=overrides
+            )
         except InputError:
             self.context.shutdown()
             raise
@@ -92,12 +90,12 @@ class Peer:
 
 
 @pytest.fixture
-def peer():
-    """Starts drivers with the given parameters and ends them."""
+def peer(kernel, find):
+    """Starts drivers on the fake machine, with the given parameters, and ends them."""
     peers = []
 
     def start(**parameters) -> Peer:
-        peers.append(Peer(**parameters))
+        peers.append(Peer(functools.partial(V4l2Camera, system=kernel, find=find), **parameters))
         return peers[-1]
 
     yield start
@@ -106,20 +104,8 @@ def peer():
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """Four noisy portrait images, 0.png ... 3.png."""
-    rng = np.random.default_rng(0)
-    path = tmp_path / "images"
-    path.mkdir()
-    for i in range(4):
-        cv2.imwrite(str(path / f"{i}.png"), rng.integers(60, 120, (320, 240, 3)).astype(np.uint8))
-    return path
-
-
-@pytest.fixture
-def camera(kernel, find, monkeypatch) -> FakeDigit:
-    """A sensor plugged into the fake machine, which the driver takes for the real one."""
-    monkeypatch.setattr(sources, "V4l2Camera", functools.partial(V4l2Camera, system=kernel, find=find))
+def camera(kernel) -> FakeDigit:
+    """A sensor plugged into the fake machine."""
     return kernel.plug(FakeDigit("D20001"))
 
 

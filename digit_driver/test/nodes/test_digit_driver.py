@@ -1,4 +1,4 @@
-"""The node over real DDS, with recordings and with a fake kernel below."""
+"""The node over real DDS, with a fake kernel below."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from rcl_interfaces.msg import Log
 from rclpy.clock import ClockType
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from digit_driver.nodes import messages
+from digit_driver.nodes import image_publisher
 from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds
@@ -27,22 +28,19 @@ def stamp_ns(message) -> int:
     return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
 
 
-def test_images_arrive_whole_with_camera_info_of_the_same_stamp(peer, folder) -> None:
-    it = peer(replay_path=str(folder), replay_fps=20.0, frame_id="left_optical_frame")
+def test_images_arrive_whole_with_camera_info_of_the_same_stamp(peer, camera) -> None:
+    it = peer(frame_id="left_optical_frame")
     it.subscribe(CameraInfo, "camera_info")
     it.subscribe(Image, "image_raw", qos_profile_sensor_data)
     images = it.wait("image_raw", lambda got: len(got) >= 5)
-    files = [cv2.cvtColor(cv2.imread(str(path)), cv2.COLOR_BGR2RGB) for path in sorted(folder.iterdir())]
     for message in images:
         assert (message.width, message.height, message.encoding, message.step) == (240, 320, "rgb8", 720)
         assert message.header.frame_id == "left_optical_frame"
-        image = np.frombuffer(message.data, np.uint8).reshape(320, 240, 3)
-        assert any(np.array_equal(image, file) for file in files)
+        image = np.frombuffer(message.data, np.uint8).reshape(320, 240, 3).astype(int)
+        # the fake camera's red quarter, top right in its landscape image, is top left once that is turned
+        assert (image[..., 0] - image[..., 2] > 50)[5:155, 5:115].all()
     stamps = [stamp_ns(message) for message in images]
-    # Frames may be dropped on a busy machine, but their stamps stay on the grid to well within a millisecond.
-    periods = np.diff(stamps) / 50_000_000
-    assert np.abs(periods - periods.round()).max() < 0.02
-    assert periods.min() > 0.5
+    assert np.diff(stamps).min() > 0
     assert abs(stamps[-1] - time.time_ns()) < 60_000_000_000
 
     def of_an_image(info: CameraInfo) -> bool:
@@ -53,16 +51,16 @@ def test_images_arrive_whole_with_camera_info_of_the_same_stamp(peer, folder) ->
     assert infos[-1].header.frame_id == "left_optical_frame"
 
 
-def test_compresses_only_while_subscribed(peer, folder, monkeypatch) -> None:
+def test_compresses_only_while_subscribed(peer, camera, monkeypatch) -> None:
     made = []
-    original = messages.compressed_message
+    original = image_publisher.compressed_message
 
     def spy(*arguments):
         made.append(1)
         return original(*arguments)
 
-    monkeypatch.setattr(messages, "compressed_message", spy)
-    it = peer(replay_path=str(folder), replay_fps=100.0)
+    monkeypatch.setattr(image_publisher, "compressed_message", spy)
+    it = peer()
     it.subscribe(Image, "image_raw")
     it.wait("image_raw", lambda got: len(got) >= 5)
     assert made == []
@@ -81,12 +79,8 @@ def test_compresses_only_while_subscribed(peer, folder, monkeypatch) -> None:
     assert len(made) <= count
 
 
-def test_jpeg_keeps_colours(peer, folder) -> None:
-    for path in folder.iterdir():
-        cv2.imwrite(str(path), np.full((320, 240, 3), (30, 80, 160), np.uint8))
-    it = peer(replay_path=str(folder), replay_fps=50.0)
-    it.subscribe(CompressedImage, "image_raw/compressed")
-    message = it.wait("image_raw/compressed")[0]
+def test_jpeg_keeps_colours() -> None:
+    message = image_publisher.compressed_message(np.full((320, 240, 3), (160, 80, 30), np.uint8), Header(), 95)
     bgr = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
     assert np.abs(bgr.mean(axis=(0, 1)) - (30, 80, 160)).max() < 3
 
@@ -108,7 +102,7 @@ def test_set_capture_stops_and_starts(peer, camera) -> None:
     assert camera.opened > opened
 
 
-def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) -> None:
+def test_unplugging_is_an_error_until_it_is_plugged_in_again(peer, camera, kernel) -> None:
     # the fake stamps when it is read, which a busy machine does unevenly
     it = peer(reconnect_timeout=0.1, diagnostics_period=0.1, fps=60, stamp_jitter_limit=1.0)
     it.subscribe(DiagnosticArray, "/diagnostics")
@@ -120,7 +114,7 @@ def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) ->
         return it.wait("/diagnostics", lambda got: got and told(got[-1].status[0]))[-1].status[0]
 
     status = wait_for("streaming", b"\x00")
-    assert status.name == "digit_test/digit_driver: stream"
+    assert status.name == "digit_driver: /digit_test/digit_driver"
     assert status.hardware_id == "D20001"
     kernel.unplug(camera)
     status = wait_for("disconnected", b"\x02")
@@ -134,9 +128,9 @@ def test_unplugging_is_an_error_and_replugging_mends_it(peer, camera, kernel) ->
     it.wait("image_raw")
 
 
-def test_no_timer_follows_the_wall_clock(peer, folder) -> None:
+def test_no_timer_follows_the_wall_clock(peer, camera) -> None:
     """Set back by an hour, it would silence the diagnostics for an hour."""
-    driver = peer(replay_path=str(folder)).driver
+    driver = peer().driver
     assert {timer.clock.clock_type for timer in driver.timers} == {ClockType.STEADY_TIME}
 
 

@@ -14,17 +14,17 @@ pytestmark = pytest.mark.dds
 README = Path(__file__).parents[2] / "README.md"
 
 
-def test_illegal_changes_are_refused_with_a_reason(peer, folder) -> None:
-    it = peer(replay_path=str(folder))
+def test_illegal_changes_are_refused_with_a_reason(peer, camera) -> None:
+    it = peer()
     for name, value, reason in [
         ("intensity", 16, "range"),
         ("intensity", 1.5, "type"),
-        ("intensity_rgb", [15, 15], r"three levels in 0\.\.\.15"),
-        ("intensity_rgb", [0, 0, 99], r"three levels in 0\.\.\.15"),
+        ("intensity_rgb", [15, 15], "intensity_rgb.*3 values"),
+        ("intensity_rgb", [0, 0, 99], r"intensity_rgb.*\[0, 15\]"),
         ("jpeg_quality", 0, "range"),
-        ("serial", "D9", "read-only"),
-        ("fps", 30, "read-only"),
-        ("use_sim_time", True, "wall clock"),
+        ("serial", "D9", "serial.*clean it up first"),
+        ("diagnostics_period", 2.0, "read-only"),
+        ("use_sim_time", True, "use_sim_time.*midastouch replay"),
         ("intensitty", 3, "not been declared|undeclared|not declared"),
     ]:
         result = it.set_parameter(name, value)
@@ -38,25 +38,19 @@ def test_illegal_changes_are_refused_with_a_reason(peer, folder) -> None:
     [
         ({"resolution": "HD"}, "resolution.*QVGA, VGA"),
         ({"fps": 61}, "fps.*60 or 30"),
-        ({"camera_model": "none.yaml"}, "camera_model: none.yaml is not known; use digit, gelsight_mini"),
+        ({"camera_model": "none.yaml"}, "camera_model: none.yaml.*digit, gelsight_mini"),
         ({"resolution": "VGA", "fps": 60}, "fps.*30 or 15"),
-        ({"intensity": 99}, "intensity"),
-        ({"intensity_rgb": [1]}, "intensity_rgb.*three"),
-        ({"reconnect_timeout": 1}, r"reconnect_timeout.*1\.0 instead of 1"),
-        ({"seriall": "D1"}, "no parameter seriall; did you mean serial"),
-        ({"use_sim_time": True}, "use_sim_time"),
-        ({"replay_path": "/nowhere/at/all"}, "replay_path: /nowhere/at/all does not exist"),
-        ({"camera_info_url": "/nowhere.yaml"}, "camera_info_url: /nowhere.yaml cannot be read"),
+        ({"intensity": 99}, r"'intensity'.*\[0, 15\]"),
+        ({"intensity_rgb": [1]}, "'intensity_rgb'.*3 values"),
+        ({"reconnect_timeout": 1}, r"'reconnect_timeout'.*write 1\.0"),
+        ({"seriall": "D1"}, "'seriall'.* serial,"),
+        ({"use_sim_time": True}, "use_sim_time.*midastouch replay"),
+        ({"camera_info_url": "/nowhere.yaml"}, "camera_info_url: /nowhere.yaml"),
     ],
 )
 def test_bad_parameters_stop_the_start_with_a_reason(peer, parameters, reason) -> None:
     with pytest.raises(InputError, match=reason):
         peer(**parameters)
-
-
-def test_folder_without_images_stops_the_start_with_a_reason(peer, tmp_path) -> None:
-    with pytest.raises(InputError, match="holds no images"):
-        peer(replay_path=str(tmp_path))
 
 
 def test_intensity_reaches_the_leds_at_run_time(peer, camera) -> None:

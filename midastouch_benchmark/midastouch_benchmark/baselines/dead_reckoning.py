@@ -12,8 +12,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
 from midastouch_filter.core import initialisation
 from midastouch_filter.core.estimate import Estimate, Mode
+from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.state import CONVERGED, UNINITIALISED, Status
-from midastouch_filter.core.stopwatch import Stopwatch
 
 if TYPE_CHECKING:
     from midastouch_filter.core.touch import Measurement

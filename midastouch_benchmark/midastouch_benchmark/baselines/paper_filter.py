@@ -20,11 +20,11 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_filter.core import initialisation, resampling
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate, Mode, modes_from_moments
+from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.modes import Moments
 from midastouch_filter.core.motion_model import MotionModel, Odometry
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.state import Evidence, StateMachine, Status
-from midastouch_filter.core.stopwatch import Stopwatch
 from midastouch_filter.core.workers import Workers
 
 if TYPE_CHECKING:

@@ -106,7 +106,6 @@ def _table(result: dict) -> str:
         f"{number(result['peak_rss_mb'], 0)} MiB at most",
         f"the filter's process active after {result['filter_start_s']['p50']:.1f} s"
         f" with {number(result['filter_rss_mb'], 0)} MiB",
-        f"transforms kept by {result['transform_source']}",
     ]
     return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)
 

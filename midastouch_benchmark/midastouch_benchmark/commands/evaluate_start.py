@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
-    from midastouch_filter.quick_start import SIZE
+    from midastouch_filter.loaded_object import SIZE
 
     from ..speed.first_pose import first_poses, summarise_first_poses
     from ..trials.setup import load_filter_config

@@ -26,12 +26,11 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.motion_model import Odometry
-from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
 from midastouch_filter.core.places import APART, pose_distance
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.smoothing.replay import Followed, Race, Replay
 from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
 from midastouch_perception.codebook_build import build_codebook
@@ -77,7 +76,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
         rivals = [beside, *_exhaust(search.find(window, taken)).poses]
-        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.relief_fit, Race(window))
+        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
         for start in taken + rivals[: RIVALS + 1]:
             _exhaust(replay.follow(start))
         own, *others = [(each.misfit, _distance(each, truth)) for each in replay.followed]

@@ -24,8 +24,8 @@ from midastouch_filter.arm_calibration import jump_hypotheses
 from midastouch_filter.arm_calibration.odometry_correction import OdometryCorrection
 from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.stopwatch import Stopwatch
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_perception.contact import ContactDetector
 from midastouch_perception.rendering.renderer import PenetrationRenderer

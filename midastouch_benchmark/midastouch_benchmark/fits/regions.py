@@ -4,7 +4,7 @@
 
 Scans are slid over under protocols of `midastouch benchmark`. While the state is `converged`, the published region of
 95 % is to hold the truth in 95 % of the frames under each of them, those at a wrong place included: `WIDTH` of
-`midastouch_filter/refinement/credible_region.py`. `WHITE` is the one of some that takes the smallest regions for it.
+`midastouch_filter/core/alignment.py`. `WHITE` is the one of some that takes the smallest regions for it.
 How often the regions of one half of the scans hold the truth on the other half is printed, too. Neither the ten test
 objects are seen nor the ten further ones for judging.
 """
@@ -23,13 +23,13 @@ from midastouch_benchmark.trials.sequence_trials import start_filter
 from midastouch_benchmark.trials.stock import Stock
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.alignment import WHITE, WIDTH
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.policies import Policies, default_policies
-from midastouch_filter.refinement.credible_region import WHITE, WIDTH
 
 from .training_scans import parser_of, scans_of, stock_of
 

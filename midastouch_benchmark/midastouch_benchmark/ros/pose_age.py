@@ -41,7 +41,7 @@ _PATIENCE_S = 60.0
 
 def pose_age(step: Callable[[], object], images: int = 150) -> dict:
     """pose_age_ms: from an image's stamp until its transform is found, with 500 Hz of transforms of 20 links from
-    another process and `step` called after each image; transform_source: who keeps the transforms.
+    another process and `step` called after each image.
 
     Raises InputError if nothing comes.
     """
@@ -50,16 +50,16 @@ def pose_age(step: Callable[[], object], images: int = 150) -> dict:
     robot = subprocess.Popen([sys.executable, "-m", __name__, str(seconds)], env=local_environment(domain))
     try:
         with local_context(domain) as context:
-            ages, name = _listen(context, step, images + _SETTLED)
+            ages = _listen(context, step, images + _SETTLED)
     finally:
         robot.kill()
         robot.wait()
     p50, p95, most = np.percentile(ages[_SETTLED:], [50, 95, 100]).round(4).tolist()
-    return {"pose_age_ms": {"p50": p50, "p95": p95, "max": most}, "transform_source": name}
+    return {"pose_age_ms": {"p50": p50, "p95": p95, "max": most}}
 
 
-def _listen(context: rclpy.Context, step: Callable[[], object], images: int) -> tuple[list[float], str]:
-    """Age [ms] of each image, and who keeps the transforms."""
+def _listen(context: rclpy.Context, step: Callable[[], object], images: int) -> list[float]:
+    """Age [ms] of each image."""
     node = Node("pose_age", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
@@ -91,7 +91,7 @@ def _listen(context: rclpy.Context, step: Callable[[], object], images: int) -> 
         source.close()
         executor.shutdown()
         node.destroy_node()
-    return ages, source.name
+    return ages
 
 
 def _send(seconds: float) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.loaded_object import build_object
 from midastouch_filter.localiser import Localiser
-from midastouch_filter.quick_start import build_object
 
 from ..statistics.intervals import ENOUGH, bootstrap_interval
 from ..trials.stock import Stock

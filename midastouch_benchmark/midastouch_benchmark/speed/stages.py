@@ -14,9 +14,8 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.core.places import Place
-from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.refinement.refinement import is_narrow
 from midastouch_perception.codebook import Codebook

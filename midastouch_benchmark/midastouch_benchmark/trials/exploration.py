@@ -17,12 +17,11 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
-from midastouch_filter.active_touch.advisor import Advisor
-from midastouch_filter.active_touch.suggestion import Wanted
+from midastouch_filter.active_touch.suggestion import Advisor, Wanted
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.perceived import measurement_of
 from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger

@@ -12,7 +12,7 @@ from midastouch_bringup.datasets import Sequence
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 

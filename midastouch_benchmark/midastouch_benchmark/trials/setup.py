@@ -13,7 +13,7 @@ from midastouch_bringup.datasets import Sequence
 from midastouch_bringup.processes.parameter_files import read_parameters
 from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
-from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.config import FilterConfig, by_present_names
 from midastouch_filter.core.presets import BALANCED, preset
 from midastouch_perception.pipeline import TouchPipeline
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
@@ -112,7 +112,7 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
 
     What the file does not set is as in a preset: the one named, or else the file's. In a ROS parameter file the entries
     of `particle_filter` count; those that concern only the node (topics, frames, files) are passed over. Raises
-    InputError on unknown names and values out of range.
+    InputError on unknown names and values out of range. Former names of settings count, with a FutureWarning.
     """
     settings = preset(preset_name or BALANCED)
     if path is None:
@@ -121,13 +121,13 @@ def load_filter_config(path: str | None, preset_name: str | None = None) -> Filt
     if not isinstance(content, dict):
         raise InputError(f"{path}: holds no settings; give `name: value` lines or a ROS parameter file")
     known = {"preset", *(item.name for item in dataclasses.fields(FilterConfig))}
-    values = content
-    if any(isinstance(value, dict) for value in content.values()):
-        values = read_parameters(path).get("particle_filter", {})
-        values = {name: value for name, value in values.items() if name in known}
-    if unknown := sorted(set(map(str, values)) - known):
-        raise InputError(f"{path}: unknown filter settings: {', '.join(unknown)}; check the spelling")
+    of_nodes = any(isinstance(value, dict) for value in content.values())
     try:
+        values = by_present_names(read_parameters(path).get("particle_filter", {}) if of_nodes else content)
+        if of_nodes:
+            values = {name: value for name, value in values.items() if name in known}
+        if unknown := sorted(set(map(str, values)) - known):
+            raise InputError(f"unknown filter settings: {', '.join(unknown)}; check the spelling")
         of_file = preset(values.pop("preset", BALANCED))
         return FilterConfig(**((settings if preset_name else of_file) | values))
     except InputError as error:

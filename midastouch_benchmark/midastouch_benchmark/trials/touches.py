@@ -12,8 +12,7 @@ import numpy as np
 from midastouch_bringup.datasets import Sequence
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
-from midastouch_filter.core.perceived import measurement_of
-from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.touch import Measurement, measurement_of
 
 from .setup import Networks, untouched_of
 from .trial import FRAME_TIME, TrialFrame

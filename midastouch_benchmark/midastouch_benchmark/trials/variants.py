@@ -103,7 +103,7 @@ VARIANTS = {
     "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", PEER, method="registration"),
     "odometry": Variant("the arm's odometry alone, from one draw of the start", PEER, method="odometry"),
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
-    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"hindsight": False}),
+    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"smoothing": False}),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "codes_no_recovery": Variant(
         "no alignment to penetration maps, no re-evaluation, no injection",

@@ -3,14 +3,14 @@ import pytest
 from midastouch_benchmark.speed.first_pose import first_poses, summarise_first_poses
 from midastouch_benchmark.trials.stock import SlideKind, Stock
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter import growth, quick_start
+from midastouch_filter import loaded_object
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
 
 def test_the_first_touch_of_each_slide_is_answered(tmp_path, monkeypatch):
-    monkeypatch.setattr(quick_start, "SIZE", 300)
-    monkeypatch.setattr(growth, "LEVELS", (400,))  # not what is measured
+    monkeypatch.setattr(loaded_object, "SIZE", 300)
+    monkeypatch.setattr(loaded_object, "LEVELS", (400,))  # not what is measured
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
     stock = Stock(tmp_path, slides=SlideKind(0.02))
     trials = first_poses(mesh, stock, (0, 1), FilterConfig(max_particles=500, threads=1))

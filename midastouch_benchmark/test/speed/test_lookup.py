@@ -4,7 +4,7 @@ import pytest
 from midastouch_benchmark.speed.lookup import lookup_speed
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 
 

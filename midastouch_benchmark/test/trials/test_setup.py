@@ -43,6 +43,13 @@ def test_a_ros_parameter_file_names_a_preset(tmp_path):
     assert load_filter_config(path) == FilterConfig(**PRESETS["fast"])
 
 
+@pytest.mark.parametrize("text", ["hindsight: false\n", "particle_filter:\n  ros__parameters: {hindsight: false}\n"])
+def test_a_former_name_counts_with_a_warning(tmp_path, text):
+    with pytest.warns(FutureWarning, match="hindsight is now smoothing"):
+        config = load_filter_config(written(tmp_path, text))
+    assert config == FilterConfig(smoothing=False)
+
+
 def test_an_unknown_preset_is_refused():
     with pytest.raises(InputError, match="preset quick: not known"):
         load_filter_config(None, "quick")
@@ -53,6 +60,7 @@ def test_an_unknown_preset_is_refused():
     [
         ("max_partikles: 5", "max_partikles"),
         ("max_particles: -5", "max_particles"),
+        ("relief_fit: 0.5\npenetration_fit: 0.5", "give penetration_fit only"),
         ("max_particles: [", "not YAML"),
         ("preset: quick", "preset quick: not known; there are fast, balanced"),
         ("preset: [fast]", "preset .*not known"),

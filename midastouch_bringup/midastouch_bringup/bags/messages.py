@@ -24,6 +24,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 
 from ..datasets import Sequence
+from ..datasets.plain_images import PlainImages
 
 BASE_FRAME = "base_link"
 GEL_FRAME = "digit_gel_frame"
@@ -79,6 +80,9 @@ SEQUENCE_TOPICS = (
 )
 """What `sequence_messages` sends."""
 
+PLAIN_IMAGE_TOPICS = SEQUENCE_TOPICS[2:]
+"""What `plain_image_messages` sends."""
+
 
 @functools.cache
 def typestore() -> Typestore:
@@ -132,6 +136,16 @@ def sequence_messages(sequence: Sequence, offset_ns: int = 0) -> Iterator[Messag
         camera_info.header = header
         yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
         yield image_message(header, sequence.image(i), stamp)
+
+
+def plain_image_messages(images: PlainImages, offset_ns: int = 0) -> Iterator[Message]:
+    """Camera info and image of each frame that is not within the first `offset_ns`; there are no poses."""
+    store = typestore()
+    camera_info = _camera_info(store)
+    for stamp, pixels in images.frames(offset_ns):
+        camera_info.header = _header(store, stamp, OPTICAL_FRAME)
+        yield _message(store, CAMERA_INFO_TOPIC, camera_info, stamp)
+        yield image_message(camera_info.header, pixels, stamp)
 
 
 def _message(store: Typestore, topic: str, content: object, stamp: int, latched: bool = False) -> Message:

@@ -31,13 +31,6 @@ MODULES = (
     ("midastouch_perception", "midastouch_perception", "image to code", True, _SET_UP),
     ("midastouch_filter", "midastouch_filter", "the filter", True, _SET_UP),
     ("digit_driver", "digit_driver", "the camera", True, _SET_UP),
-    (
-        "tf2_py",
-        "tf2_py",
-        "transforms of a system ROS; our own stand-in serves without",
-        False,
-        "source a ROS 2",
-    ),
     ("torch", "torch", "training, CUDA", False, _TRAIN),
     ("rerun", "rerun-sdk", "midastouch view", False, _VIEW),
     ("pyarrow", "pyarrow", "midastouch export --format lerobot", False, _EXPORT),

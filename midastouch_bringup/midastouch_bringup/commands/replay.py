@@ -1,4 +1,4 @@
-"""`midastouch replay`: play a sequence or a bag on the topics of a live sensor and arm."""
+"""`midastouch replay`: play a bag, a sequence or plain images on the topics of a live sensor and arm."""
 
 from __future__ import annotations
 
@@ -15,11 +15,14 @@ def add_parser(subparsers) -> None:
         run,
         "play a sequence or a bag on the topics of a live sensor and arm",
         "midastouch replay out/demo/run.mcap --rate 2",
-        "Publishes image_raw, camera_info, /tf, the ground truth on frames of its own, and /clock.\n"
+        "Publishes image_raw, camera_info, /tf, the ground truth on frames of its own, and /clock;\n"
+        "of a folder of images or a video, which hold no poses: image_raw, camera_info and /clock.\n"
         "Keys: space pauses, right: next frame, left: 5 s back, up and down: faster and slower.\n"
         "From elsewhere: services replay/pause, resume and step; parameters rate, loop and seek_to of /replay.",
     )
-    parser.add_argument("source", metavar="BAG|SEQ", help="bag (.mcap file or folder) or YCB-Slide sequence folder")
+    parser.add_argument(
+        "source", metavar="BAG|SEQ", help="bag (.mcap file or folder), YCB-Slide sequence, folder of images or video"
+    )
     parser.add_argument("--rate", type=float, default=1.0, help="recorded seconds per second; 0: at once (default 1)")
     parser.add_argument("--loop", action="store_true", help="start again at the end")
     parser.add_argument("--start", type=float, default=0.0, metavar="S", help="leave out the first S seconds")
@@ -33,11 +36,9 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_common.errors import InputError
 
-    from ..bags.reader import is_bag
-    from ..datasets import load_sequence
+    from ..replay.source import ReplaySource
 
-    if not is_bag(args.source):
-        load_sequence(args.source)  # refuses what is no sequence before anything is started
+    ReplaySource(args.source)  # refuses what cannot be played before anything is started
     try:
         from ..nodes.replay import main
     except ImportError as error:

@@ -13,6 +13,11 @@ from .ycb_slide import REAL_FILE, SIMULATED_FILE, load_real, load_simulated
 _LOADERS = {SIMULATED_FILE: load_simulated, REAL_FILE: load_real, POSE_FILE: load_trial}
 
 
+def is_sequence(path: str | Path) -> bool:
+    """Whether `path` is a folder with the file that tells one of the layouts."""
+    return any((Path(path) / file).is_file() for file in _LOADERS)
+
+
 def load_sequence(path: str | Path) -> Sequence:
     """The sequence in folder `path`: a slide of YCB-Slide, simulated or real, or a trial of TactileTracking.
 

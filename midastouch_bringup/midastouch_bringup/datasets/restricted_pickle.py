@@ -1,16 +1,15 @@
-"""Read pickled data of strangers: NumPy arrays and OmegaConf nodes become plain values, all else is refused.
+"""Read pickled data of strangers: NumPy arrays come through, OmegaConf nodes are skipped, all else is refused.
 
-A pickle is a program. The only names it may call here are the stand-ins below; they are inert: they keep what
-they are given and run neither NumPy's nor OmegaConf's unpickling code on it (both trust their input, and
-NumPy's can be led to read outside an array). After loading, stand-ins are turned into arrays and plain
-containers, with every size checked.
+A pickle is a program. The only names it may call here are the stand-ins below. Those of arrays check every size and
+type before NumPy sees them, since NumPy's own unpickling code trusts its input.
 """
 
 from __future__ import annotations
 
-import math
+import io
+import pickle
+import pickletools
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,107 +17,54 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import require_file
-from midastouch_perception.restricted_unpickler import RestrictedUnpickler
 
-_ONLY = "which is not data (only NumPy arrays and OmegaConf values are)"
-_PLAIN_DTYPE = re.compile(r"[biufcSU?]\d*")
+_PLAIN_DTYPE = re.compile(r"[biufcSU]\d*|\?")
 
 
 class _Dtype:
-    """Stand-in for `numpy.dtype`: a type code and a byte order."""
+    """Stands for `numpy.dtype`: a type code, and in the state that follows its byte order."""
 
     def __init__(self, code: str, *_: object) -> None:
-        self.code = code
-        self.order = "="
+        self._code, self._order = code, "="
 
     def __setstate__(self, state: tuple) -> None:
-        self.order = state[1]
+        self._order = state[1]
 
-    def dtype(self) -> np.dtype | None:
-        """The plain NumPy type, None for an array of Python objects."""
-        code = self.code.decode() if isinstance(self.code, bytes) else self.code
-        if code in ("O", "O8"):
-            return None
-        if not isinstance(code, str) or not _PLAIN_DTYPE.fullmatch(code):
-            raise InputError(f"array of type {code!r}, which is neither plain numbers nor text")
-        dtype = np.dtype(code)
-        return dtype.newbyteorder(self.order) if self.order in ("<", ">") else dtype
+    def filled(self, content: Any, shape: tuple, order: str) -> np.ndarray:
+        """A new array of that type and shape from raw bytes, or from a list of objects."""
+        if self._code in ("O", "O8"):
+            if not isinstance(content, list):
+                raise InputError(f"array of objects of shape {shape} without its objects")
+            array = np.empty(len(content), object)
+            for i, item in enumerate(content):
+                array[i] = item
+        else:
+            if not (isinstance(self._code, str) and _PLAIN_DTYPE.fullmatch(self._code)):
+                raise InputError(f"array of type {self._code!r}, which is neither plain numbers nor text")
+            array = np.frombuffer(content, np.dtype(self._code).newbyteorder(self._order.replace("|", "=")))
+        return array.reshape(shape, order=order).copy(order=order)
 
 
-class _Array:
-    """Stand-in for `numpy.ndarray`: its shape, type and raw content."""
+class _Array(np.ndarray):
+    """Stands for `numpy.ndarray`: empty until its state comes."""
 
-    state: tuple = ()
+    def __new__(cls, *_: object) -> _Array:
+        return super().__new__(cls, 0)
 
     def __setstate__(self, state: tuple) -> None:
-        self.state = state
-
-    def value(self, resolve: Callable[[Any], Any]) -> np.ndarray:
-        _, shape, dtype, fortran, content = self.state
-        return _array(content, dtype, shape, "F" if fortran else "C", resolve)
+        _, shape, dtype, fortran, content = state
+        # NumPy gets a state that it has made itself, of an array that is sound
+        super().__setstate__(dtype.filled(content, shape, "F" if fortran else "C").__reduce__()[2])
 
 
-class _Buffer:
-    """Stand-in for an array pickled by protocol 5."""
-
-    def __init__(self, content: bytes, dtype: _Dtype, shape: tuple, order: str) -> None:
-        self.arguments = (content, dtype, shape, order)
-
-    def value(self, resolve: Callable[[Any], Any]) -> np.ndarray:
-        return _array(*self.arguments, resolve)
-
-
-class _Scalar:
-    """Stand-in for a NumPy scalar."""
-
-    def __init__(self, dtype: _Dtype, content: bytes) -> None:
-        self.arguments = (dtype, content)
-
-    def value(self, resolve: Callable[[Any], Any]) -> Any:
-        dtype, content = self.arguments
-        return _array(content, dtype, (), "C", resolve)[()]
-
-
-class _ConfigNode:
-    """Stand-in for OmegaConf's containers, values and their metadata, and for the types they mention."""
+class _Skipped:
+    """Stands for OmegaConf's containers and values, and for the types they mention: nothing here reads them."""
 
     def __init__(self, *_: object) -> None:
-        self.state: dict = {}
+        pass
 
-    def __setstate__(self, state: dict) -> None:
-        self.state = state
-
-    def value(self, resolve: Callable[[Any], Any]) -> Any:
-        return resolve(self.state.get("_content", self.state.get("_val")))
-
-
-def _array(content: Any, dtype: _Dtype, shape: tuple, order: str, resolve: Callable[[Any], Any]) -> np.ndarray:
-    plain = dtype.dtype()
-    size = math.prod(shape)
-    if plain is None:
-        if not isinstance(content, list) or len(content) != size:
-            raise InputError(f"array of objects of shape {shape} without as many objects")
-        array = np.empty(size, object)
-        array[:] = [resolve(item) for item in content]
-        return array.reshape(shape, order=order)
-    if isinstance(content, str):
-        content = content.encode("latin1")
-    if len(content) != size * plain.itemsize:
-        raise InputError(f"array of shape {shape} with {len(content)} bytes of content")
-    return np.frombuffer(content, plain).reshape(shape, order=order).copy(order=order)
-
-
-def _reconstruct(*_: object) -> _Array:
-    return _Array()
-
-
-def _empty_dict(*_: object) -> dict:
-    return {}
-
-
-def _empty_bytes() -> bytes:
-    """Protocol 2 writes empty bytes as this call."""
-    return b""
+    def __setstate__(self, state: Any) -> None:
+        pass
 
 
 def _encode(text: str, encoding: str) -> bytes:
@@ -131,64 +77,33 @@ def _encode(text: str, encoding: str) -> bytes:
 _ALLOWED: dict[str, Any] = {
     "numpy.ndarray": _Array,
     "numpy.dtype": _Dtype,
-    "collections.defaultdict": _empty_dict,
+    "collections.defaultdict": _Skipped,
+    "typing.Any": _Skipped,
     "_codecs.encode": _encode,
-    "__builtin__.bytes": _empty_bytes,
-    "typing.Any": _ConfigNode,
-    **{
-        f"numpy.{core}.{name}": stand_in
-        for core in ("core", "_core")
-        for name, stand_in in {
-            "multiarray._reconstruct": _reconstruct,
-            "multiarray.scalar": _Scalar,
-            "numeric._frombuffer": _Buffer,
-        }.items()
-    },
-    **{
-        f"omegaconf.{name}": _ConfigNode
-        for name in (
-            "dictconfig.DictConfig",
-            "listconfig.ListConfig",
-            "base.ContainerMetadata",
-            "base.Metadata",
-            "nodes.AnyNode",
-            "nodes.BooleanNode",
-            "nodes.FloatNode",
-            "nodes.IntegerNode",
-            "nodes.StringNode",
-        )
-    },
-    **{
-        f"{builtins}.{name}": _ConfigNode
-        for builtins in ("builtins", "__builtin__")
-        for name in ("bool", "dict", "float", "int", "list", "str")
-    },
+    "__builtin__.bytes": lambda: b"",  # how protocol 2 writes empty bytes
 }
+for _core in ("numpy.core", "numpy._core"):
+    _ALLOWED[f"{_core}.multiarray._reconstruct"] = _Array
+    _ALLOWED[f"{_core}.multiarray.scalar"] = lambda dtype, content: dtype.filled(content, (), "C")[()]
+    _ALLOWED[f"{_core}.numeric._frombuffer"] = lambda content, dtype, shape, order: dtype.filled(content, shape, order)
+for _module, _names in {
+    "omegaconf.dictconfig": "DictConfig",
+    "omegaconf.listconfig": "ListConfig",
+    "omegaconf.base": "ContainerMetadata Metadata",
+    "omegaconf.nodes": "AnyNode BooleanNode FloatNode IntegerNode StringNode",
+    "builtins": "bool dict float int list str",
+    "__builtin__": "bool dict float int list str",
+}.items():
+    _ALLOWED.update(dict.fromkeys((f"{_module}.{_name}" for _name in _names.split()), _Skipped))
 
 
-def _resolve_all(loaded: Any) -> Any:
-    """Replace stand-ins by their values, once each, also inside containers."""
-    done: dict[int, Any] = {}
-
-    def resolve(item: Any) -> Any:
-        key = id(item)
-        if key in done:
-            return done[key]
-        if isinstance(item, dict):
-            done[key] = out = {}
-            out.update((resolve(k), resolve(v)) for k, v in item.items())
-        elif isinstance(item, list):
-            done[key] = out = []
-            out.extend(map(resolve, item))
-        elif isinstance(item, (tuple, set, frozenset)):
-            done[key] = type(item)(map(resolve, item))
-        elif isinstance(item, (_Array, _Buffer, _Scalar, _ConfigNode)):
-            done[key] = item.value(resolve)
-        else:
-            return item
-        return done[key]
-
-    return resolve(loaded)
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        if f"{module}.{name}" not in _ALLOWED:
+            raise InputError(
+                f"asks for '{module}.{name}', which is not data (only NumPy arrays and OmegaConf values are)"
+            )
+        return _ALLOWED[f"{module}.{name}"]
 
 
 def loads(data: bytes, name: str) -> Any:
@@ -198,7 +113,10 @@ def loads(data: bytes, name: str) -> Any:
     inconsistent content.
     """
     try:
-        return _resolve_all(RestrictedUnpickler(data, _ALLOWED, _ONLY).load())
+        for opcode, slot, _ in pickletools.genops(data):
+            if opcode.name == "LONG_BINPUT" and slot > len(data):  # for which gigabytes would be allocated
+                raise InputError(f"memo slot {slot} in a file of {len(data)} bytes")
+        return _Unpickler(io.BytesIO(data)).load()
     except InputError as error:
         raise InputError(f"{name}: refused, {error}; use a file from a source you trust") from None
     # Crafted or damaged bytes make the unpickler fail in any way, MemoryError and RecursionError included.

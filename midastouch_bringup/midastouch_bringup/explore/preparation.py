@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 

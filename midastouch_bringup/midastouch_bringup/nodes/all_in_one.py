@@ -14,11 +14,10 @@ from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 from std_msgs.msg import Header
 
-from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import spin
-from midastouch_filter.core.perceived import measurement_of
-from midastouch_filter.localiser import LoadedObject, load_object
+from midastouch_filter.core.touch import measurement_of
+from midastouch_filter.loaded_object import LoadedObject, load_object
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_perception.nodes.tcn import TcnNode
 from midastouch_perception.nodes.tdn import TdnNode
@@ -52,14 +51,10 @@ def make_nodes(
 
 
 def make_driver() -> Node:
-    """The sensor's driver; its errors as those of the other nodes."""
+    """The sensor's driver."""
     from digit_driver.nodes.digit_driver import DigitDriver
-    from midastouch_common.errors import InputError as DriverInputError
 
-    try:
-        return DigitDriver()
-    except DriverInputError as error:
-        raise InputError(str(error)) from error
+    return DigitDriver()
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import image_to_msg, stamp_from_ns
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 from midastouch_common.ros.parameters import Parameter
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_filter.nodes.transform_source import TransformSource
 from midastouch_filter.transforms import SECOND, TransformError
 from midastouch_filter.transforms.queue import Wait
@@ -120,7 +120,6 @@ class DigitSim(ManagedNode):
         values = self._rate.values() | {
             "expected_fps": f"{self.parameters['fps']:g}",
             "deepest_mm": f"{1e3 * self._deepest:.2f}",
-            "transform_source": self._transforms.name,
         }
         return diagnostics.ERROR if self._lacks else diagnostics.OK, self._lacks, values
 

@@ -16,7 +16,7 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos, spin
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameters
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.sensor_model import SensorModel

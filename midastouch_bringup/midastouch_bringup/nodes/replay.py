@@ -1,4 +1,4 @@
-"""Node `replay`: plays a YCB-Slide sequence or a bag on the topics of a live sensor and arm."""
+"""Node `replay`: plays a bag, a YCB-Slide sequence or plain images on the topics of a live sensor and arm."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ class Replay(PipelineNode):
         super().__init__("replay", **kwargs)
         self._settings = Parameters(self, PARAMETERS)
         if not self._settings["source"]:
-            raise InputError("replay: parameter 'source' is empty; give a sequence folder or a bag")
+            raise InputError(
+                "replay: parameter 'source' is empty; give a bag, a sequence, a folder of images or a video"
+            )
         self._on_end = on_end
         self.finished = threading.Event()
         self.error: Exception | None = None

@@ -11,7 +11,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus
 
 from ..bags.messages import TF_TOPIC

@@ -5,7 +5,7 @@ from __future__ import annotations
 from midastouch_common.ros.parameters import Parameter
 
 PARAMETERS = (
-    Parameter("source", "", "YCB-Slide sequence folder, or bag (.mcap file or rosbag2 folder)"),
+    Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
     Parameter(
         "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
     ),

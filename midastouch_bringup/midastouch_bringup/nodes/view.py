@@ -29,7 +29,7 @@ from midastouch_common.message_arrays import (
 from midastouch_common.ros import qos
 from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
 from ..bags.messages import TRUTH_FRAME, TRUTH_GEL_FRAME

@@ -1,4 +1,4 @@
-"""What a replay sends: the messages of a sequence, or of a bag without what a filter had added to it."""
+"""What a replay sends: the messages of a sequence, of plain images, or of a bag without a filter's results."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from ..bags.messages import (
     COMPRESSED_TOPIC,
     IMAGE_TOPIC,
     IMAGE_TYPE,
+    PLAIN_IMAGE_TOPICS,
     SEQUENCE_TOPICS,
     TF_STATIC_TOPIC,
     TF_TOPIC,
     Message,
     Topic,
     image_message,
+    plain_image_messages,
     sequence_messages,
     typestore,
 )
 from ..bags.reader import bag_duration, bag_messages, bag_topics, is_bag, readable
-from ..datasets import load_sequence
+from ..datasets.loading import is_sequence, load_sequence
+from ..datasets.plain_images import PlainImages
 
 INPUT_TOPICS = frozenset({IMAGE_TOPIC, COMPRESSED_TOPIC, CAMERA_INFO_TOPIC, TF_TOPIC, TF_STATIC_TOPIC, "/joint_states"})
 """Topics of a bag that are inputs of the pipeline, not its results."""
@@ -39,19 +42,22 @@ def is_image(topic: str) -> bool:
 
 
 class ReplaySource:
-    """The sequence or bag at `path`; `topics` are the ones it will send.
+    """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
 
     Of a bag only those in `wanted` are taken; without it, the inputs of the pipeline. That listens to raw images, so
     compressed ones are then decompressed, or left out where there are raw ones, too. Raises InputError if `path` is
-    neither or cannot be read, also while messages are read.
+    none of these or cannot be read, also while messages are read.
     """
 
     def __init__(self, path: str | Path, wanted: Collection[str] = ()) -> None:
         self.path = Path(path)
         self._decompresses = False
-        self._sequence = None if is_bag(self.path) else load_sequence(self.path)
-        if self._sequence is not None:
-            self.topics = list(SEQUENCE_TOPICS)
+        self._sequence = self._images = None
+        if not is_bag(self.path):
+            if PlainImages.are_at(self.path) and not is_sequence(self.path):
+                self._images, self.topics = PlainImages(self.path), list(PLAIN_IMAGE_TOPICS)
+            else:
+                self._sequence, self.topics = load_sequence(self.path), list(SEQUENCE_TOPICS)
             return
         present = bag_topics(self.path)
         self.topics = [topic for topic in present if topic.name in (wanted or INPUT_TOPICS)]
@@ -69,6 +75,9 @@ class ReplaySource:
         if self._sequence is not None:
             yield from sequence_messages(self._sequence, offset_ns)
             return
+        if self._images is not None:
+            yield from plain_image_messages(self._images, offset_ns)
+            return
         start = None
         for message in self._bag_messages():
             start = message.stamp_ns + offset_ns if start is None else start
@@ -80,6 +89,8 @@ class ReplaySource:
         """From the first message of the recording to the last."""
         if self._sequence is not None:
             return int(self._sequence.stamps_ns[-1] - self._sequence.stamps_ns[0]) / 1e9
+        if self._images is not None:
+            return (self._images.n_frames - 1) / self._images.fps
         return bag_duration(self.path)
 
     def _prefer_raw_images(self) -> None:

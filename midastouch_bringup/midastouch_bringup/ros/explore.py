@@ -22,7 +22,7 @@ from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_filter.nodes.resources import resolve
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.codebook import Codebook

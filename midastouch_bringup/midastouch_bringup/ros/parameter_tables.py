@@ -41,8 +41,8 @@ _HEADER = """# Parameters
 Written by `python -m midastouch_bringup.ros.parameter_tables` from what the nodes declare; a test compares.
 Types follow from the defaults. An illegal value or a misspelt name ends the node at its start with a message
 that says so. Parameters marked *run time* may be changed while the node runs; the others of the lifecycle nodes
-`digit_sim`, `tdn`, `tcn` and `particle_filter`, but for `queue_depth`, `reliable`, `autostart` and `preset`, while the
-node is unconfigured.
+`digit_driver`, `digit_sim`, `tdn`, `tcn` and `particle_filter`, but for `queue_depth`, `reliable`, `autostart`,
+`diagnostics_period` and `preset`, while the node is unconfigured.
 
 The QoS of each topic is a parameter, too, at start: `qos_overrides.TOPIC.publisher.POLICY` or
 `qos_overrides.TOPIC.subscription.POLICY` with the topic's full name and `history`, `depth` or `reliability`.
@@ -72,22 +72,15 @@ def _text(value) -> str:
 def _range(parameter) -> str:
     if parameter.choices:
         return ", ".join(f"`{_text(choice)}`" for choice in parameter.choices)
-    # the driver, which stands alone, has a table class of its own
-    low, high = getattr(parameter, "limits", None) or (
-        getattr(parameter, "minimum", None),
-        getattr(parameter, "maximum", None),
-    )
+    low, high = parameter.minimum, parameter.maximum
     if low is None and high is None:
         return ""
     return f"{'' if low is None else f'{low:.6g}'} ... {'' if high is None else f'{high:.6g}'}".strip()
 
 
 def _description(parameter) -> str:
-    text = parameter.description
-    if unit := getattr(parameter, "unit", ""):
-        text += f" [{unit}]"
-    changes = getattr(parameter, "run_time", False) or not getattr(parameter, "read_only", True)
-    return f"{text}, *run time*" if changes else text
+    text = f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description
+    return text if parameter.read_only else f"{text}, *run time*"
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[3] / "midastouch_filter/test/nodes
 from filter_fakes import DIAGONAL, MAP_SENSOR, FakeFilter
 
 from midastouch_common.ros import spin
-from midastouch_filter.localiser import LoadedObject
+from midastouch_filter.loaded_object import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 
 STALL_S, BUSY_STEPS = 2.5, (1, 6)

@@ -32,7 +32,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_common.ros import spin
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook

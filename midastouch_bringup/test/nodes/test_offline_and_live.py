@@ -22,7 +22,7 @@ from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros.conversions import pose_to_msg
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.perceived import measurement_of
+from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_msgs.msg import FilterStatus, TactileCode
 from midastouch_perception.codebook import Codebook

@@ -137,3 +137,14 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
     assert {m.topic for m in sequence_messages(sequence)} == {topic.name for topic in of_bag}
     with pytest.raises(InputError, match="has no /pose; it has /camera_info, /image_raw, /tf, /tf_static"):
         ReplaySource(tmp_path / "x.mcap", {"/pose"})
+
+
+def test_plain_images_send_what_a_sequence_sends_but_for_transforms(tmp_path, simulated_sequence):
+    sequence = simulated_sequence(n=3)
+    source = ReplaySource(sequence.path / "tactile_images")
+    messages, images = list(source.messages()), [m for m in sequence_messages(sequence) if m.topic == "/image_raw"]
+    assert [m.topic for m in messages] == ["/camera_info", "/image_raw"] * 3
+    assert {m.topic for m in messages} == {topic.name for topic in source.topics}
+    assert [m.data[-1000:] for m in messages[1::2]] == [m.data[-1000:] for m in images]
+    assert len(list(source.messages(offset_ns=1))) == 4
+    assert source.duration_s == pytest.approx(2 / 60)

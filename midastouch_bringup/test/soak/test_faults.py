@@ -15,7 +15,6 @@ from sensor_msgs.msg import Image
 from slide import PATIENT, SECOND, filter_parameters, image_at, tdn_parameters, transform_msg
 from tf2_msgs.msg import TFMessage
 
-from digit_driver import sources
 from digit_driver.discovery import find_cameras
 from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
@@ -36,7 +35,7 @@ def test_a_sensor_that_is_unplugged(graph, slide, minutes, figures, monkeypatch,
     monkeypatch.setattr(fake_kernel, "FRAME_PERIOD_S", 1 / 60)
     kernel = fake_kernel.FakeKernel(tmp_path)
     find = functools.partial(find_cameras, sysfs=kernel.sysfs, dev=kernel.dev)
-    monkeypatch.setattr(sources, "V4l2Camera", functools.partial(V4l2Camera, system=kernel, find=find))
+    driver = functools.partial(DigitDriver, make_camera=functools.partial(V4l2Camera, system=kernel, find=find))
     camera = kernel.plug(fake_kernel.FakeDigit("D20001"))
 
     overrides = {"tdn": {}, "tcn": {}, "particle_filter": filter_parameters(slide, input_timeout=timeout)}
@@ -44,11 +43,11 @@ def test_a_sensor_that_is_unplugged(graph, slide, minutes, figures, monkeypatch,
     statuses = graph.listen(FilterStatus, "filter_status", latched=True)
     tf = graph.publisher(TFMessage, "/tf")
     graph.companion.create_timer(0.02, lambda: tf.publish(transform_msg(slide.poses[0], time.time_ns())))
-    graph.add(DigitDriver, {"reconnect_timeout": 0.1, "diagnostics_period": 0.1})
+    graph.add(driver, {"reconnect_timeout": 0.1, "diagnostics_period": 0.1})
     reports = graph.listen(DiagnosticArray, "/diagnostics")
 
     def driver_says(level: bytes) -> bool:
-        levels = [s.level for report in reports for s in report.status if s.name.endswith("stream")]
+        levels = [s.level for report in reports for s in report.status if s.name.startswith("digit_driver")]
         return levels[-1:] == [level]
 
     def answered(since: int) -> bool:

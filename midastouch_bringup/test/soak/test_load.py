@@ -21,7 +21,7 @@ from midastouch_bringup.processes.program import node_program
 from midastouch_bringup.processes.supervisor import Supervisor
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_common.ros.testing import Graph, open_graph
 from midastouch_msgs.msg import FilterStatus, PoseModes
 

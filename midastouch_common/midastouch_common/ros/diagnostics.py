@@ -19,10 +19,12 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Publishes one status per `PERIOD_S`.
+    """Publishes one status per `PERIOD_S`, unless `set_period` says another.
 
     `describe` returns (level, message, values) when a status is due; counters are kept by the node itself.
     Events reported through `problem` raise the next status to WARN and are named in it.
+
+    Attributes: hardware_id, what the node reports on, such as the serial number of a sensor; may be set at any time.
     """
 
     def __init__(
@@ -31,13 +33,18 @@ class Diagnostics:
         describe: Callable[[], tuple[bytes, str, dict]],
         hardware_id: str = "",
     ):
-        self._node, self._describe, self._hardware_id = node, describe, hardware_id
+        self._node, self._describe, self.hardware_id = node, describe, hardware_id
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._problems: dict[str, int] = {}
         self._log_again: dict[str, float] = {}
         self._recent = ""
         # steady: a bag that is paused must not silence a node's health
-        node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def set_period(self, seconds: float) -> None:
+        """Publish a status once in so many seconds from now on."""
+        self._timer.timer_period_ns = round(seconds * 1e9)
+        self._timer.reset()
 
     def problem(self, kind: str, message: str) -> None:
         """Count an event of bad input under `kind`, name it in the next status and log it now and then."""
@@ -86,7 +93,7 @@ class Diagnostics:
             level=level,
             name=f"{self._node.get_name()}: {self._node.get_fully_qualified_name()}",
             message=message,
-            hardware_id=self._hardware_id,
+            hardware_id=self.hardware_id,
             values=[KeyValue(key=str(k), value=str(v)) for k, v in {**values, **self._problems}.items()],
         )
         out = DiagnosticArray(status=[status])

@@ -8,35 +8,45 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 
-from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from lifecycle_msgs.srv import ChangeState
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from ..errors import InputError
 from . import diagnostics
-from .connections import Connections
-from .lifecycle import RobustLifecycleNode
-from .node import PipelineNode
+from .node import PipelineNode, refuse_unused_overrides
 from .parameters import Parameter, Parameters
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start, without a lifecycle manager", at_start=True)
 """Parameter of every lifecycle node."""
 
+RCLError = rclpy_implementation.RCLError
+"""What rclpy raises when the layer below refuses; it has no public name."""
+
 _UNCONFIGURED = "not configured (ros2 lifecycle set)"
 
 
-class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
+class ManagedNode(PipelineNode, LifecycleNode, ABC):
     """A lifecycle node that says what it is loading, and why it could not.
 
-    A subclass makes its publishers and services in its constructor, which ends with `autostart()`.
+    A subclass makes its publishers and services in its constructor, which ends with `autostart()`. An impossible
+    transition is answered with `success: false`; rclpy lets it raise out of the executor, so that any client could end
+    the process.
+
+    Attributes: failure, why the last transition failed or the node gave up; empty while it works or tries to.
 
     table: its parameters. Those that are neither `at_start` nor may change at run time may while the node is
-    unconfigured: what could not be loaded can be mended and configured again.
+    unconfigured: what could not be loaded can be corrected and configured again.
     """
 
     def __init__(self, name: str, table: Iterable[Parameter], **node_options):
         super().__init__(name, **node_options)
+        self.failure = ""
         self._doing, self._starting = _UNCONFIGURED, False
         self._error: Exception | None = None
-        self._connections = Connections(self, self.connect, self.disconnect)
+        self._lasting: set | None = None  # what the node has while it is not connected, too; None: it is not connected
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._change_state_or_refuse
         try:
             self.parameters = Parameters(self, table, lambda: self.lifecycle_state == "unconfigured")
         except InputError:
@@ -51,12 +61,18 @@ class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
             return
         self._starting = True
         try:
-            if not self.start():
-                raise self._error
+            for transition in (self.trigger_configure, self.trigger_activate):
+                if transition() is not TransitionCallbackReturn.SUCCESS:
+                    raise self._error
         except BaseException:
             self.destroy_node()
             raise
         self._starting = False
+
+    @property
+    def lifecycle_state(self) -> str:
+        """Label of the current state, e.g. `active`."""
+        return self._state_machine.current_state[1]
 
     @property
     def active(self) -> bool:
@@ -102,8 +118,10 @@ class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
 
     def destroy_node(self) -> None:
         """As rclpy's, once what was begun has ended."""
-        self._connections.close()
+        self._disconnect()
         super().destroy_node()
+        # which else keeps the node below it visible until it is collected
+        self._state_machine.destroy_when_not_in_use()
 
     # --- transitions, called by rclpy
 
@@ -111,13 +129,13 @@ class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
         return self._carry_out(self._configure_or_unload, "configured, but not active (ros2 lifecycle set)")
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        result = self._carry_out(self._connections.open, "")
+        result = self._carry_out(self._connect, "")
         if result == TransitionCallbackReturn.SUCCESS:
             self.get_logger().info("active")
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        return self._carry_out(self._connections.close, "deactivated")
+        return self._carry_out(self._disconnect, "deactivated")
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         return self._carry_out(self._let_go, _UNCONFIGURED)
@@ -149,8 +167,29 @@ class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
             self._let_go()
             raise
 
+    def _connect(self) -> None:
+        """Connect; what is raised on the way leaves nothing behind."""
+        self._lasting = {*self.subscriptions, *self.timers}
+        try:
+            self.connect()
+            refuse_unused_overrides(self)
+        except Exception:
+            self._disconnect()
+            raise
+
+    def _disconnect(self) -> None:
+        """Disconnect, as far as it is connected; a no-op when it is not."""
+        if self._lasting is None:
+            return
+        self.disconnect()
+        for subscription in {*self.subscriptions} - self._lasting:
+            self.destroy_subscription(subscription)
+        for timer in {*self.timers} - self._lasting:
+            self.destroy_timer(timer)
+        self._lasting = None
+
     def _disconnect_and_unload(self) -> None:
-        self._connections.close()
+        self._disconnect()
         self._let_go()
 
     def _let_go(self) -> None:
@@ -178,3 +217,14 @@ class ManagedNode(PipelineNode, RobustLifecycleNode, ABC):
         else:
             level, message, values = self.describe()
         return level, message, {"lifecycle": state, **values}
+
+    def _change_state_or_refuse(
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        try:
+            return self._change_state(request, response)
+        except RCLError:
+            wanted = request.transition.label or f"transition {request.transition.id}"
+            self.get_logger().warning(f"{wanted} is not possible while {self.lifecycle_state}")
+            response.success = False
+            return response

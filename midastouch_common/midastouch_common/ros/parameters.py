@@ -26,7 +26,8 @@ class Parameter:
     inclusive and hold for every element of a list; `choices` lists the only legal values. Only parameters
     with `read_only=False` may change while the node runs; those of a managed node also while it is unconfigured,
     but for those with `at_start=True`. `presets`: by each of the choices, the defaults that it gives to parameters
-    further down the table; what else sets them goes over it.
+    further down the table; what else sets them goes over it. `former`: a name it had before, under which a YAML file or
+    the command line may still set it, with a warning.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Parameter:
     read_only: bool = True
     at_start: bool = False
     presets: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    former: str = ""
 
     def problem(self, value: Any) -> str | None:
         """Why `value` is illegal, in words; None if it is legal."""
@@ -100,7 +102,7 @@ class Parameters:
         self._node, self._unconfigured = node, unconfigured
         self.table = {parameter.name: parameter for parameter in table}
         # rclpy keeps what the YAML file and the command line set in this attribute only
-        overrides = node._parameter_overrides
+        overrides = self._by_present_name(node._parameter_overrides)
         for name in overrides:
             if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
                 raise InputError(f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}")
@@ -113,10 +115,24 @@ class Parameters:
             if parameter.presets:
                 defaults |= parameter.presets[value]
             try:
-                node.declare_parameter(name, parameter.default, parameter.descriptor(unconfigured is not None))
+                node.declare_parameter(name, value, parameter.descriptor(unconfigured is not None))
             except ParameterException as error:
                 raise InputError(f"{node.get_name()}: {error}") from error
         node.add_on_set_parameters_callback(self._check)
+
+    def _by_present_name(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
+        """Overrides in which former names are replaced, each with a warning; InputError where both names are set."""
+        present = dict(overrides)
+        for name, parameter in self.table.items():
+            former = parameter.former
+            if former not in overrides:
+                continue
+            renamed = f"parameter '{former}' is now '{name}'"
+            if name in overrides:
+                raise InputError(f"{self._node.get_name()}: {renamed}, and both are set; set '{name}' only")
+            self._node.get_logger().warning(f"{renamed}; rename it in the parameter file or on the command line")
+            present[name] = present.pop(former)
+        return present
 
     def __getitem__(self, name: str) -> Any:
         value = self._node.get_parameter(name).value

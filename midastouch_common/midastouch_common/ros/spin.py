@@ -16,34 +16,24 @@ from ..stop_signals import end_at_once, stop_event
 from .managed_node import ManagedNode
 from .node import refuse_unused_overrides
 
-_MEND = "check what follows --ros-args, and that logs can be written: $ROS_LOG_DIR, or without it ~/.ros/log"
+_ROS_FIX = "check what follows --ros-args, and that logs can be written: $ROS_LOG_DIR, or without it ~/.ros/log"
 
 
 def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = None) -> int:
-    """As `spin_nodes`; InputError while the nodes are made ends the process with one line and code 2.
+    """Spins the nodes that `make_nodes` returns in one executor; the exit code for the process, which then ends.
 
-    Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made.
+    Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made. `args` are the command
+    line with its ROS arguments (None: the process' own).
+
+    Exit code 0: told to stop by SIGINT, SIGTERM or SIGHUP, at any moment and however often; what is going on then, the
+    making of the nodes or a callback, is finished first. 1: a node with an attribute `gave_up` set it. 2: InputError,
+    or ROS does not start; either is said in one line. What else `make_nodes` raises is raised.
     """
     try:
-        return spin_nodes(lambda: _complete(make_nodes()), args)
+        return _spin(make_nodes, args)
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-
-
-def _complete(nodes: Iterable[Node]) -> Sequence[Node]:
-    """The nodes, unless one is told of parameters that it does not have."""
-    made: list[Node] = []
-    try:
-        made.extend(nodes)
-        for node in made:
-            if not isinstance(node, ManagedNode):  # which are complete once active, and look themselves
-                refuse_unused_overrides(node)
-    except BaseException:
-        for node in made:
-            node.destroy_node()
-        raise
-    return made
 
 
 def stop() -> None:
@@ -51,26 +41,19 @@ def stop() -> None:
     signal.raise_signal(signal.SIGTERM)
 
 
-def spin_nodes(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | None = None) -> int:
-    """Spins the nodes that ``make_nodes`` returns in one executor; the exit code for the process, which then ends.
-
-    ``args`` are the command line with its ROS arguments (None: the process' own). 0: told to stop by SIGINT, SIGTERM or
-    SIGHUP, at any moment and however often; what is going on then, the making of the nodes or a callback, is finished
-    first. 1: a node with an attribute ``gave_up`` set it. 2: ROS does not start, which is said in one line. What
-    ``make_nodes`` raises is raised.
-    """
+def _spin(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None) -> int:
     end_at_once()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # of several types of rclpy's, without a public name
-        print(f"ROS does not start: {' '.join(str(error).split())}; {_MEND}", file=sys.stderr)
+        print(f"ROS does not start: {' '.join(str(error).split())}; {_ROS_FIX}", file=sys.stderr)
         return 2
     executor = SingleThreadedExecutor()
     nodes: Sequence[Node] = ()
     try:
         # a task lets spin_once return, which executor.wake() would not
         with stop_event(lambda: executor.create_task(lambda: None)) as stopping:
-            nodes = make_nodes()
+            nodes = _complete(make_nodes())
             for node in nodes:
                 executor.add_node(node)
             while not stopping.is_set() and not _gave_up(nodes):
@@ -85,3 +68,18 @@ def spin_nodes(make_nodes: Callable[[], Sequence[Node]], args: Sequence[str] | N
 
 def _gave_up(nodes: Sequence[Node]) -> bool:
     return any(getattr(node, "gave_up", False) for node in nodes)
+
+
+def _complete(nodes: Iterable[Node]) -> Sequence[Node]:
+    """The nodes, unless one is given parameters that it does not have."""
+    made: list[Node] = []
+    try:
+        made.extend(nodes)
+        for node in made:
+            if not isinstance(node, ManagedNode):  # which are complete once active, and look themselves
+                refuse_unused_overrides(node)
+    except BaseException:
+        for node in made:
+            node.destroy_node()
+        raise
+    return made

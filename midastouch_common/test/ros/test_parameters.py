@@ -70,6 +70,34 @@ def test_a_preset_is_laid_under_what_is_set(graph, overrides, expected):
     assert (parameters["rate"], parameters["depth"]) == expected
 
 
+RENAMED = (Parameter("depth", 1, "How deep", minimum=1, maximum=10, former="deepness"),)
+
+
+class _Renamed(Node):
+    def __init__(self, **options):
+        super().__init__("renamed", **options)
+        self.warnings = []
+        self.get_logger().warning = self.warnings.append
+        self.parameters = Parameters(self, RENAMED)
+
+
+def test_a_former_name_counts_for_the_present_one_with_a_warning(graph):
+    node = graph.add(_Renamed, {"deepness": 7})
+    assert node.parameters["depth"] == 7
+    (warning,) = node.warnings
+    assert "'deepness'" in warning
+    assert "'depth'" in warning
+    assert graph.add(_Renamed, {"depth": 7}).warnings == []
+
+
+@pytest.mark.parametrize(
+    ("overrides", "complaint"), [({"deepness": 0}, "'depth' must be in"), ({"deepness": 2, "depth": 2}, "'depth' only")]
+)
+def test_an_illegal_former_name_is_refused_naming_the_present_one(graph, overrides, complaint):
+    with pytest.raises(InputError, match=complaint):
+        graph.add(_Renamed, overrides)
+
+
 def test_changes_while_running(graph):
     node = graph.add(_Node)
 

@@ -116,7 +116,7 @@ def map_evidence(
     for k, each in enumerate(wrong):
         some = near[:, k]
         found[some, k] = unexplained(each.model, at_wrong[some, k], maps[some], noise)
-    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.relief_fit
+    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.penetration_fit
     usual, found = np.minimum(usual + real, 1.0), np.minimum(found + real, 1.0)
     # a touch of which less is left than usual is simple, not evidence against the right place
     return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(found), 0.0)

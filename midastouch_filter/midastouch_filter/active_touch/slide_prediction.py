@@ -7,15 +7,19 @@ touched is told by the codebook.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.codebook import PRESS
 from midastouch_perception.simulation.slide import MIN_PROGRESS
 
 from ..core.object_model import ObjectModel
 
 _STEP = 7.5e-3  # m; a gel is 19 mm wide
+_TOUCHES = 8  # of a slide, ever farther apart
 
 
 def predict_slides(
@@ -92,3 +96,29 @@ def _laid_flat(rotations: np.ndarray, normals: np.ndarray) -> np.ndarray:
     sine = np.linalg.norm(axis, axis=1)
     turn = axis * (np.arctan2(sine, cosine) / np.maximum(sine, 1e-9))[:, None]
     return se3.exp(np.concatenate([np.zeros_like(turn), turn], axis=1))[:, :3, :3] @ rotations
+
+
+def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
+    """Distances (T,) [m] of touches on a way of `length` [m]: the first after `spacing`, then ever farther apart."""
+    count = int(np.clip(length / spacing, 1, _TOUCHES))
+    if count == 1:
+        return np.array([length])
+    power = max(math.log(length / spacing) / math.log(count), 1.0)
+    return length * (np.arange(1, count + 1) / count) ** power
+
+
+def independence_on_the_way(tracks: np.ndarray, felt: np.ndarray, correlation: float) -> np.ndarray:
+    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `keyframes.independence`.
+
+    tracks (H, K, T + 1, 4, 4); felt (F, 4, 4), in the frame of the start.
+    """
+    out = np.ones((*tracks.shape[:2], tracks.shape[2] - 1))
+    before = tracks[:, :, 0, None] @ felt
+    for t in range(out.shape[2]):
+        older = np.concatenate([before, tracks[:, :, : t + 1]], axis=2)
+        squared = np.square(older - tracks[:, :, t + 1, None])
+        distance = np.sqrt(
+            squared[..., :3, 3].sum(axis=-1) + 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
+        )
+        out[:, :, t] = np.minimum(distance.min(axis=2) / correlation, 1.0)
+    return out

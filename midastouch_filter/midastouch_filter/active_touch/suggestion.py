@@ -19,15 +19,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from midastouch_common.pose_metric import ROTATION_SCALE
-
 from ..core.noise_model import NoiseModel
+from ..filter import ParticleFilter
 from .expected_evidence import by_model, carried_along, code_evidence, map_evidence
-from .hypotheses import Hypothesis
-from .slide_prediction import predict_slides
+from .hypotheses import Hypothesis, hypotheses_of
+from .slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
 
 HEADINGS = 8
-_TOUCHES = 8  # of a slide, ever farther apart
 _PER_MOTION = 2  # touches on the shortest one: over an edge that it crosses there should be one
 CLEARANCE = 0.01
 """m above the surface on the way of a lift, enough for the filter to know it from a gap in a slide."""
@@ -198,32 +196,6 @@ class _Outlook:
         return [self._hypotheses[k] for k in alike] if sure < certain <= mass / named else []
 
 
-def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
-    """Distances (T,) [m] of touches on a way of `length` [m]: the first after `spacing`, then ever farther apart."""
-    count = int(np.clip(length / spacing, 1, _TOUCHES))
-    if count == 1:
-        return np.array([length])
-    power = max(math.log(length / spacing) / math.log(count), 1.0)
-    return length * (np.arange(1, count + 1) / count) ** power
-
-
-def independence_on_the_way(tracks: np.ndarray, felt: np.ndarray, correlation: float) -> np.ndarray:
-    """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `keyframes.independence`.
-
-    tracks (H, K, T + 1, 4, 4); felt (F, 4, 4), in the frame of the start.
-    """
-    out = np.ones((*tracks.shape[:2], tracks.shape[2] - 1))
-    before = tracks[:, :, 0, None] @ felt
-    for t in range(out.shape[2]):
-        older = np.concatenate([before, tracks[:, :, : t + 1]], axis=2)
-        squared = np.square(older - tracks[:, :, t + 1, None])
-        distance = np.sqrt(
-            squared[..., :3, 3].sum(axis=-1) + 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
-        )
-        out[:, :, t] = np.minimum(distance.min(axis=2) / correlation, 1.0)
-    return out
-
-
 def mixture_information(probability: np.ndarray, evidence: np.ndarray) -> np.ndarray:
     """Nats (...) about which of H hypotheses of a probability (H,) is right, by evidence (H, ..., H)."""
     inner = np.log(np.exp(-evidence) @ probability)
@@ -245,3 +217,21 @@ def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], al
     if len(places) > 1:
         return f"{len(places)} places compete: {', '.join(map(_called, places))}"
     return f"one place is left to be confirmed: {_called(places[0])}" if places else "no place stands out yet"
+
+
+class Advisor:
+    """Advises on one filter's object, by what the filter takes for possible."""
+
+    def __init__(self, running: ParticleFilter):
+        self._running, self._noise = running, NoiseModel.of(running.config)
+
+    @property
+    def hypotheses(self) -> list[Hypothesis]:
+        """What the belief takes for possible, most probable first; none before something was felt."""
+        running, belief = self._running, self._running.belief
+        return hypotheses_of(belief, running.object, running.config) if belief is not None and belief.modes else []
+
+    def advise(self, wanted: Wanted) -> Advice | None:
+        """Where to touch next; None before something was felt."""
+        hypotheses = self.hypotheses
+        return advise(hypotheses, self._running.felt, wanted, self._noise) if hypotheses else None

@@ -22,8 +22,8 @@ import numpy as np
 
 from midastouch_common import se3
 
+from ..core.alignment import adjoint, transform_covariance
 from ..core.estimate import Calibration
-from ..core.joint_alignment import adjoint, transform_covariance
 from .jump_hypotheses import POSE, JumpHypotheses
 
 _MOUNT, _CLOCK = slice(6, 12), 12

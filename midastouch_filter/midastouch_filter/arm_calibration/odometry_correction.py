@@ -1,8 +1,10 @@
 """What is wrong with the arm's odometry, taken out of it: errors of mount and clock, and motions of the object.
 
-All hypotheses about the place share them. So they are learnt at one of them, the dominant mode, and every part of the
-next step gets the better odometry. The gel is tracked there from map to map by contact odometry and by alignment, which
-the arm only guides: so the track follows the object when that moves, and differs from what the arm says.
+All pose hypotheses share them. So they are learnt at one of them, the dominant mode, and every part of the next step
+gets the better odometry. The gel is tracked there from map to map, by alignment and by contact odometry: how the gel
+moved over the object from one map to the next, without knowing where. Where the surface has shape, two maps in a row
+say that; where it has none (along a plane, about the centre of a ball) a guess fills in, such as the arm's motion. The
+arm only guides the track: so it follows the object when that moves, and differs from what the arm says.
 """
 
 from __future__ import annotations
@@ -12,25 +14,27 @@ from collections import deque
 
 import numpy as np
 
+import midastouch_kernels as kernels
 from midastouch_common import se3
+from midastouch_perception.sensor_model import SensorModel
 
 from ..core.alignment import Aligned, PenetrationAlignment
 from ..core.belief import Belief
 from ..core.config import FilterConfig
 from ..core.estimate import Calibration
+from ..core.gates import Stopwatch
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.places import pose_distance
-from ..core.stopwatch import Stopwatch
 from ..core.touch import Measurement
 from .arm_errors import ArmErrors, ObjectJump
-from .contact_odometry import ContactOdometry
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
 _TOLD = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
 _ASKED = 3  # last maps that are asked so
 _PATIENCE = 3  # frames in a row that the track may fail to explain: over a sharp edge
 _SAID = 0.1  # share of the prior's information below which a map says nothing
+_EXPLAINED = 0.95  # fit from which the start from the guess is good enough
 
 
 class AsMeasured:
@@ -158,7 +162,7 @@ class OdometryCorrection(AsMeasured):
             return
         start = self._track @ moved
         found = self._alignment.align(start, self._reach, penetration)
-        explained = found.fit > self._config.relief_fit
+        explained = found.fit > self._config.penetration_fit
         path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose if explained else start
         self._unexplained = 0 if explained else self._unexplained + 1
@@ -191,3 +195,46 @@ def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) 
     towards = axes.T @ np.linalg.solve(scale, se3.log(se3.inverse(pose) @ posterior.pose))
     whitening = np.linalg.solve(scale.T, axes)
     return scale @ axes @ (towards * (gained + 1) / gained), (whitening * gained) @ whitening.T
+
+
+class ContactOdometry:
+    """Keeps a map and registers the next one to it.
+
+    Args: sensor, at the resolution of the maps; noise; reach (6, 6), covariance of how far contact and arm may
+    disagree.
+    """
+
+    def __init__(self, sensor: SensorModel, noise: NoiseModel, reach: np.ndarray):
+        self._reach = reach
+        information = sensor.pixel_area / noise.map_correlation**2 / noise.map_noise**2
+        gel_depth = np.ascontiguousarray(sensor.gel_depth)
+        self._kernel = kernels.MapOdometry(gel_depth, sensor.focal, sensor.gel_distance, information)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the last map: nothing is touched, or nobody knows how the arm moved."""
+        self._map: np.ndarray | None = None
+        self._last: np.ndarray | None = None
+
+    def keep(self, penetration: np.ndarray, motion: np.ndarray | None) -> None:
+        """The next map is registered to this one, (H, W) float32 m; motion (4, 4) that led to it, None if unknown."""
+        self._map, self._last = penetration, motion
+
+    def is_last(self, penetration: np.ndarray) -> bool:
+        """Whether this map (H, W) m is of the very same image again, and no new touch."""
+        return self._map is not None and np.array_equal(self._map, penetration)
+
+    def register(self, penetration: np.ndarray, guess: np.ndarray) -> np.ndarray | None:
+        """Motion (4, 4) of the gel over the object from the map that is kept to this one; None if none is kept.
+
+        guess (4, 4): the motion where the maps say nothing. It is looked for from there or, if that explains the maps
+        badly, from the last one: when the object slips, that is nearer to the truth than what the arm says.
+        """
+        if self._map is None:
+            return None
+        motion, _, fit = self._kernel.align(self._map, penetration, guess, self._reach, guess)
+        if fit < _EXPLAINED and self._last is not None:
+            other, _, other_fit = self._kernel.align(self._map, penetration, guess, self._reach, self._last)
+            if 1 - other_fit < 0.5 * (1 - fit):
+                return other
+        return motion

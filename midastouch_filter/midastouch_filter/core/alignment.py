@@ -1,13 +1,21 @@
-"""Alignment of a sensor pose to the penetration map it feels: Gauss-Newton on the pose's own rendered view.
+"""Alignment of a sensor pose to measured penetration maps: Gauss-Newton on the pose's own rendered view.
 
 The codebook tells poses apart by a few millimetres. The measured map M tells more: for a pose x the renderer gives the
-map R(x) that should be felt, and the residual M - R(x) over the pixels, weighed robustly, gives a gradient and an
+map R(x) that should be measured, and the residual M - R(x) over the pixels, weighed robustly, gives a gradient and an
 information matrix in all six directions (point-to-plane registration with projective correspondences, Chen and
 Medioni 1992). Directions that the contact does not constrain (sliding on a plane, turning on a ball) keep their prior.
+
+Several fingers of one frame are a sequential Bayesian update, finger by finger: the belief about the first gel, a
+Gaussian, is transformed to the next finger's gel by the adjoint of the transform between them, aligned to that finger's
+map, and transformed back.
+
+The Gaussian posterior is only as wide as its model of the noise has it: `CredibleRegion` says how wide a region is that
+holds the truth as often as it claims.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +27,12 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 
 from .noise_model import NoiseModel
+from .touch import Measurement
 
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
+WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by misfit and bias; what is added to the latter
+_MEMORY, _HELD = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
+_SAID = 0.1  # share of an axis' prior variance below which a map says nothing of it
 
 
 @dataclass(frozen=True)
@@ -85,3 +97,99 @@ def without_jitter(
     offset = gain @ se3.log(se3.inverse(pose) @ posterior.pose)
     covariance = prior - gain @ (total - posterior.covariance) @ gain.T
     return pose @ se3.exp(offset), 0.5 * (covariance + covariance.T)
+
+
+def align_in_turn(
+    alignment: PenetrationAlignment,
+    pose: np.ndarray,
+    covariance: np.ndarray,
+    touches: Sequence[Measurement],
+    finger_error: np.ndarray,
+    start: np.ndarray | None = None,
+) -> Aligned:
+    """Posterior of the first finger's prior N(pose (4, 4), covariance (6, 6), own frame) given all maps of a frame.
+
+    finger_error (6, 6): covariance of a further finger's pose, given the first one's. start (4, 4): where the first
+    optimum is looked for from. The evidence is the sum of the fingers'; the fit that of the finger which fits worst:
+    the pose must explain all of them.
+    """
+    log_evidence, fit = 0.0, 1.0
+    for touch in touches:
+        penetration, T_gel_finger = touch.penetration, touch.T_gel_finger
+        if T_gel_finger is None:
+            found = alignment.align(pose, covariance, penetration, start)
+            pose, covariance = found.pose, found.covariance
+        else:
+            there, prior = pose @ T_gel_finger, transform_covariance(covariance, T_gel_finger)
+            start = None if start is None else start @ T_gel_finger
+            found = alignment.align(there, prior + finger_error, penetration, start)
+            mean, posterior = without_jitter(there, prior, finger_error, found)
+            back = se3.inverse(T_gel_finger)
+            pose, covariance = mean @ back, transform_covariance(posterior, back)
+        start = None
+        log_evidence += found.log_evidence
+        fit = min(fit, found.fit)
+    return Aligned(pose, covariance, log_evidence, fit)
+
+
+def transform_covariance(covariance: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6) of a pose's own frame after the frame went on by `motion` (4, 4)."""
+    on = adjoint(motion)
+    return on @ covariance @ on.T
+
+
+def adjoint(motion: np.ndarray) -> np.ndarray:
+    """(6, 6) that takes a tangent vector of a pose's own frame to the frame that went on by `motion` (4, 4)."""
+    back = se3.inverse(motion)
+    r, (x, y, z) = back[:3, :3], back[:3, 3]
+    out = se3.turn(r)
+    out[:3, 3:] = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ r
+    return out
+
+
+class CredibleRegion:
+    """How much wider than an alignment's own covariance a region is that holds the truth as often as it says.
+
+    Two things tell that the alignment's model of the noise does not hold, and each widens the covariance:
+
+    * What the map leaves unexplained. How wrong a map is differs from touch to touch, so that the likelihood of a pose
+      is a power of its residual ratio m (docs/evidence.md). The curvature around its peak falls as m + m0, and the
+      covariance grows as it.
+    * That maps correct the pose in one direction again and again. The innovations of a filter whose model holds are
+      white (Mehra 1970). Those of an arm that is late, of an object that was pushed, or of a pose nearby are not: what
+      one map corrects, the odometry undoes. The pose lags behind, and in directions that maps tell little of it stays
+      off for a while once that is over.
+
+    How wide the result must be is a split-conformal quantile (Vovk et al. 2005), fitted by
+    `midastouch_benchmark/fits/regions.py`. `follow` takes the alignments of the dominant mode.
+
+    Args: noise.
+
+    Attribute: bias, squared mean of the last innovations over their predicted variance, times their number, summed over
+    the gel's axes: some 3 if they are white and as large as predicted, more if they go on in one direction. The largest
+    one is forgotten slowly.
+    """
+
+    def __init__(self, noise: NoiseModel):
+        self._noise = noise
+        self.restart()
+
+    def restart(self) -> None:
+        """Nobody knows where the gel is."""
+        self._sum, self._number = np.zeros(6), np.ones(6)
+        self.bias = 0.0
+
+    def follow(self, pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) -> None:
+        """A map turned the prior N(pose (4, 4), covariance (6, 6), own frame) into the posterior."""
+        prior = np.diag(covariance)
+        predicted = prior - np.diag(posterior.covariance)
+        said = predicted > _SAID * prior
+        moved = se3.log(se3.inverse(pose) @ posterior.pose)
+        keep = 1.0 - 1.0 / _MEMORY
+        self._sum, self._number = keep * self._sum, keep * self._number + said
+        self._sum[said] += moved[said] / np.sqrt(predicted[said])
+        self.bias = max((1.0 - 1.0 / _HELD) * self.bias, float((self._sum**2 / self._number).sum()))
+
+    def widening(self, aligned: Aligned) -> float:
+        """Factor on the covariance of a pose that was aligned to this frame's maps."""
+        return WIDTH * (1.0 - aligned.fit + self._noise.misfit_floor) * (WHITE + self.bias) ** 2

@@ -3,28 +3,31 @@
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
 from midastouch_common.errors import InputError
 
 
-def _number(default: float, low: float, high: float, unit: str, doc: str):
+def _number(default: float, low: float, high: float, unit: str, doc: str, former: str = ""):
     """A dataclass field that carries what a parameter server or a table needs to know about it."""
-    return field(default=default, metadata={"low": low, "high": high, "unit": unit, "doc": doc})
+    return field(default=default, metadata={"low": low, "high": high, "unit": unit, "doc": doc, "former": former})
 
 
-def _switch(default: bool, doc: str):
-    return field(default=default, metadata={"unit": "", "doc": doc})
+def _switch(default: bool, doc: str, former: str = ""):
+    return field(default=default, metadata={"unit": "", "doc": doc, "former": former})
 
 
 @dataclass(frozen=True)
 class FilterConfig:
     """Settings of `ParticleFilter`. Raises InputError, naming the parameter, on a value out of range.
 
-    Each field's metadata holds `doc`, `unit` and, for numbers, `low` and `high` (inclusive), so that nodes can
-    declare their parameters and documents can list them without repeating anything.
+    Each field's metadata holds `doc`, `unit`, `former` (a name it had before, or "") and, for numbers, `low` and `high`
+    (inclusive), so that nodes can declare their parameters and documents can list them without repeating anything.
     """
 
     # --- number of particles (paper appendix C; KLD sampling, Fox 2001)
@@ -72,14 +75,26 @@ class FilterConfig:
     jitter_rotation: float = _number(
         math.radians(1.0), 0.0, 1.0, "rad", "error of one measured sensor pose, each axis, sigma"
     )
-    relief_fit: float = _number(0.6, 0.0, 1.0, "", "share of touched pixels a pose must explain to be believed")
-    relief_noise: float = _number(1e-4, 1e-6, 1e-2, "m", "error of a felt penetration map, sigma")
-    relief_correlation: float = _number(4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same")
+    penetration_fit: float = _number(
+        0.6, 0.0, 1.0, "", "fraction of touched pixels a pose must explain to be believed", former="relief_fit"
+    )
+    penetration_noise: float = _number(
+        1e-4, 1e-6, 1e-2, "m", "error of a measured penetration map, sigma", former="relief_noise"
+    )
+    penetration_correlation: float = _number(
+        4e-3, 1e-4, 0.05, "m", "length over which that error is one and the same", former="relief_correlation"
+    )
 
-    # --- fixed-lag re-evaluation: other places that explain the last touches as well
-    hindsight: bool = _switch(True, "re-evaluate the last touches at rival places; needs refinement")
-    hindsight_touches: int = _number(16, 2, 200, "", "touches that are kept, the older the sparser")
-    hindsight_spacing: float = _number(0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm")
+    # --- fixed-lag smoothing: other poses that explain the last touches as well
+    smoothing: bool = _switch(
+        True, "re-evaluate the last touches at competing pose hypotheses; needs refinement", former="hindsight"
+    )
+    smoothing_touches: int = _number(
+        16, 2, 200, "", "touches that are kept, the older the sparser", former="hindsight_touches"
+    )
+    smoothing_spacing: float = _number(
+        0.012, 1e-3, 0.2, "m", "path between two of them; 1 rad counts as 10 mm", former="hindsight_spacing"
+    )
 
     # --- the object may move: contact odometry against the arm's
     object_motion: bool = _switch(True, "follow the object when it slips or is pushed; needs refinement")
@@ -167,3 +182,20 @@ class FilterConfig:
             raise InputError(
                 f"parameter min_particles: {self.min_particles} is more than max_particles {self.max_particles}"
             )
+
+
+def by_present_names(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings in which a former name of a field is replaced by the present one, with a FutureWarning that names both.
+
+    Raises InputError where both are given.
+    """
+    present = dict(settings)
+    for item in fields(FilterConfig):
+        former = item.metadata["former"]
+        if former not in settings:
+            continue
+        if item.name in settings:
+            raise InputError(f"{former} is now {item.name}, and both are given; give {item.name} only")
+        warnings.warn(f"{former} is now {item.name}; rename it", FutureWarning, stacklevel=2)
+        present[item.name] = present.pop(former)
+    return present

@@ -19,11 +19,11 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 
 from .config import FilterConfig
-from .gates import Gates, RestGate
+from .gates import Gates
 from .gel_search import GelSearch
 from .lookup import PoseLookup
 from .measurement_model import MeasurementModel
-from .motion_model import Odometry, transformed
+from .motion_model import Odometry, RestGate, transformed
 from .particles import Particles
 from .surface import SurfaceConstraint
 from .touch import Measurement

@@ -1,13 +1,9 @@
-"""What a step left out: work that a scene does not need, and input that cannot be used."""
+"""What a step left out, and how long the rest of it took."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
-import numpy as np
-
-from .config import FilterConfig
-from .motion_model import Odometry
+from collections.abc import Callable, Collection
+from contextlib import AbstractContextManager
 
 GATES = (
     "at_rest",
@@ -57,26 +53,30 @@ class Gates:
         self.counts[kind] = self.counts.get(kind, 0) + number
 
 
-class RestGate:
-    """Holds back motion that is too small to matter; small steps add up, so that slow creeping is not lost.
+class Stopwatch:
+    """Times named stages with `clock`, a function that returns seconds (`time.perf_counter`)."""
 
-    Args: config; gates, which counts what is held back as `at_rest`.
-    """
+    def __init__(self, clock: Callable[[], float]):
+        self.clock = clock
+        self.restart()
 
-    def __init__(self, config: FilterConfig, gates: Gates):
-        self._config, self._gates = config, gates
-        self.reset()
+    def restart(self) -> None:
+        """Begin anew, with no time spent."""
+        self.ms: dict[str, float] = {}
 
-    def motion(self, odometry: Odometry) -> Odometry | None:
-        """All motion since the last that was handed on, or None while it is too small."""
-        total = odometry
-        if self._pending is not None:
-            total = Odometry.from_matrix(self._pending @ odometry.transform)
-        moving = total.distance > self._config.update_min_d or total.angle > self._config.update_min_a
-        held = self._gates.skips("at_rest", not moving)
-        self._pending = total.transform if held else None
-        return None if held else total
+    def stage(self, name: str) -> AbstractContextManager[None]:
+        """Add the time spent inside to the stage's milliseconds."""
+        return _Stage(self, name)
 
-    def reset(self) -> None:
-        """Forget small steps held back, because the particles were drawn anew."""
-        self._pending: np.ndarray | None = None
+
+class _Stage(AbstractContextManager):
+    # a class, because a generator would take longer than some stages
+    def __init__(self, watch: Stopwatch, name: str):
+        self._watch, self._name = watch, name
+
+    def __enter__(self) -> None:
+        self._start = self._watch.clock()
+
+    def __exit__(self, *_: object) -> None:
+        ms = self._watch.ms
+        ms[self._name] = ms.get(self._name, 0.0) + 1000.0 * (self._watch.clock() - self._start)

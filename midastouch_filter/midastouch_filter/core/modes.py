@@ -1,9 +1,11 @@
 """Modes of the particle set: clustering in position and rotation (paper section 4.3, "hypothesis clustering").
 
 The paper runs DBSCAN on positions, which needs every pair of particles that lie together: seconds at 10k converged
-particles. Here the mass of each region of SE(3) is summed once, and peaks of the mass are found on the graph of
-regions (ToMATo: Chazal, Guibas, Oudot and Skraba 2013), so that the cost beyond one pass over the particles depends
-on the number of occupied regions only.
+particles. Here the particles are counted in regions, cells of SE(3) near the object's surface that are made from the
+codebook once: particles already know their nearest codebook entry, so that each finds its region by one look-up. The
+mass of each region is summed once, and peaks of the mass are found on the graph of regions (ToMATo: Chazal, Guibas,
+Oudot and Skraba 2013), so that the cost beyond one pass over the particles depends on the number of occupied regions
+only.
 """
 
 from __future__ import annotations
@@ -16,7 +18,6 @@ import midastouch_kernels as kernels
 
 from .lookup import PoseLookup
 from .particles import Particles
-from .regions import Regions
 from .workers import CHUNKS, Workers
 
 _MOST_MODES = 64  # reported; the mass of any further ones counts as "rest"
@@ -94,3 +95,29 @@ class ModeFinder:
         # the order of the regions' masses, rounding aside; sorted again so that it is exact
         order, *moments = kernels.mode_moments(partial, reference)
         return Moments(*moments), order
+
+
+class Regions:
+    """Groups of codebook entries within `radius` [m] of the group's centre; 1 rad counts as 10 mm.
+
+    Attributes: of_entry (M,) int32, the region of each codebook entry; centre (K,) int32, the entry in the middle
+    of each region; start (K + 1,), neighbours: compressed rows of the regions adjacent to each region.
+    """
+
+    def __init__(self, lookup: PoseLookup, radius: float):
+        # what lies within the radius is reached through the neighbour graph
+        self.of_entry, self.centre = kernels.cover_regions(lookup.records, lookup.neighbours, radius**2)
+        # neighbours that far apart only tell that the codebook is coarse there
+        edges = (lookup.neighbour_distance < 3 * radius).ravel()
+        source = np.repeat(self.of_entry, lookup.neighbours.shape[1])[edges].astype(np.int64)
+        target = self.of_entry[lookup.neighbours.ravel()][edges].astype(np.int64)
+        source, target = source[apart := source != target], target[apart]
+        count = len(self.centre)
+        # sorted by hand: the hash table of np.unique takes ten times as long
+        pairs = np.sort(np.concatenate([source * count + target, target * count + source]))
+        source, target = np.divmod(pairs[np.diff(pairs, prepend=-1) > 0], count)
+        self.neighbours = target.astype(np.int32)
+        self.start = np.searchsorted(source, np.arange(count + 1)).astype(np.int64)
+
+    def __len__(self) -> int:
+        return len(self.centre)

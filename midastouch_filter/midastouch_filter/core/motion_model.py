@@ -1,4 +1,7 @@
-"""Motion model: x_t ~ x_{t-1} * N(odometry, Sigma) (paper equation 1), noise in the tangent space."""
+"""Motion model: x_t ~ x_{t-1} * N(odometry, Sigma) (paper equation 1), noise in the tangent space.
+
+Before the particles are moved, odometry that cannot be used is refused, and motion that is too small is held back.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ import midastouch_kernels as kernels
 from midastouch_common.pose_metric import ROTATION_SCALE
 
 from .config import FilterConfig
+from .gates import Gates
 from .particles import Particles
 from .workers import CHUNKS, Workers
 
@@ -132,3 +136,70 @@ def transformed(particles: Particles, transform: np.ndarray, workers: Workers) -
         lambda low, high, _: kernels.compose(low, high, positions, quaternions, row, still, None),
     )
     return Particles(positions, quaternions, particles.log_weights, particles.entries)
+
+
+class RestGate:
+    """Holds back motion that is too small to matter; small steps add up, so that slow creeping is not lost.
+
+    Args: config; gates, which counts what is held back as `at_rest`.
+    """
+
+    def __init__(self, config: FilterConfig, gates: Gates):
+        self._config, self._gates = config, gates
+        self.reset()
+
+    def motion(self, odometry: Odometry) -> Odometry | None:
+        """All motion since the last that was handed on, or None while it is too small."""
+        total = odometry
+        if self._pending is not None:
+            total = Odometry.from_matrix(self._pending @ odometry.transform)
+        moving = total.distance > self._config.update_min_d or total.angle > self._config.update_min_a
+        held = self._gates.skips("at_rest", not moving)
+        self._pending = total.transform if held else None
+        return None if held else total
+
+    def reset(self) -> None:
+        """Forget small steps held back, because the particles were drawn anew."""
+        self._pending: np.ndarray | None = None
+
+
+class OdometryJump(ValueError):
+    """The odometry jumped: the particles are where they were, and nobody knows where that is now."""
+
+
+class Propagation:
+    """Moves particles by measured odometry and noise; in the air there is no noise floor."""
+
+    def __init__(self, model: MotionModel, config: FilterConfig, gates: Gates):
+        self._model, self._config, self._gates = model, config, gates
+        self._rest = RestGate(config, gates)
+        self.restart()
+
+    def restart(self) -> None:
+        """The particles were drawn anew."""
+        self._rest.reset()
+        self._exploration = Exploration(self._config)
+
+    def explore(self, dominant_mass: float, tempering: float) -> None:
+        """Adapt the noise floor after a touch, counted as `tempering` of an independent one."""
+        self._exploration.update(dominant_mass, tempering)
+
+    def blur(self, particles: Particles, covariance: np.ndarray) -> None:
+        """Spread particles in place: where they are is known no better than to a covariance (6, 6), own frame."""
+        self._model.blur(particles, covariance)
+
+    def __call__(self, particles: Particles, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
+        """Move particles in place; the motion, None at rest or if the odometry is refused. Raises OdometryJump."""
+        if odometry is None:
+            return None
+        try:
+            motion = Odometry.from_matrix(odometry)
+        except ValueError as error:
+            self._gates.refuse("bad_odometry", str(error))
+            return None
+        if motion.distance > self._config.max_odometry_jump:
+            raise OdometryJump(f"odometry jumped by {motion.distance:.2f} m")
+        motion = self._rest.motion(motion)
+        if motion is not None:
+            self._model.propagate(particles, motion, self._exploration.share if in_contact else 0.0)
+        return motion

@@ -1,4 +1,6 @@
-"""What the fine stage assumes about the world: how wrong measurements are, and how wide what is not known yet."""
+"""What the fine stage assumes of the world, how wrong measurements are and how wide what is not known yet; and how much
+work it may do for that.
+"""
 
 from __future__ import annotations
 
@@ -86,9 +88,44 @@ class NoiseModel:
         return cls(
             jitter=config.jitter,
             finger_error=config.finger_error,
-            map_noise=config.relief_noise,
-            map_correlation=config.relief_correlation,
+            map_noise=config.penetration_noise,
+            map_correlation=config.penetration_correlation,
             touch_correlation=config.correlation_length,
             between_entries=_BETWEEN_ENTRIES,
             mode_floor=_MODE_FLOOR,
         )
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much work the fine stage does for its answer.
+
+    Alignment of modes:
+    starts: particles that a mode is aligned from besides its mean, if it is wider than codebook entries are apart.
+
+    Re-evaluation of the last touches:
+    fewest: touches that it needs to say anything. anew: further touches after which it is worth another one; the next
+    ones wait twice as long each, up to `seldom` while pose hypotheses compete, `rarely` once they do not.
+    shortlist: best entries of each touch, of all fingers, that become candidates. These come from `sieve` touches, the
+    newest and ever sparser ones before it, are scored on those first, and the best `kept` of them on all.
+    With several fingers, the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook
+    entries are some 20 deg apart, which moves a further finger by centimetres.
+    lookups_per_step (of candidates) and alignments_per_step bound what one step takes; `alignments` bound the
+    competitors that are followed in all.
+    settled_after: touches after which a hypothesis' rotation is known well enough to say where further fingers are.
+    """
+
+    starts: int = 4
+    fewest: int = 2
+    anew: int = 1
+    seldom: int = 4
+    rarely: int = 12
+    shortlist: int = 80
+    sieve: int = 5
+    kept: int = 120
+    turned: int = 50
+    turns: tuple[float, ...] = (np.radians(10.0), np.radians(5.0))
+    lookups_per_step: int = 2500
+    alignments: int = 500
+    alignments_per_step: int = 30
+    settled_after: int = 3

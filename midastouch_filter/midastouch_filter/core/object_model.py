@@ -1,4 +1,8 @@
-"""What the filter knows of one object: its codebook, its surface, and how it would feel."""
+"""What the filter knows of one object: its codebook, its surface, and what it would measure there.
+
+What follows from mesh and codebook alone is made once and kept with the codebook: to find it again at every start would
+take longer than all else that a start needs.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from pykdtree.kdtree import KDTree
+from scipy.spatial import cKDTree
 
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -18,12 +23,11 @@ from .alignment import PenetrationAlignment
 from .config import FilterConfig
 from .fingers import FIRST, Finger
 from .gates import Gates
+from .lookup import PoseLookup, neighbours_and_links, space_filling_order
 from .measurement_model import MeasurementModel
-from .modes import ModeFinder
+from .modes import ModeFinder, Regions
 from .noise_model import NoiseModel
-from .object_index import ObjectIndex
-from .regions import Regions
-from .surface import SurfaceConstraint
+from .surface import SurfaceConstraint, SurfaceGrid
 from .touch import MAP_SCALE, Measurement, require_network
 from .workers import Workers
 
@@ -31,6 +35,10 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 _SURFACE_SAMPLE = 2048  # points
+_POINTS = 10_000
+_NEAREST = 4  # points; one of them is on the same side of a thin plate
+# To be raised when the content of the arrays changes its meaning: others are then made anew.
+_PREFIX = "index1_"
 
 
 class ObjectModel:
@@ -119,3 +127,92 @@ def _require_usable(codebook: Codebook) -> None:
         raise InputError(f"codebook: {codes[0]} codes for {poses[0]} poses; build it again")
     if not np.isfinite(codebook.poses).all():
         raise InputError("codebook: poses are not finite; build it again with `midastouch build-codebook`")
+
+
+class RoughNormals:
+    """Those of the nearest one of 10,000 points of the surface.
+
+    Attributes: values (10000, 6) float32, the points [m] and their outward normals.
+    """
+
+    def __init__(self, mesh: ObjectMesh, values: np.ndarray | None = None):
+        """`values` of earlier ones of this mesh, if there are any."""
+        self._mesh = mesh
+        if values is None:
+            points = mesh.sample_surface(_POINTS, np.random.default_rng(0))[0]
+            values = np.concatenate([points, mesh.smooth_normals(points)], axis=1).astype(np.float32)
+        elif values.shape != (_POINTS, 6):
+            raise InputError(f"normals {values.shape} are not of {_POINTS} points")
+        self.values = values
+        self._tree = cKDTree(values[:, :3])  # without threads: queries are small
+
+    def at(self, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """Outward normals (N, 3) at surface points (N, 3), on the side to which the mesh's `faces` (N,) look."""
+        near = self.values[self._tree.query(points, k=_NEAREST)[1], 3:].astype(float)
+        facing = np.einsum("nkj,nj->nk", near, self._mesh.face_normals[faces]) > 0
+        return near[np.arange(len(near)), np.argmax(facing, axis=1)]
+
+
+class ObjectIndex:
+    """Look-up among the codebook's poses, distances to the surface of one object and its normals.
+
+    Args: mesh; codebook, whose `derived` arrays are used where they fit this configuration; config; workers; known,
+    another index of the same object. Attributes: order (M,), of the codebook's entries in `lookup`; lookup; surface;
+    normals.
+    Raises InputError if the derived arrays are broken.
+    """
+
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        codebook: Codebook,
+        config: FilterConfig,
+        workers: Workers,
+        known: ObjectIndex | None = None,
+    ):
+        kept = codebook.derived
+        self.order = space_filling_order(codebook.poses)
+        poses = np.asarray(codebook.poses, float)[self.order]
+        band = _band(config)
+        # limits of another configuration ask for another grid
+        fits = float(kept.get(_PREFIX + "band", np.nan)) == band
+        try:
+            self.lookup = PoseLookup(poses, workers, _graph(kept, len(poses)))
+            if known is not None:
+                self.surface, self.normals = known.surface, known.normals
+            else:
+                self.surface = SurfaceGrid(mesh, band, kept.get(_PREFIX + "distances") if fits else None)
+                self.normals = RoughNormals(mesh, kept.get(_PREFIX + "normals"))
+        except ValueError as error:
+            raise InputError(f"{codebook.source}: {error}; build it again with `midastouch build-codebook`") from error
+
+
+def _graph(kept: dict[str, np.ndarray], entries: int) -> tuple[np.ndarray, np.ndarray] | None:
+    names = [_PREFIX + name for name in ("neighbours", "links")]
+    if entries < 2 or not all(name in kept for name in names):
+        return None
+    neighbours, links = (np.ascontiguousarray(kept[name], np.int32) for name in names)
+    if neighbours.ndim != 2 or links.ndim != 2 or not neighbours.shape[1] or not links.shape[1]:
+        raise ValueError("neighbours and links are not tables")
+    return neighbours, links
+
+
+def derived_arrays(mesh: ObjectMesh, codebook: Codebook) -> dict[str, np.ndarray]:
+    """What to keep with a codebook, for the default configuration; nothing for a codebook too small to be used."""
+    if len(codebook.poses) < 2:
+        return {}
+    band = _band(FilterConfig())
+    neighbours, links = neighbours_and_links(codebook.poses[space_filling_order(codebook.poses)])
+    arrays = {
+        "neighbours": neighbours,
+        "links": links,
+        "band": np.array(band),
+        "distances": SurfaceGrid(mesh, band).values,
+        "normals": RoughNormals(mesh).values,
+    }
+    return {_PREFIX + name: array for name, array in arrays.items()}
+
+
+def _band(config: FilterConfig) -> float:
+    """How far from the surface [m] a configuration asks for distances."""
+    return max(config.dead_distance, config.max_penetration, config.max_hover)

@@ -10,7 +10,7 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.pose_metric import ROTATION_SCALE
 
-from .joint_alignment import transform_covariance
+from .alignment import transform_covariance
 
 ANOTHER = 0.01
 """m: a place farther than this from the truth is a wrong answer, so it is another place; 1 rad counts as 10 mm."""

@@ -1,7 +1,13 @@
-"""Equation 2 of the paper, made a calibrated likelihood ratio, for all fingers; then the weights are normalised."""
+"""Equation 2 of the paper, made a calibrated likelihood ratio, for all fingers; and recovery from a wrong belief.
+
+The unnormalised likelihood is watched, and particles are injected when it collapses: as in augmented Monte Carlo
+localisation (Thrun, Burgard and Fox 2005, section 8.3.5), but on calibrated log-likelihood ratios, which have an
+absolute zero (chance) and an absolute worst, log(outlier).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -9,7 +15,49 @@ import numpy as np
 from .belief import Belief
 from .config import FilterConfig
 from .fingers import Finger
-from .recovery import LikelihoodTrend
+from .gates import Gates
+from .initialisation import ParticleSource
+
+_COLLAPSE = 0.45  # share of log(outlier) beyond which the short average counts as collapsed
+
+
+class LikelihoodTrend:
+    """Long and short running averages of the log-likelihood ratio that the particles predicted.
+
+    Attributes: short, long [nats]; 0 is what particles spread at random would predict. Single touches count at
+    most as twice the worst ratio and at least as half of it with the sign turned: one impossible touch must not
+    poison the averages, and praise from long ago must not delay the alarm.
+    """
+
+    def __init__(self, config: FilterConfig, outlier: float):
+        self._config, self._worst = config, math.log(outlier)
+        self.short = self.long = 0.0
+
+    def update(self, log_likelihood: float, tempering: float) -> None:
+        """Add one touch, counted as `tempering` of an independent one."""
+        value = min(max(log_likelihood, 2 * self._worst), -0.5 * self._worst)
+        self.short += self._config.recovery_alpha_fast * tempering * (value - self.short)
+        self.long += self._config.recovery_alpha_slow * tempering * (value - self.long)
+
+    def explained(self) -> None:
+        """The penetration map itself fits the belief: whatever the codes say, the particles are not lost."""
+        self.short = max(self.short, 0.0)
+
+    @property
+    def support(self) -> float:
+        """Short average as a share of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""
+        return self.short / self._worst
+
+    @property
+    def injection(self) -> float:
+        """Share of particles to inject, in [0, recovery_share]: 0 unless the short average has collapsed.
+
+        It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
+        unlike the training's) are no reason to go on guessing.
+        """
+        if not self._config.recovery or self.support < _COLLAPSE or self.short > self.long:
+            return 0.0
+        return self._config.recovery_share * (1.0 - math.exp(self.short - self.long))
 
 
 class Reweighting:
@@ -45,3 +93,18 @@ class Reweighting:
         exponents = [finger.tempering for finger in felt if finger.touch.in_contact]
         self.trend.update(likelihood / len(exponents), max(exponents))
         return alive
+
+
+class Recovery:
+    """Puts matches of the present touch in the place of some particles, once the likelihood has collapsed.
+
+    Args: source of the matches; gates, which counts what is injected.
+    """
+
+    def __init__(self, source: ParticleSource, gates: Gates):
+        self._source, self._gates = source, gates
+
+    def __call__(self, belief: Belief, finger: Finger, share: float) -> None:
+        """Replace so many of equally weighted particles, by what matches the finger's touch; 0: none."""
+        if share > 0:
+            self._gates.count("injected", self._source.inject(belief.particles, finger, share))

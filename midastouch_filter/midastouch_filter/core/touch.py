@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
+
+if TYPE_CHECKING:
+    from midastouch_perception.pipeline import Touch
 
 MAP_SCALE = 0.25
 """Of the camera image: the resolution of the penetration maps that the filter compares with rendered ones, 80 x 60."""
@@ -47,3 +51,16 @@ def reduced_penetration(penetration: np.ndarray) -> np.ndarray:
     """Map (80, 60) float32 m of a penetration map whose sides are multiples of that, by block means."""
     rows, columns = penetration.shape[0] // 80, penetration.shape[1] // 60
     return kernels.block_means(np.ascontiguousarray(penetration, np.float32), rows, columns)
+
+
+def measurement_of(touch: Touch) -> Measurement:
+    """The measurement of one touch, with its penetration map."""
+    contact = touch.contact
+    penetration = reduced_penetration(contact.penetration) if contact.in_contact else None
+    return Measurement(contact.in_contact, touch.code, contact.area_m2, touch.network_id, penetration)
+
+
+def measurement_from_msg(msg: Any) -> Measurement:
+    """The measurement of a TactileCode message, without its map; its code is a read-only view of the message."""
+    code = np.frombuffer(msg.code, np.float32) if msg.in_contact else None
+    return Measurement(msg.in_contact, code, msg.contact_area, msg.network_id)

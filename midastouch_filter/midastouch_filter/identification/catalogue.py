@@ -15,13 +15,13 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import YAWS, Codebook
 from midastouch_perception.sensor_model import SensorModel
 
-from ..core import memory
+from ..core import workers
 from ..core.alignment import PenetrationAlignment
 from ..core.config import FilterConfig
 from ..core.lookup import NearestEntry
 from ..core.noise_model import NoiseModel
 from ..core.touch import MAP_SCALE
-from ..localiser import LoadedObject, object_of
+from ..loaded_object import LoadedObject, object_of
 from .coarse_index import typical_codes
 
 FEWEST = 5_000
@@ -165,7 +165,7 @@ class Catalogue:
             else:
                 entry.prepare()
         if poses > room:
-            memory.trim()
+            workers.trim()
         return cls(entries, twins, room)
 
     def __len__(self) -> int:

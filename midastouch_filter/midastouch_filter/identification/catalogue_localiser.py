@@ -19,7 +19,8 @@ from ..core.object_model import ObjectModel
 from ..core.state import AMBIGUOUS, CONVERGED
 from ..core.touch import Measurement
 from ..core.workers import Workers
-from ..localiser import LoadedObject, Localiser
+from ..loaded_object import LoadedObject
+from ..localiser import Localiser
 from .catalogue import Catalogue, Entry
 from .identity import Identification, Identity
 

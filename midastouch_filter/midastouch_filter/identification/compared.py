@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from ..core import memory
+from ..core import workers
 from ..core.config import FilterConfig
 from ..core.keyframes import Keyframe, KeyframeWindow
 from ..core.measurement_model import CodeScores, calibration
@@ -96,7 +96,7 @@ class Compared:
         for number, entry in enumerate(self._whole.entries):
             if number not in kept:
                 entry.forget()
-        memory.trim()
+        workers.trim()
 
 
 def _scored(window: KeyframeWindow, keyframe: Keyframe, scores: CodeScores) -> Keyframe:

@@ -18,17 +18,15 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
+from ..core.alignment import transform_covariance
 from ..core.config import FilterConfig
-from ..core.gates import Gates, RestGate
-from ..core.joint_alignment import transform_covariance
+from ..core.gates import Gates
 from ..core.keyframes import Keyframe, KeyframeWindow
-from ..core.motion_model import Odometry
-from ..core.noise_model import NoiseModel
+from ..core.motion_model import Odometry, RestGate
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import APART, Place, distinct
 from ..core.touch import Measurement, require_network
-from ..refinement.effort import Effort
-from ..smoothing.change_points import place_posterior
-from ..smoothing.replay import Followed, Race, Replay
+from ..smoothing.replay import Followed, Race, Replay, place_posterior
 from ..smoothing.rival_search import Pace, RivalSearch, Scored
 from .catalogue import Catalogue
 from .compared import Compared
@@ -138,7 +136,7 @@ class Identification:
         self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
         self.compared = Compared(catalogue, config, noise)
         self._pace = Pace(_EFFORT.lookups_per_step)
-        self.window = KeyframeWindow(_TOUCHES, config.hindsight_spacing, noise.touch_correlation, _EFFORT.shortlist)
+        self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()
 
@@ -251,7 +249,7 @@ class Identification:
 
     def _replay(self, number: int, view: Scored, race: Race) -> Replay:
         alignment = self._catalogue.entries[number].alignment
-        return Replay(view, alignment, self._noise, _EFFORT, self._config.relief_fit, race)
+        return Replay(view, alignment, self._noise, _EFFORT, self._config.penetration_fit, race)
 
     def _best_found(self) -> list[tuple[int, Place]]:
         """The best places of before, as they were then, each with the number of its object."""

@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import stamp_ns
@@ -13,17 +15,14 @@ from midastouch_common.ros import qos
 from midastouch_common.ros.managed_node import ManagedNode
 from midastouch_msgs.msg import TactileCode
 
-from ..core.perceived import measurement_from_msg
 from ..core.state import STALE, UNINITIALISED
-from ..core.touch import Measurement
+from ..core.touch import Measurement, measurement_from_msg
 from ..localiser import Localiser
 from ..timeline import Judgement, Timeline
 from ..transforms import TransformError
 from ..transforms.queue import TransformQueue, Wait
 from .estimate_publisher import EstimatePublisher
-from .finger_topics import FingerTopics, fingers_of
-from .map_source import MapSource
-from .node_clock import NodeClock
+from .finger_topics import FingerTopics, MapSource, fingers_of
 from .status_report import StatusReport
 from .transform_source import TransformSource
 
@@ -75,7 +74,7 @@ class CodeProcessor:
             on_jump=self._on_transforms_jump,
             on_bad=lambda reason: self._problem("bad_transforms", reason),
         )
-        self.report = StatusReport(out, self._fingers, self.transforms.name, lambda: localiser.coarse)
+        self.report = StatusReport(out, self._fingers, lambda: localiser.coarse)
 
     def _subscribe(self, maps: bool) -> None:
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
@@ -211,3 +210,29 @@ class CodeProcessor:
             self._silent = True
             reason = f"no tactile/code for {silence:.1f} s: is the sensor running? see /diagnostics"
             self.report.say(self._clock.stamp(), STALE, reason)
+
+
+class NodeClock:
+    """Attributes: steady, rclpy's clock that never stops and that NTP cannot step."""
+
+    def __init__(self, node: Node):
+        self.steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._node = node
+        # paused simulated time must not run out the time-outs
+        self._patience = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
+        self._last = self._gone = 0.0
+
+    def now(self) -> float:
+        """Seconds by which time-outs run; simulated time that jumps back does not turn them back."""
+        last, self._last = self._last, 1e-9 * self._patience.now().nanoseconds
+        self._gone += max(0.0, last - self._last)
+        return self._last + self._gone
+
+    def steady_now(self) -> float:
+        """Seconds that pass in any case."""
+        return 1e-9 * self.steady.now().nanoseconds
+
+    def stamp(self) -> int:
+        """Stamp [ns] of what is said of no image."""
+        # a replay's clock stands at the stamp of the image that it waits for, whose answer this is not
+        return max(0, self._node.get_clock().now().nanoseconds - 1)

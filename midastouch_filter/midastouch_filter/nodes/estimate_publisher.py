@@ -1,4 +1,4 @@
-"""Everything the filter node says: estimate, modes, particles, status, the object's frame.
+"""Everything the filter node says: estimate, modes, particles, status, the object's frame, and which object it may be.
 
 The one place that guards against non-finite numbers: nothing that holds one leaves this module.
 """
@@ -17,7 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
-from vision_msgs.msg import Detection3DArray
+from vision_msgs.msg import Detection3D, Detection3DArray, ObjectHypothesis, ObjectHypothesisWithPose
 from visualization_msgs.msg import MarkerArray
 
 from midastouch_common import se3
@@ -26,12 +26,12 @@ from midastouch_common.ros.conversions import pose_to_msg, stamp_from_ns, transf
 from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.msg import ArmCalibration, FilterStatus, PoseMode, PoseModes
 
+from ..core.alignment import transform_covariance
 from ..core.estimate import Calibration, Estimate
 from ..core.state import LOST, Status
 from ..filter import ParticleFilter
-from ..identification.identity import Identity
+from ..identification.identity import UNKNOWN, Hypothesis, Identity
 from . import markers
-from .object_hypotheses import object_hypotheses
 
 
 class EstimatePublisher:
@@ -189,3 +189,33 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
         stage_ms=array.array("d", status.ms.values()),
         **number,
     )
+
+
+def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header) -> Detection3DArray:
+    """One detection for each object with a place, most probable first, and one for `unknown`, which has no pose.
+
+    Scores are probabilities of sum 1; the pose is the object's in the base frame, with the gel at T_base_gel (4, 4) and
+    at the object's best place.
+    """
+    found = [
+        ObjectHypothesisWithPose(
+            hypothesis=ObjectHypothesis(class_id=each.name, score=each.probability),
+            pose=_object_pose(each, T_base_gel),
+        )
+        for each in identity.hypotheses
+        if each.places
+    ]
+    found.append(ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id=UNKNOWN, score=identity.unknown)))
+    return Detection3DArray(
+        header=header, detections=[Detection3D(header=header, results=[each], id="") for each in found]
+    )
+
+
+def _object_pose(hypothesis: Hypothesis, T_base_gel: np.ndarray) -> PoseWithCovariance:
+    """Of the object in the base frame; covariance about the base's axes (REP 103)."""
+    place = hypothesis.places[0]
+    T_gel_obj = se3.inverse(place.pose)
+    T_base_obj = T_base_gel @ T_gel_obj
+    turn = se3.turn(T_base_obj[:3, :3])
+    covariance = turn @ transform_covariance(place.covariance, T_gel_obj) @ turn.T
+    return PoseWithCovariance(pose=pose_to_msg(T_base_obj), covariance=covariance.ravel().tolist())

@@ -176,6 +176,7 @@ def _of_field(field: dataclasses.Field) -> Parameter:
         data["unit"],
         minimum=data.get("low"),
         maximum=data.get("high"),
+        former=data["former"],
     )
 
 

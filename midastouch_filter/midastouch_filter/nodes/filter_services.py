@@ -1,16 +1,25 @@
-"""The services of the filter node: nav2's two for a localiser, and `set_object`."""
+"""What others ask of the filter node: nav2's two services for a localiser, `set_object`, and where to start."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
+import numpy as np
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.node import Node
 from std_srvs.srv import Empty
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import covariance_from_msg, pose_from_msg
+from midastouch_common.ros import qos
+from midastouch_common.ros.parameters import Parameters
 from midastouch_msgs.srv import SetObject
 
-from ..localiser import Localiser
+from ..localiser import Localiser, Start, spread_of
+from ..transforms import TransformError
+from .transform_source import TransformSource
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 
@@ -57,3 +66,65 @@ class FilterServices:
         if localiser is None:
             self._log.warning(f"{service}: {_INACTIVE}")
         return localiser
+
+
+class StartTopics:
+    """Subscribes both topics for a localiser; `on_bad(kind, reason)` is told of poses that cannot be used.
+
+    `initialpose` is the gel frame's pose, in the object's frame or, once the object's place is known, in any
+    other; `object_pose_prior` the object's pose in any frame. Both are taken at the newest transform: stamps
+    of poses made by hand are often of another clock.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        parameters: Parameters,
+        localiser: Localiser,
+        transforms: TransformSource,
+        on_bad: Callable[[str, str], None],
+    ):
+        self._log = node.get_logger()
+        self._base, self._object = parameters["base_frame_id"], parameters["object_frame_id"]
+        self._localiser, self._transforms, self._on_bad = localiser, transforms, on_bad
+        for topic, use in (("initialpose", self._start_at), ("object_pose_prior", self._expect_object)):
+            node.create_subscription(
+                PoseWithCovarianceStamped,
+                topic,
+                lambda msg, topic=topic, use=use: self._on_pose(topic, use, msg),
+                qos.COMMAND,
+            )
+
+    def _on_pose(self, topic: str, use: Callable, msg: PoseWithCovarianceStamped) -> None:
+        try:
+            if self._localiser.object is None:
+                raise InputError(self._localiser.waiting_for)
+            covariance = covariance_from_msg(msg.pose.covariance)
+            spread = spread_of(covariance, self._localiser.object.diagonal)
+            use(msg.header.frame_id.lstrip("/"), pose_from_msg(msg.pose.pose), *spread)
+        except (InputError, TransformError) as error:
+            self._on_bad(f"bad_{topic}", f"{topic}: {error}")
+        else:
+            self._log.info(f"{topic}: within {1e3 * spread[0]:.1f} mm, {math.degrees(spread[1]):.0f} deg")
+
+    def _start_at(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        if frame != self._object:
+            T_base_obj = self._localiser.T_base_obj()
+            if T_base_obj is None:
+                raise InputError(
+                    f"pose in frame '{frame}', but where the object is, is not known (not converged); "
+                    f"give it in frame '{self._object}'"
+                )
+            pose = se3.inverse(T_base_obj) @ self._in_base(frame) @ pose
+        self._localiser.start_at(Start(pose, sigma_t, sigma_r))
+
+    def _expect_object(self, frame: str, pose: np.ndarray, sigma_t: float, sigma_r: float) -> None:
+        self._localiser.expect_object_at(self._in_base(frame) @ pose, sigma_t, sigma_r)
+
+    def _in_base(self, frame: str) -> np.ndarray:
+        """T_base_frame (4, 4), the newest."""
+        if not frame:
+            raise InputError("header.frame_id is empty; name the frame that the pose is in")
+        if frame == self._base:
+            return np.eye(4)
+        return self._transforms.newest(self._base, frame)

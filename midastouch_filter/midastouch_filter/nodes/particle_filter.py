@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from midastouch_common.ros import diagnostics, spin
+from midastouch_common.ros.graph_watch import OnlyPublisher
 from midastouch_common.ros.managed_node import ManagedNode
-from midastouch_common.ros.only_publisher import OnlyPublisher
 
 from ..core.state import UNINITIALISED, Status
 from ..core.touch import Measurement
 from ..identification.catalogue import Catalogue
 from ..identification.catalogue_localiser import CatalogueLocaliser
-from ..localiser import LoadedObject, Localiser, load_object
-from ..quick_start import SIZE, build_object
-from .code_processor import CodeProcessor
+from ..loaded_object import SIZE, LoadedObject, build_object, load_object
+from ..localiser import Localiser
+from .code_processor import CodeProcessor, NodeClock
 from .estimate_publisher import EstimatePublisher
 from .filter_parameters import PARAMETERS, config_of, start_of
-from .filter_services import FilterServices
+from .filter_services import FilterServices, StartTopics
 from .finger_topics import fingers_of
 from .motion_advice import MotionAdvice
-from .node_clock import NodeClock
 from .object_source import NewObject, ObjectSource
-from .start_topics import StartTopics
 
 
 class ParticleFilterNode(ManagedNode):

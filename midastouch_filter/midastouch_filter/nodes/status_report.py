@@ -33,12 +33,12 @@ class StatusReport:
     Attributes: counts, of what the node itself passed over; each status names them beside those of the filter, the
     fingers and the publishers.
 
-    transform_source: who keeps the transforms, for the diagnostics. note: what every reason ends with, "" for nothing.
+    Args: out; fingers; note: what every reason ends with, "" for nothing.
     """
 
-    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, transform_source: str, note: Callable[[], str]):
+    def __init__(self, out: EstimatePublisher, fingers: FingerTopics, note: Callable[[], str]):
         self.counts = {"transform_timeout": 0, "out_of_order": 0, "odd_stamps": 0, "time_jumps": 0, "no_relief": 0}
-        self._out, self._fingers, self._transform_source, self._note = out, fingers, transform_source, note
+        self._out, self._fingers, self._note = out, fingers, note
         self.forget()
 
     def forget(self) -> None:
@@ -69,7 +69,6 @@ class StatusReport:
         s = self._complete(self._last)
         level = diagnostics.WARN if s.state in (STALE, LOST, UNINITIALISED) else diagnostics.OK
         values = {"state": s.state, "n_particles": s.n_particles, "ess": f"{s.ess:.0f}", **s.skipped}
-        values["transform_source"] = self._transform_source
         values |= {f"{name}_ms": f"{ms:.2f}" for name, ms in s.ms.items()}
         if self._calibration is not None:
             values |= _in_words(self._calibration)

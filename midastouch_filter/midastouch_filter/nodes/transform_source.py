@@ -1,4 +1,4 @@
-"""Where frames are, from `/tf` and `/tf_static`: kept by tf2 where it is installed, else by our own buffer."""
+"""Where frames are, from `/tf` and `/tf_static`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ from ..transforms import (
 )
 from ..transforms.queue import Wait
 from ..transforms.wire import WireTransforms, frame_name
-from .tf2_buffer import make_buffer
 from .topic_reader import TopicReader
 
 _JUMP_NS = round(JUMP_S * SECOND)
@@ -42,8 +41,6 @@ class TransformSource:
 
     In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
     transform that was refused, and `on_update` when what a `lookup` was told to wait for has come.
-
-    name: who keeps the transforms, "tf2" or "built-in".
     """
 
     def __init__(
@@ -54,8 +51,7 @@ class TransformSource:
         on_jump: Callable[[int], None],
         on_bad: Callable[[str], None],
     ):
-        self._buffer = make_buffer()
-        self.name = "built-in" if isinstance(self._buffer, TransformBuffer) else "tf2"
+        self._buffer = TransformBuffer()
         self._on_update, self._on_jump, self._on_bad = on_update, on_jump, on_bad
         self._frames = [frame.lstrip("/") for frame in frames]
         self._lock = threading.RLock()

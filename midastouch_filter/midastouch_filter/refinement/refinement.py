@@ -18,16 +18,20 @@ import numpy as np
 import midastouch_kernels as kernels
 from midastouch_common import se3
 
-from ..core.alignment import Aligned, PenetrationAlignment, without_jitter
+from ..core.alignment import (
+    Aligned,
+    CredibleRegion,
+    PenetrationAlignment,
+    align_in_turn,
+    transform_covariance,
+    without_jitter,
+)
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
-from ..core.joint_alignment import align_in_turn, transform_covariance
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.particles import Particles
 from ..core.touch import Measurement
 from ..core.workers import Workers
-from .credible_region import CredibleRegion
-from .effort import Effort
 
 
 class Refinement:
@@ -64,14 +68,14 @@ class Refinement:
         priors = self._priors(modes)
         aligned = self._align(particles, members, modes, priors, touches)
         jitter = self._noise.jitter
-        if 0 in aligned and aligned[0].fit > self._config.relief_fit:
+        if 0 in aligned and aligned[0].fit > self._config.penetration_fit:
             self.region.follow(modes[0].pose, priors[0] + jitter, aligned[0])
         maps = {
             k: _GaussianMap.between(
                 modes[k].pose, priors[k], *without_jitter(modes[k].pose, priors[k], jitter, posterior)
             )
             for k, posterior in aligned.items()
-            if posterior.fit > self._config.relief_fit
+            if posterior.fit > self._config.penetration_fit
         }
         if maps:
             self._move(particles, members, maps, len(modes))
@@ -128,7 +132,7 @@ class Refinement:
         Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
         praises it.)
         """
-        fitting = [each for each in found if each.fit > self._config.relief_fit]
+        fitting = [each for each in found if each.fit > self._config.penetration_fit]
         if not fitting:
             return found[0]
         best = max(fitting, key=lambda each: each.log_evidence)

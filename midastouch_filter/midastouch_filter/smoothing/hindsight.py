@@ -12,18 +12,16 @@ from ..core.belief import Belief
 from ..core.config import FilterConfig
 from ..core.estimate import Mode
 from ..core.fingers import Finger
-from ..core.gates import Gates
+from ..core.gates import Gates, Stopwatch
 from ..core.initialisation import ParticleSource
 from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.particles import Particles
 from ..core.places import ANOTHER, Place, Prior, pose_distance
-from ..core.resampler import Resampler
-from ..core.stopwatch import Stopwatch
+from ..core.resampling import Resampler
 from ..core.touch import Measurement
-from ..refinement.fine_stage import FineStage, mapped_of
-from ..refinement.mode_masses import impose_shares
+from ..refinement.fine_stage import FineStage, impose_shares, mapped_of
 from ..refinement.refinement import Refinement, is_narrow
 from .reevaluation import Comparison, Reevaluation
 

@@ -18,17 +18,14 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.alignment import PenetrationAlignment
+from ..core.alignment import PenetrationAlignment, transform_covariance
 from ..core.config import FilterConfig
-from ..core.joint_alignment import transform_covariance
 from ..core.keyframes import KeyframeWindow
 from ..core.lookup import PoseLookup
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import ANOTHER, APART, Place, Prior, distinct, pose_distance
 from ..core.touch import Measurement
-from ..refinement.effort import Effort
-from .change_points import place_posterior
-from .replay import Race, Replay
+from .replay import Race, Replay, place_posterior
 from .rival_search import Rivals, RivalSearch, Scored
 
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
@@ -73,10 +70,10 @@ class Reevaluation:
         effort: Effort,
     ):
         self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
-        self._count, self._explains = places, config.relief_fit
+        self._count, self._explains = places, config.penetration_fit
         self._search = RivalSearch(lookup, noise, effort)
         self._window = KeyframeWindow(
-            config.hindsight_touches, config.hindsight_spacing, noise.touch_correlation, effort.shortlist
+            config.smoothing_touches, config.smoothing_spacing, noise.touch_correlation, effort.shortlist
         )
         self.restart(None)
 

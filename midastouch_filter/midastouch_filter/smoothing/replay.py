@@ -1,4 +1,11 @@
-"""How well a place explains the penetration maps of a window of keyframes, map by map."""
+"""How well a pose hypothesis explains the penetration maps of a window of keyframes, map by map, and which hypothesis
+explains the touches at present.
+
+Alignment along the path gives the evidence of each map. If the object may have been moved between any two touches, the
+posterior is that of a hidden Markov model over hypotheses: the forward recursion of Bayesian change-point detection
+(Adams and MacKay 2007) with the hypotheses as states. Touch by touch a hypothesis keeps what it held, unless the motion
+was broken before the touch: then it is anywhere. One state more stands for all hypotheses that nobody named.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +16,10 @@ import numpy as np
 
 from midastouch_common import se3
 
-from ..core.alignment import PenetrationAlignment, without_jitter
-from ..core.joint_alignment import align_in_turn, transform_covariance
+from ..core.alignment import PenetrationAlignment, align_in_turn, transform_covariance, without_jitter
 from ..core.keyframes import Keyframe
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import pose_distance
-from ..refinement.effort import Effort
 from .rival_search import Scored
 
 _SAME = 4e-3  # m, pose distance
@@ -81,7 +86,7 @@ class Replay:
         by how far from the optimum it starts. Who has come to where another place is by then, is that place.
         """
         newest = len(self._window.keyframes) - 1
-        few = max(newest - self._effort.settled, 0)
+        few = max(newest - self._effort.settled_after, 0)
         found = yield from self._back_to(few, start)
         others = np.array([each.poses[few] for each in self.followed if each.at <= few]).reshape(-1, 4, 4)
         if found.at <= few and (pose_distance(others, found.poses[few]) < _SAME).any():
@@ -98,7 +103,7 @@ class Replay:
         misfit, poses, total = np.ones(len(keyframes)), np.tile(pose, (len(keyframes), 1, 1)), 0.0
         priors, posteriors = np.tile(covariance + jitter, (len(keyframes), 1, 1)), poses.copy()
         for k in range(len(keyframes) - 1, oldest - 1, -1):
-            maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled)
+            maps = keyframes[k].maps(settled=len(keyframes) - k > self._effort.settled_after)
             aligned = align_in_turn(self._alignment, pose, covariance + jitter, maps, self._noise.finger_error)
             misfit[k], poses[k] = 1.0 - aligned.fit, pose
             priors[k], posteriors[k] = covariance + jitter, aligned.pose
@@ -128,3 +133,23 @@ class Replay:
         against_best = self._noise.misfit_evidence(misfit) - self._noise.misfit_evidence(misfit[best, touches])
         codes = code_ratios(poses, self._window.keyframes)
         return self._window.weights * (codes + against_best) - self._window.chance()
+
+
+def place_posterior(
+    evidence: np.ndarray, log_prior: np.ndarray, log_arrival: np.ndarray, change: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Probabilities (P,) of P places at the newest of K touches, and that of being elsewhere.
+
+    evidence (P, K) nats of each touch, oldest first, for each place against a place not named; log_prior, log_arrival
+    (P + 1,) of each place at the first touch and after a broken motion, that of being elsewhere last; change (K,):
+    probability that the motion was broken before a touch.
+    """
+    belief = log_prior
+    gains = np.vstack([evidence, np.zeros((1, evidence.shape[1]))])
+    for k, broken in enumerate(change):
+        belief = belief - np.logaddexp.reduce(belief)
+        if k:
+            belief = np.logaddexp(belief + np.log1p(-broken), np.log(broken) + log_arrival)
+        belief = belief + gains[:, k]
+    share = np.exp(belief - np.logaddexp.reduce(belief))
+    return share[:-1], float(share[-1])

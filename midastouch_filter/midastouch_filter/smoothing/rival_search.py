@@ -11,10 +11,9 @@ from midastouch_common import se3
 
 from ..core.keyframes import Keyframe, independence
 from ..core.lookup import NearestEntry, PoseLookup
-from ..core.noise_model import NoiseModel
+from ..core.noise_model import Effort, NoiseModel
 from ..core.places import ANOTHER, APART, distinct, far_from
 from ..core.touch import Measurement
-from ..refinement.effort import Effort
 
 _OFF = 0.01  # m from any entry, where a finger can touch nothing; 1 rad counts as 10 mm
 _AROUND = 8  # entries beside the nearest one

@@ -1,7 +1,7 @@
 """Where frames are over time: the tree of their transforms, and what waits for one."""
 
-from .buffer import TransformBuffer
-from .errors import (
+from .buffer import JUMP_S, SECOND, Insertion, TransformBuffer, ancestors
+from .rigid import (
     DisconnectedError,
     FutureExtrapolationError,
     InvalidTransformError,
@@ -9,17 +9,14 @@ from .errors import (
     TransformError,
     UnknownFrameError,
 )
-from .frame_tree import JUMP_S, SECOND, FrameTree, Insertion, Link, ancestors
 
 __all__ = [
     "JUMP_S",
     "SECOND",
     "DisconnectedError",
-    "FrameTree",
     "FutureExtrapolationError",
     "Insertion",
     "InvalidTransformError",
-    "Link",
     "PastExtrapolationError",
     "TransformBuffer",
     "TransformError",

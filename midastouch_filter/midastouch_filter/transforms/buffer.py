@@ -1,48 +1,85 @@
-"""The buffer for machines whose ROS comes without tf2.
+"""Trees of frames whose poses are known over time.
 
-A look-up interpolates each link at the asked stamp, linearly in translation and spherically in rotation (the rule of
-tf2; interpolating on screw motions instead differs by millimetres on a lever of 0.1 m), then composes the links.
+Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a caller who is too
+early is told so and asks again when more transforms have come. A look-up interpolates each link at the asked stamp,
+linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead differs by
+millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
 """
 
 from __future__ import annotations
 
+import enum
+import threading
 from bisect import bisect_left
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from .frame_tree import FrameTree, Link
-from .scalar_pose import IDENTITY, Pose, interpolate, invert, multiply, to_matrix
+from .rigid import (
+    IDENTITY,
+    DisconnectedError,
+    FutureExtrapolationError,
+    InvalidTransformError,
+    PastExtrapolationError,
+    Pose,
+    UnknownFrameError,
+    checked_pose,
+    interpolate,
+    invert,
+    multiply,
+    to_matrix,
+)
+
+SECOND = 1_000_000_000
+HISTORY_S = 10.0
+JUMP_S = 1.0
 
 
-class TransformBuffer(FrameTree):
-    """A tree that keeps its links' poses itself."""
+class Insertion(enum.Enum):
+    """What became of an inserted transform."""
 
-    def _make_link(self, parent: str, child: str, static: bool) -> Link:
-        return _History(parent, static, self._history)
-
-    def _pose(self, target: list[str], source: list[str], stamp: int, names: tuple[str, str]) -> np.ndarray:
-        return to_matrix(multiply(invert(self._compose(target, stamp)), self._compose(source, stamp)))
-
-    def _compose(self, frames: list[str], stamp: int) -> Pose:
-        """Pose of the first frame in the parent of the last."""
-        pose = IDENTITY
-        for frame in frames:
-            pose = multiply(self._links[frame].at(stamp), pose)
-        return pose
+    ADDED = "added"
+    DUPLICATE = "duplicate"  # the link already has one at this stamp: the first is kept
+    TIME_JUMP = "time jump"  # its link's time ran backwards (a looped bag): what came before was forgotten
 
 
-class _History(Link):
-    """Poses beside their stamps."""
+def ancestors(frame: str, parent_of: Callable[[str], str | None]) -> list[str]:
+    """The frame, its parent, ... up to its root, which has none; what closes a loop comes once."""
+    chain = {frame: None}
+    while (frame := parent_of(frame)) is not None and frame not in chain:
+        chain[frame] = None
+    return list(chain)
+
+
+class _Link:
+    """One frame's pose in its parent: at the stamps [ns] from `oldest` to `newest`, or, if static, always.
+
+    Args: history, how long before the newest a pose is kept [ns].
+    """
 
     def __init__(self, parent: str, static: bool, history: int) -> None:
-        super().__init__(parent, static, history)
+        self.parent, self.static, self._history = parent, static, history
+        self._stamps: list[int] = []
         self._poses: list[Pose] = []
 
-    def _store(self, at: int, stamp: int, pose: Pose) -> None:
-        self._poses.insert(at, pose)
+    @property
+    def oldest(self) -> int:
+        return self._stamps[0]
 
-    def _drop(self, count: int) -> None:
-        del self._poses[:count]
+    @property
+    def newest(self) -> int:
+        return self._stamps[-1]
+
+    def add(self, stamp: int, pose: Pose) -> bool:
+        """Keep `pose` in order of time; False if there already is one at this stamp."""
+        at = bisect_left(self._stamps, stamp)
+        if at < len(self._stamps) and self._stamps[at] == stamp:
+            return False
+        self._poses.insert(at, pose)
+        self._stamps.insert(at, stamp)
+        expired = bisect_left(self._stamps, self.newest - self._history)
+        del self._stamps[:expired], self._poses[:expired]
+        return True
 
     def at(self, stamp: int) -> Pose:
         """Pose in the parent at a stamp inside the history."""
@@ -53,3 +90,141 @@ class _History(Link):
             return self._poses[after]
         start, end = self._stamps[after - 1], self._stamps[after]
         return interpolate(self._poses[after - 1], self._poses[after], (stamp - start) / (end - start))
+
+
+class TransformBuffer:
+    """The tree of frames, with a history of each link; safe to use from several threads.
+
+    Args:
+        history_s: seconds of history kept per link.
+        jump_s: a transform older than its link's newest by more than this is a jump of time, not a late
+            message.
+    """
+
+    def __init__(self, history_s: float = HISTORY_S, jump_s: float = JUMP_S) -> None:
+        self._history, self._jump = round(history_s * SECOND), round(jump_s * SECOND)
+        self._links: dict[str, _Link] = {}
+        self._lock = threading.RLock()
+
+    def insert(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        transform: np.ndarray | Sequence[float],
+        static: bool = False,
+    ) -> Insertion:
+        """Store T_parent_child, a (4, 4) matrix or [x y z qx qy qz qw], metres.
+
+        A static transform holds at every stamp and replaces the one before it. A child that changes its
+        parent, or whose time jumps back, starts a new history. Raises InvalidTransformError on non-finite
+        values, on a quaternion whose norm is not 1 (zero included), on empty or equal frame names and on what
+        would close a loop.
+        """
+        parent, child = parent.lstrip("/"), child.lstrip("/")
+        try:
+            if not parent or not child or parent == child:
+                raise InvalidTransformError("needs two different frame names; mend its publisher")
+            pose = checked_pose(transform)
+            with self._lock:
+                return self._insert(parent, child, stamp_ns, pose, static)
+        except InvalidTransformError as error:
+            raise InvalidTransformError(f"transform '{parent}' -> '{child}': {error}") from None
+
+    def _insert(self, parent: str, child: str, stamp: int, pose: Pose, static: bool) -> Insertion:
+        link = self._links.get(child)
+        if link is None or link.parent != parent:
+            if child in self.ancestors(parent):
+                raise InvalidTransformError(f"closes a loop: '{child}' is already above '{parent}'")
+            link = None
+        outcome = Insertion.ADDED
+        if link is not None and not static and not link.static and stamp < link.newest - self._jump:
+            link, outcome = None, Insertion.TIME_JUMP
+        if link is None or static or link.static:
+            link = self._links[child] = _Link(parent, static, self._history)
+        return outcome if link.add(stamp, pose) else Insertion.DUPLICATE
+
+    def lookup(self, target: str, source: str, stamp_ns: int) -> np.ndarray:
+        """T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
+
+        Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError; if
+        links of the chain disagree, the past one, as waiting cannot mend it.
+        """
+        names = target.lstrip("/"), source.lstrip("/")
+        if names[0] == names[1]:
+            return np.eye(4)
+        with self._lock:
+            up_from_target, up_from_source = self._paths_to_common_frame(*names)
+            self._require_inside_history(up_from_source + up_from_target, stamp_ns)
+            target_in_root, source_in_root = (self._compose(way, stamp_ns) for way in (up_from_target, up_from_source))
+            return to_matrix(multiply(invert(target_in_root), source_in_root))
+
+    def _compose(self, frames: list[str], stamp: int) -> Pose:
+        """Pose of the first frame in the parent of the last."""
+        pose = IDENTITY
+        for frame in frames:
+            pose = multiply(self._links[frame].at(stamp), pose)
+        return pose
+
+    def latest_common_stamp(self, target: str, source: str) -> int | None:
+        """Newest stamp [ns] at which `lookup` answers; None if only static transforms link the two frames.
+
+        Raises UnknownFrameError or DisconnectedError.
+        """
+        with self._lock:
+            paths = self._paths_to_common_frame(target.lstrip("/"), source.lstrip("/"))
+            links = [self._links[frame] for path in paths for frame in path]
+            return min((link.newest for link in links if not link.static), default=None)
+
+    def clear(self) -> None:
+        """Forget the moving transforms; static ones are sent only once and are kept."""
+        self.keep(())
+
+    def keep(self, frames: Collection[str]) -> None:
+        """Forget the moving transforms of all but these frames to their parents."""
+        with self._lock:
+            self._links = {child: link for child, link in self._links.items() if link.static or child in frames}
+
+    def newest(self, frame: str) -> int | None:
+        """Stamp [ns] of the newest transform of a moving frame to its parent; None if nothing is known of one."""
+        with self._lock:
+            link = self._links.get(frame)
+            return None if link is None or link.static else link.newest
+
+    def ancestors(self, frame: str) -> list[str]:
+        """The frame, its parent, ... up to its root."""
+        with self._lock:
+            return ancestors(frame, lambda child: link.parent if (link := self._links.get(child)) else None)
+
+    def _paths_to_common_frame(self, target: str, source: str) -> tuple[list[str], list[str]]:
+        """Frames whose links lead from the target, and from the source, up to their first common frame."""
+        for frame in (target, source):
+            if frame not in self._links and all(link.parent != frame for link in self._links.values()):
+                raise UnknownFrameError(f"frame '{frame}' is not known; no transform has named it yet")
+        from_target, from_source = self.ancestors(target), self.ancestors(source)
+        for depth, frame in enumerate(from_source):
+            if frame in from_target:
+                return from_target[: from_target.index(frame)], from_source[:depth]
+        raise DisconnectedError(
+            f"no chain of transforms links '{target}' (root '{from_target[-1]}') "
+            f"and '{source}' (root '{from_source[-1]}')"
+        )
+
+    def _require_inside_history(self, frames: list[str], stamp: int) -> None:
+        early: str | None = None
+        for frame in frames:
+            link = self._links[frame]
+            if link.static:
+                continue
+            if stamp < link.oldest:
+                raise PastExtrapolationError(
+                    f"'{link.parent}' -> '{frame}' at {stamp / SECOND:.6f} s: "
+                    f"the history starts at {link.oldest / SECOND:.6f} s"
+                )
+            if stamp > link.newest:
+                early = early or frame
+        if early is not None:
+            link = self._links[early]
+            raise FutureExtrapolationError(
+                f"'{link.parent}' -> '{early}' at {stamp / SECOND:.6f} s: the newest is of {link.newest / SECOND:.6f} s"
+            )

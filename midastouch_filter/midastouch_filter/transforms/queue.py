@@ -11,7 +11,7 @@ import numpy as np
 
 from midastouch_common.errors import InputError
 
-from .errors import TransformError
+from .rigid import TransformError
 
 # Nobody is told of shorter waits: live, transforms often come some milliseconds after their image.
 _WORTH_SAYING = 0.05

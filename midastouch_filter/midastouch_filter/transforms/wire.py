@@ -18,6 +18,7 @@ _LAYOUTS = {
     order: (struct.Struct(order + "iII"), struct.Struct(order + "I"), struct.Struct(order + "7d"))
     for order in _ORDERS.values()
 }
+_CUT_SHORT = "message is cut short"
 
 
 class WireTransforms:
@@ -57,9 +58,6 @@ class WireTransforms:
     def pose(self, at: int) -> tuple[float, ...]:
         """[x y z qx qy qz qw] of the transform whose pose is there."""
         return self._pose.unpack_from(self._message, at)
-
-
-_CUT_SHORT = "message is cut short"
 
 
 def frame_name(name: bytes) -> str:

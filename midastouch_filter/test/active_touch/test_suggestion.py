@@ -11,14 +11,8 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.active_touch.expected_evidence import carried_along, map_evidence
 from midastouch_filter.active_touch.hypotheses import Hypothesis
-from midastouch_filter.active_touch.slide_prediction import predict_slides
-from midastouch_filter.active_touch.suggestion import (
-    Wanted,
-    advise,
-    independence_on_the_way,
-    mixture_information,
-    touches_on_the_way,
-)
+from midastouch_filter.active_touch.slide_prediction import independence_on_the_way, predict_slides, touches_on_the_way
+from midastouch_filter.active_touch.suggestion import Wanted, advise, mixture_information
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel

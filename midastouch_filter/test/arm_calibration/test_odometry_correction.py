@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from midastouch_common import se3
-from midastouch_filter.arm_calibration.odometry_correction import without_prior
+from midastouch_filter.arm_calibration.odometry_correction import ContactOdometry, without_prior
 from midastouch_filter.core.alignment import Aligned
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
 
 
 def play(world, slide, measured, **settings):
     """The filter's answers, from a start near the truth."""
-    running = slide.make_filter(hindsight=False, **settings)
+    running = slide.make_filter(smoothing=False, **settings)
     running.initialise_gaussian(slide.poses[0], 5e-3, 0.1)
     return [
         running.step(odometry, touch, elapsed=0.05)
@@ -74,3 +78,53 @@ def test_a_prior_is_taken_out_again():
     offset, said = without_prior(np.eye(4), prior, posterior)
     np.testing.assert_allclose(said, information, atol=1e-3)
     np.testing.assert_allclose(said @ offset, information @ there, rtol=0.02, atol=1e-3)
+
+
+SENSOR = SensorModel.load("digit_tacto").scaled(0.25)
+CONFIG = FilterConfig()
+
+
+@pytest.fixture
+def odometry():
+    return ContactOdometry(SENSOR, NoiseModel.of(CONFIG), CONFIG.object_jump + 2 * CONFIG.jitter)
+
+
+def felt(mesh, poses):
+    return np.maximum(PenetrationRenderer(mesh, SENSOR).render(np.asarray(poses)), 0)
+
+
+def test_the_motion_over_a_bump_is_found_whatever_the_arm_says(world, odometry):
+    rng = np.random.default_rng(3)
+    wrong, misled = [], []
+    for slide in (world.make_slide(world.mesh, 2, rng) for _ in range(20)):
+        first, second = felt(world.mesh, slide)
+        motion = se3.inverse(slide[0]) @ slide[1]
+        arm = motion @ se3.exp([0, 0, 2e-3, 0, 0, 0])  # the object slips towards the gel
+        odometry.keep(first, None)
+        found = odometry.register(second, arm)
+        wrong.append(abs((se3.inverse(motion) @ found)[2, 3]))
+        misled.append(abs((se3.inverse(motion) @ arm)[2, 3]))
+    assert np.median(wrong) < 0.1 * np.median(misled)
+
+
+def test_where_nothing_is_felt_the_guess_stands(odometry):
+    nothing = np.zeros(SENSOR.gel_depth.shape, np.float32)
+    guess = se3.exp([1e-3, 0, 5e-4, 0, 0.01, 0])
+    odometry.keep(nothing, None)
+    np.testing.assert_allclose(odometry.register(nothing, guess), guess, atol=1e-12)
+
+
+def test_there_is_no_motion_to_the_first_map(world, odometry):
+    first, second = felt(world.mesh, world.poses[:2])
+    assert odometry.register(first, np.eye(4)) is None
+    odometry.keep(first, None)
+    assert odometry.is_last(first)
+    assert not odometry.is_last(second)
+    odometry.restart()
+    assert odometry.register(second, np.eye(4)) is None
+
+
+def test_a_map_of_another_size_is_refused(odometry):
+    odometry.keep(np.zeros(SENSOR.gel_depth.shape, np.float32), None)
+    with pytest.raises(ValueError, match="another size"):
+        odometry.register(np.zeros((4, 4), np.float32), np.eye(4))

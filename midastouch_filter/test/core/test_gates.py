@@ -4,8 +4,8 @@ from hypothesis import strategies as st
 
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.gates import GATES, Gates, RestGate
-from midastouch_filter.core.motion_model import Odometry
+from midastouch_filter.core.gates import GATES, Gates
+from midastouch_filter.core.motion_model import Odometry, RestGate
 
 
 def moved(x, yaw=0.0):

@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 from midastouch_common import se3
 from midastouch_filter.core.estimate import modes_from_moments
 from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.modes import ModeFinder
+from midastouch_filter.core.modes import ModeFinder, Regions
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.regions import Regions
 from midastouch_filter.core.workers import Workers
 
 WORKERS = Workers(1)

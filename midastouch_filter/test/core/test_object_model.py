@@ -1,5 +1,7 @@
 """Books and meshes that nobody should give the filter: refused by name, or of use none the less."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,8 +12,12 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.object_model import ObjectIndex, derived_arrays
+from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement
+from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import FORMAT, Codebook
 
 SMALL = FilterConfig(max_particles=300, min_particles=50, threads=1)
 
@@ -106,3 +112,66 @@ def test_a_book_that_holds_every_pose_twice_works(world):
     filter_.initialise_uniform()
     for motion, code in codes_along(world, 4):
         assert_defined(filter_, filter_.step(motion, Measurement(True, code)))
+
+
+CONFIG = FilterConfig()
+
+
+@pytest.fixture(scope="module")
+def codebook(world):
+    book = Codebook(world.poses, np.ones((len(world.poses), 4), np.float32), {})
+    book.derived = derived_arrays(world.mesh, book)
+    return book
+
+
+def indexed(world, codebook, config=CONFIG) -> ObjectIndex:
+    return ObjectIndex(world.mesh, codebook, config, Workers(1))
+
+
+def followed(index: ObjectIndex) -> tuple[bytes, bytes]:
+    entries = np.roll(np.arange(len(index.lookup.poses)), 1)
+    particles = Particles.from_poses(index.lookup.poses, entries)
+    distance = index.lookup.follow(particles)
+    return particles.entries.tobytes(), distance.tobytes()
+
+
+def test_a_kept_index_is_the_one_that_would_be_made(world, codebook):
+    kept = indexed(world, codebook)
+    made = indexed(world, Codebook(codebook.poses, codebook.codes, {}))
+    assert followed(kept) == followed(made)
+    assert kept.lookup.stride == made.lookup.stride
+    np.testing.assert_array_equal(kept.surface.values, made.surface.values)
+    np.testing.assert_array_equal(kept.normals.values, made.normals.values)
+
+
+def test_it_outlives_a_file(world, codebook, tmp_path):
+    codebook.save(tmp_path / "book.npz")
+    with np.load(tmp_path / "book.npz", allow_pickle=False) as file:
+        for name, array in codebook.derived.items():
+            np.testing.assert_array_equal(file[name], array)
+
+
+def test_other_limits_ask_for_another_grid(world, codebook):
+    wider = dataclasses.replace(CONFIG, dead_distance=1.5 * CONFIG.dead_distance)
+    assert indexed(world, codebook, wider).surface.limit > indexed(world, codebook).surface.limit
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("links", lambda a: np.full_like(a, len(a))),
+        ("links", lambda a: a[:-1]),
+        ("links", lambda a: a[:, :0]),
+        ("neighbours", lambda a: -np.ones_like(a)),
+        ("distances", lambda a: a[1:]),
+        ("distances", lambda a: a.astype(float)),
+        ("normals", lambda a: a[1:]),
+    ],
+)
+def test_broken_arrays_are_refused_naming_the_file(world, codebook, name, change, tmp_path):
+    key = next(key for key in codebook.derived if key.endswith(name))
+    meta = dict.fromkeys(("mesh_name", "mesh_sha256", "sensor", "sensor_id", "tcn"), "") | {"format": FORMAT}
+    derived = codebook.derived | {key: change(codebook.derived[key])}
+    Codebook(codebook.poses, codebook.codes, meta, derived).save(tmp_path / "broken.npz")
+    with pytest.raises(InputError, match=r"broken\.npz: .*; build it again"):
+        indexed(world, Codebook.load(tmp_path / "broken.npz"))

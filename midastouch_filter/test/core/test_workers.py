@@ -1,10 +1,16 @@
+from __future__ import annotations
+
+import os
 import threading
 from itertools import pairwise
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from midastouch_filter.core import workers
 from midastouch_filter.core.workers import CHUNKS, Workers
 
 
@@ -48,3 +54,19 @@ def test_a_thread_that_is_held_up_holds_up_none_of_the_other_items():
 def test_an_error_comes_out(threads):
     with pytest.raises(ZeroDivisionError):
         Workers(threads).map(lambda x: 1 / x, [1, 0])
+
+
+def resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+@pytest.mark.skipif("glibc" not in os.confstr("CS_GNU_LIBC_VERSION"), reason="another C library has no malloc_trim")
+def test_freed_memory_goes_back_to_the_system():
+    """Small blocks, each second one kept: glibc itself gives nothing back of such."""
+    blocks = [np.ones(4000) for _ in range(6000)]
+    kept = blocks[::2]
+    del blocks
+    before = resident_mb()
+    workers.trim()
+    assert before - resident_mb() > 50
+    assert len(kept) == 3000

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_filter.nodes import tf2_buffer
-from midastouch_filter.nodes.node_clock import NodeClock
+from midastouch_filter.nodes.code_processor import NodeClock
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -22,14 +21,11 @@ def patience(monkeypatch) -> types.SimpleNamespace:
     return clock
 
 
-@pytest.fixture(params=["built-in", "tf2"])
-def listening(request, graph, monkeypatch):
-    """A source of transforms, over our own buffer and over tf2's."""
-    import fake_tf2
+@pytest.fixture
+def listening(graph):
+    """A source of transforms."""
     from transform_rig import Listening
 
-    monkeypatch.setattr(tf2_buffer, "tf2_py", fake_tf2 if request.param == "tf2" else None)
     listening = Listening(graph)
-    assert listening.source.name == request.param
     yield listening
     listening.source.close()

@@ -17,7 +17,7 @@ from midastouch_common.ros.conversions import points_to_msg, pose_to_msg, stamp_
 from midastouch_filter.active_touch.suggestion import Advice, Suggestion, Wanted
 from midastouch_filter.core.estimate import Calibration, Estimate, Mode
 from midastouch_filter.core.state import AMBIGUOUS, Status
-from midastouch_filter.localiser import LoadedObject
+from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import TactileCode
 from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel

@@ -18,7 +18,7 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_filter.core.state import STATES
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.localiser import LoadedObject
+from midastouch_filter.loaded_object import LoadedObject
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes, TactileCode
 from midastouch_perception.codebook import Codebook

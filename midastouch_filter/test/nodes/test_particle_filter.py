@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-import fake_tf2
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,7 +15,6 @@ from tf2_msgs.msg import TFMessage
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
 from midastouch_filter.core.touch import Measurement
-from midastouch_filter.nodes import tf2_buffer
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
@@ -116,16 +114,3 @@ def test_code_handed_over_in_one_process(graph):
 def test_bad_parameters_fail_at_start(graph, parameters, complaint):
     with pytest.raises(InputError, match=complaint):
         graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), parameters)
-
-
-@pytest.mark.parametrize("source", ["tf2", "built-in"])
-def test_diagnostics_name_who_keeps_the_transforms(graph, monkeypatch, source):
-    monkeypatch.setattr(tf2_buffer, "tf2_py", fake_tf2 if source == "tf2" else None)
-    bench = Bench(graph, **OBJECT)
-    diagnostics = graph.listen(DiagnosticArray, "/diagnostics")
-    assert bench.frame(SECOND, T_BASE_OBJ).state == "ambiguous"
-    diagnostics.clear()
-    bench.node.diagnostics.publish()
-    graph.spin_until(lambda: diagnostics)
-    values = {value.key: value.value for value in diagnostics[0].status[0].values}
-    assert values["transform_source"] == source

@@ -15,7 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from midastouch_common.errors import InputError
 from midastouch_filter.core.state import CONVERGED
-from midastouch_filter.localiser import LoadedObject
+from midastouch_filter.loaded_object import LoadedObject
 from midastouch_msgs.msg import FilterStatus
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel

@@ -6,9 +6,9 @@ import pytest
 from filter_fakes import tf_msg, translation
 from tf2_msgs.msg import TFMessage
 
-from midastouch_filter.nodes import tf2_buffer, transform_source
+from midastouch_filter.nodes import transform_source
 from midastouch_filter.nodes.transform_source import TransformSource
-from midastouch_filter.transforms import TransformError
+from midastouch_filter.transforms import TransformBuffer, TransformError
 from midastouch_filter.transforms.queue import Wait
 
 FRAMES = "base_link", "digit_gel_frame"
@@ -23,9 +23,9 @@ class Listening:
 
     def __init__(self, graph):
         self.graph, self.updates, self.jumps, self.bad, self.marks = graph, 0, [], [], 0
-        self.buffer = tf2_buffer.make_buffer()
+        self.buffer = TransformBuffer()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(transform_source, "make_buffer", lambda: self.buffer)
+            patch.setattr(transform_source, "TransformBuffer", lambda: self.buffer)
             self.source = TransformSource(graph.companion, FRAMES, self._update, self.jumps.append, self.bad.append)
         self.tf = graph.publisher(TFMessage, "/tf")
 

@@ -7,11 +7,10 @@ from midastouch_filter.core.alignment import Aligned, PenetrationAlignment
 from midastouch_filter.core.belief import sharpened
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Mode
-from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import MAP_SCALE, Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.refinement.refinement import Refinement
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses

@@ -9,11 +9,10 @@ from midastouch_filter.core.alignment import PenetrationAlignment
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.places import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.refinement.effort import Effort
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
@@ -84,7 +83,7 @@ class Slide:
         for k, penetration in enumerate(self.penetrations):
             if k:
                 step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
-                reevaluation.moved(step, CONFIG.hindsight_spacing)
+                reevaluation.moved(step, CONFIG.smoothing_spacing)
             assert reevaluation.due
             keep(reevaluation, felt(penetration, self.scores(places, k)), *self.others[k : k + 1])
             assert not reevaluation.due
@@ -174,11 +173,11 @@ def test_what_was_known_of_the_start_decides_between_twins(symmetric):
 
 
 def test_touches_of_another_window_count_at_once(uneven):
-    window = KeyframeWindow(len(uneven.truth), CONFIG.hindsight_spacing, NOISE.touch_correlation, shortlist=80)
+    window = KeyframeWindow(len(uneven.truth), CONFIG.smoothing_spacing, NOISE.touch_correlation, shortlist=80)
     scores = {}
     for k, penetration in enumerate(uneven.penetrations):
         if k:
-            window.moved(se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k], CONFIG.hindsight_spacing, in_contact=True)
+            window.moved(se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k], CONFIG.smoothing_spacing, in_contact=True)
         touch, score = felt(penetration, uneven.scores([np.eye(4), HALF_TURN], k))
         scores[id(touch)] = score
         window.keep([touch], [score])
@@ -238,7 +237,7 @@ def test_distances_are_continuous_at_half_turns():
 
 def next_touch(slide):
     """One more touch, where the slide ends, by codes that tell nothing."""
-    slide.reevaluation.moved(se3.exp([CONFIG.hindsight_spacing, 0, 0, 0, 0, 0]), CONFIG.hindsight_spacing)
+    slide.reevaluation.moved(se3.exp([CONFIG.smoothing_spacing, 0, 0, 0, 0, 0]), CONFIG.smoothing_spacing)
     keep(slide.reevaluation, felt(slide.penetrations[-1], np.zeros(len(slide.book))))
 
 
@@ -283,7 +282,7 @@ def test_an_object_moved_untold_is_found_where_it_is_now(uneven):
     for k in range(half):
         if k:
             step = se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k]
-            reevaluation.moved(step, CONFIG.hindsight_spacing)
+            reevaluation.moved(step, CONFIG.smoothing_spacing)
             wrong = wrong @ step
         gap = np.linalg.norm(book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
@@ -325,7 +324,7 @@ def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
     for k, penetration in enumerate(uneven.penetrations):
         if k:
             step = between @ se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k] @ se3.inverse(between)
-            reevaluation.moved(step, CONFIG.hindsight_spacing)
+            reevaluation.moved(step, CONFIG.smoothing_spacing)
         gap = np.linalg.norm(uneven.book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(uneven.book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
         log_ratio = calibrated(np.hypot(gap, 0.01 * angle))

@@ -12,8 +12,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import points_from_msg
 from midastouch_common.ros import diagnostics, qos, spin
 from midastouch_common.ros.conversions import float32_to_msg
+from midastouch_common.ros.graph_watch import OnlyPublisher
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
-from midastouch_common.ros.only_publisher import OnlyPublisher
 from midastouch_common.ros.parameters import QUEUE, Parameter
 from midastouch_msgs.msg import TactileCode
 

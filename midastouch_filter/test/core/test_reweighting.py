@@ -3,7 +3,7 @@ import math
 import pytest
 
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.recovery import LikelihoodTrend
+from midastouch_filter.core.reweighting import LikelihoodTrend
 
 OUTLIER = 0.05
 WORST = math.log(OUTLIER)

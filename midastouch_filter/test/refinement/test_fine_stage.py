@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from midastouch_common import se3
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.refinement.mode_masses import impose_shares, pool_marginal_likelihoods
+from midastouch_filter.refinement.fine_stage import impose_shares, pool_marginal_likelihoods
 
 
 def particles_at(n, rng):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from midastouch_common.ros import diagnostics
-from midastouch_common.ros.lifecycle_watch import LifecycleWatch
+from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_common.ros.managed_node import AUTOSTART, ManagedNode
 
 pytestmark = pytest.mark.dds

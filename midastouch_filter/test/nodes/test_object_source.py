@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_filter.nodes.resources import require_within, resolve
+from midastouch_filter.nodes.object_source import require_within, resolve
 
 
 @pytest.fixture

@@ -1,21 +1,16 @@
-"""Our buffer, tf2 behind it and the stand-in for tf2, against what the real tf2 answered."""
+"""Our buffer against what the real tf2 answered."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib.util
 import json
 from pathlib import Path
 
-import fake_tf2
 import numpy as np
 import pytest
-from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
-from midastouch_filter.nodes import tf2_buffer
-from midastouch_filter.nodes.tf2_buffer import Tf2Buffer, make_buffer
 from midastouch_filter.transforms import (
     DisconnectedError,
     FutureExtrapolationError,
@@ -46,45 +41,9 @@ OURS = {
 }
 
 
-def recorder():
-    spec = importlib.util.spec_from_file_location("record_tf2", FACTS / "record_tf2.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-# the stand-in and, where it is installed, the real one
-TF2S = [fake_tf2] if tf2_buffer.tf2_py is None else [fake_tf2, tf2_buffer.tf2_py]
-
-
-@pytest.mark.parametrize("name", SCENARIOS)
-@pytest.mark.parametrize("tf2", TF2S)
-def test_tf2_answers_as_recorded(tf2, name):
-    core = tf2.BufferCore(Duration(seconds=10))
-    ask = recorder().answer
-    for step in SCENARIOS[name]:
-        got = ask(core, step)
-        assert got.get("raises") == step.get("raises"), (step, got)
-        assert got.get("can") == step.get("can"), step
-        assert got.get("seconds") == step.get("seconds"), step
-        if "pose" in step and step["do"] == "lookup":
-            np.testing.assert_allclose(got["pose"], step["pose"], atol=1e-12)
-
-
-@pytest.mark.parametrize("tf2", TF2S)
-def test_exceptions_of_tf2_have_the_recorded_base(tf2):
-    for name, base in RECORDED["exceptions"].items():
-        if hasattr(tf2, name):
-            assert getattr(tf2, name).__base__.__name__ == base
-
-
-@pytest.fixture(params=[None, *TF2S])
-def buffer(request, monkeypatch):
-    """Our buffer, and tf2's."""
-    monkeypatch.setattr(tf2_buffer, "tf2_py", request.param)
-    buffer = make_buffer()
-    assert isinstance(buffer, TransformBuffer if request.param is None else Tf2Buffer)
-    return buffer
+@pytest.fixture
+def buffer():
+    return TransformBuffer()
 
 
 def expected_error(step: dict, samples: list[float]) -> type[Exception]:
@@ -96,7 +55,7 @@ def expected_error(step: dict, samples: list[float]) -> type[Exception]:
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in OURS and "epoch" not in name])
-def test_buffers_answer_as_tf2(buffer, name):
+def test_the_buffer_answers_as_tf2(buffer, name):
     samples = []
     for step in SCENARIOS[name]:
         if step["do"] in ("set", "static"):

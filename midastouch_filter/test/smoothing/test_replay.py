@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_filter.smoothing.change_points import place_posterior
+from midastouch_filter.smoothing.replay import place_posterior
 
 PLACES = 1000.0
 

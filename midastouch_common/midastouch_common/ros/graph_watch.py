@@ -1,4 +1,4 @@
-"""Which lifecycle nodes are active, told by themselves: `get_state` once, then their `transition_event`."""
+"""What a node watches of others: which lifecycle nodes are active, and who publishes a topic."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ _ASK_AGAIN_S = 1.0  # an event may be lost while both sides still find each othe
 
 
 class LifecycleWatch:
-    """Follows lifecycle nodes. `node` listens for it and must be spun.
+    """Follows lifecycle nodes by what they say: `get_state` once, then their `transition_event`.
 
+    node: listens for it and must be spun.
     names: of the nodes, absolute or in the namespace of `node`.
     """
 
@@ -50,7 +51,7 @@ class _Watched:
         self.name, self.state = name, _ABSENT
         self._client = node.create_client(GetState, f"{name}/get_state")
         self._answer: Future | None = None
-        self._asked = 0.0
+        self._asked_at = 0.0
         node.create_subscription(TransitionEvent, f"{name}/transition_event", self._on_event, qos.COMMAND)
 
     def look(self) -> None:
@@ -58,9 +59,9 @@ class _Watched:
         if not self._client.service_is_ready():
             self._drop_question()
             self.state = _ABSENT
-        elif self.state != "active" and (self._answer is None or time.monotonic() - self._asked > _ASK_AGAIN_S):
+        elif self.state != "active" and (self._answer is None or time.monotonic() - self._asked_at > _ASK_AGAIN_S):
             self._drop_question()
-            self._asked = time.monotonic()
+            self._asked_at = time.monotonic()
             self._answer = self._client.call_async(GetState.Request())
             self._answer.add_done_callback(self._on_answer)
 
@@ -77,3 +78,25 @@ class _Watched:
         if self._answer is not None:
             self._client.remove_pending_request(self._answer)
             self._answer = None
+
+
+class OnlyPublisher:
+    """Watches whether a topic that a node subscribes comes from one publisher, as the stream of one sensor must."""
+
+    def __init__(self, node: Node, topic: str):
+        self._node, self._topic = node, topic
+        self._logged = ""
+
+    @property
+    def problem(self) -> str:
+        """The publishers, if there are several, and the fix; empty if not. The log has it when it changes."""
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        problem = ""
+        if len(found) > 1:
+            names = sorted(f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in found)
+            topic = self._node.resolve_topic_name(self._topic)
+            problem = f"{topic} has {len(names)} publishers: {', '.join(names)}; stop all but one of them"
+        if problem and problem != self._logged:
+            self._node.get_logger().warning(problem)
+        self._logged = problem
+        return problem

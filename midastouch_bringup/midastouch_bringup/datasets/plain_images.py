@@ -1,0 +1,79 @@
+"""Tactile images without poses: a folder of images, or a video. `midastouch replay` plays them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from midastouch_common.errors import InputError
+
+from .sequence import IMAGE_SHAPE
+
+_SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp"}
+_SECOND = 1_000_000_000
+_FOLDER_FPS, _VIDEO_FPS = 60.0, 30.0  # of a DIGIT; of a video that does not say its own
+
+
+class PlainImages:
+    """The images of a folder in the order of their numbers (2 before 10), or the frames of a video file.
+
+    fps: images per second, 60 for a folder. n_frames: how many there are; of a video, how many its header claims.
+    Raises InputError, naming the file, if there is no image, or one is damaged or not portrait with sides of 3:4.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._files = _numbered(self.path) if self.path.is_dir() else []
+        self.fps, self.n_frames = _FOLDER_FPS, len(self._files)
+        if not self.path.is_dir():
+            capture = cv2.VideoCapture(str(self.path))
+            self.fps = capture.get(cv2.CAP_PROP_FPS) or _VIDEO_FPS
+            self.n_frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+            capture.release()
+        if next(self.frames(), None) is None:
+            raise InputError(f"{self.path}: cannot be decoded as a video; give an .mp4, a bag or a folder of images")
+
+    @staticmethod
+    def are_at(path: Path) -> bool:
+        """Whether `path` is a file, which may be a video, or a folder with images directly in it."""
+        return path.is_file() or (path.is_dir() and bool(_numbered(path)))
+
+    def frames(self, offset_ns: int = 0) -> Iterator[tuple[int, np.ndarray]]:
+        """Stamp [ns], from 1 s on, and image (320, 240, 3) uint8 RGB of each frame; none of the first `offset_ns`."""
+        for i, (name, image) in enumerate(self._decoded()):
+            since = round(i * _SECOND / self.fps)
+            if since >= offset_ns:
+                yield _SECOND + since, _portrait(image, name)
+
+    def _decoded(self) -> Iterator[tuple[str, np.ndarray | None]]:
+        if self._files:
+            yield from ((str(file), cv2.imread(str(file), cv2.IMREAD_COLOR)) for file in self._files)
+            return
+        capture = cv2.VideoCapture(str(self.path))
+        while (read := capture.read())[0]:
+            yield str(self.path), read[1]
+        capture.release()
+
+
+def _numbered(folder: Path) -> list[Path]:
+    files = [path for path in folder.iterdir() if path.suffix.lower() in _SUFFIXES and path.is_file()]
+    return sorted(files, key=lambda path: [(int(p) if p.isdecimal() else -1, p) for p in re.split(r"(\d+)", path.name)])
+
+
+def _portrait(image: np.ndarray | None, name: str) -> np.ndarray:
+    """A BGR image as (320, 240, 3) RGB, scaled if it was recorded larger or smaller."""
+    if image is None:
+        raise InputError(f"{name}: not a readable image; get the file again or remove it")
+    rows, columns, _ = IMAGE_SHAPE
+    height, width = image.shape[:2]
+    if height * columns != width * rows:
+        raise InputError(
+            f"{name}: image is {width} x {height}, expected a portrait image with sides of 3:4 as 240 x 320; "
+            "turn images in the sensor's own landscape order by 90 degrees counter-clockwise"
+        )
+    rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return rgb if rgb.shape == IMAGE_SHAPE else cv2.resize(rgb, (columns, rows), interpolation=cv2.INTER_AREA)

@@ -1,0 +1,196 @@
+"""An object to localise on: the filter on its mesh and codebook, read from files or built on the spot.
+
+An object that comes without a codebook gets a coarse one in seconds, and denser ones while the filter already runs on
+that. Each level is the beginning of one whole codebook, whose poses come in the order of farthest points: it covers the
+surface as evenly as the whole. Measurement model, start and search for competitors all take an entry for an equal part
+of the surface, so the work does not begin at the most probable poses.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.sensor_model import SensorModel
+
+from .active_touch.suggestion import Advisor
+from .core import workers
+from .core.config import FilterConfig
+from .core.object_model import ObjectModel
+from .filter import ParticleFilter
+
+if TYPE_CHECKING:
+    from midastouch_perception.tcn import TactileCodeNet
+
+SIZE = 5_000
+"""Poses, a tenth of those that `midastouch build-codebook` takes: built in seconds."""
+LEVELS = (10_000, 20_000, 50_000)
+"""Poses; the last is what `midastouch build-codebook` takes."""
+
+_NICENESS = 10
+
+
+class _Stopped(Exception):
+    """Nobody wants the codebook any more."""
+
+
+class Growth:
+    """Makes codebooks and what a filter needs of them, in a thread of low priority.
+
+    Args: codebooks(pause): makes one after the other; prepare: as `ObjectModel.with_codebook`. Attributes: failure: why
+    it grows no more, in words.
+    """
+
+    def __init__(
+        self,
+        codebooks: Callable[[Callable[[], None]], Iterator[Codebook]],
+        prepare: Callable[[Codebook], ObjectModel],
+    ):
+        self._codebooks, self._prepare = codebooks, prepare
+        self._stop = threading.Event()
+        self._ready: ObjectModel | None = None  # the newest; an older one that nobody took is forgotten
+        self._exchange = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="codebook growth")
+        self.failure = ""
+
+    def start(self) -> None:
+        """Begin; `close` must follow."""
+        self._thread.start()
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is to come any more."""
+        return not self._thread.is_alive() and self._ready is None
+
+    def take(self) -> ObjectModel | None:
+        """The densest that is ready, once."""
+        with self._exchange:
+            ready, self._ready = self._ready, None
+        return ready
+
+    def close(self) -> None:
+        """Stop, within a second."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        # of this thread alone, and of those that it starts
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        try:
+            for codebook in self._codebooks(self._pause):
+                prepared = self._prepare(codebook)
+                with self._exchange:
+                    self._ready = prepared
+                self._pause()
+        except _Stopped:
+            pass
+        except Exception as error:  # said in the status; the filter goes on with what it has
+            self.failure = f"{type(error).__name__}: {error}"
+
+    def _pause(self) -> None:
+        if self._stop.is_set():
+            raise _Stopped
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadedObject:
+    """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
+    codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next.
+    growth: makes the codebook denser meanwhile, None: nobody does."""
+
+    filter: ParticleFilter
+    diagonal: float
+    name: str
+    sensor: SensorModel | None = None
+    network_id: str = ""
+    advisor: Advisor | None = None
+    growth: Growth | None = None
+
+    @property
+    def density(self) -> str:
+        """How dense the codebook is, and what that allows, in words."""
+        return self.filter.object.density
+
+    @property
+    def coarse(self) -> str:
+        """That the codebook grows, or why it does not, in words; empty for a whole one."""
+        if self.growth is None or not (self.growth.failure or not self.growth.done):
+            return ""
+        return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
+
+    def take_growth(self) -> None:
+        """Go on by a denser codebook, if one is ready by now."""
+        if self.growth is not None and (prepared := self.growth.take()) is not None:
+            self.filter.take(prepared)
+
+    def close(self) -> None:
+        """End its growth."""
+        if self.growth is not None:
+            self.growth.close()
+
+
+def load_object(mesh_path: Path, codebook_path: Path, config: FilterConfig, seed: int) -> LoadedObject:
+    """Mesh and codebook from files; InputError on files that cannot be used or do not belong together."""
+    mesh = ObjectMesh.load(mesh_path)
+    return object_of(mesh, Codebook.load(codebook_path, mesh=mesh), config, seed)
+
+
+def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: int) -> LoadedObject:
+    """The filter on a mesh and its codebook; InputError on a codebook that cannot be used."""
+    running = ParticleFilter(mesh, codebook, config, seed, clock=time.perf_counter)
+    workers.trim()
+    sensor = SensorModel.of_codebook(codebook.meta).for_maps
+    network_id = str(codebook.meta["tcn"])
+    return LoadedObject(running, mesh.diagonal, mesh.name, sensor, network_id, Advisor(running))
+
+
+def build_object(mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int) -> LoadedObject:
+    """The filter on a mesh and a codebook of `SIZE` poses that is built now; it grows once it is localised on.
+
+    network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for what they do
+    not name, a mesh that cannot be used, and one without reachable surface.
+    """
+    mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
+    loaded = object_of(mesh, codebook, config, seed)
+    growth = Growth(lambda pause: levels(mesh, tcn, sensor, pause), loaded.filter.object.with_codebook)
+    return dataclasses.replace(loaded, growth=growth)
+
+
+def coarse_codebook(
+    mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
+) -> tuple[ObjectMesh, Codebook]:
+    """A mesh and a codebook of `SIZE` poses that is built now; arguments and errors as of `build_object`."""
+    mesh, _, _, codebook = _built(mesh_path, network, sensor_model, config)
+    return mesh, codebook
+
+
+def _built(
+    mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
+) -> tuple[ObjectMesh, TactileCodeNet, SensorModel, Codebook]:
+    # the runtime of networks is needed for this alone
+    from midastouch_perception.codebook_build import CodebookBuild
+    from midastouch_perception.tcn import load_tcn
+
+    mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load(sensor_model)
+    tcn, jobs = load_tcn(network, sensor), config.threads or len(os.sched_getaffinity(0))
+    return mesh, tcn, sensor, CodebookBuild(mesh, tcn, sensor, SIZE).run(jobs)
+
+
+def levels(
+    mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, pause: Callable[[], None] = lambda: None
+) -> Iterator[Codebook]:
+    """The codebooks of `LEVELS`; `pause` is called now and then, and what it raises ends the work."""
+    # the runtime of networks is needed for this alone
+    from midastouch_perception.codebook_build import CodebookBuild
+
+    build = CodebookBuild(mesh, tcn, sensor, LEVELS[-1])
+    for size in LEVELS:
+        yield build.run(until=size, pause=pause)
