@@ -79,8 +79,8 @@ class Progress:
         return f"{time.monotonic() - self._start:5.0f} s"
 
 
-def run(command, progress, mend, **environment):
-    """Run a command, its output into the log. Raises SetupError with the end of its output and the mend."""
+def run(command, progress, fix, **environment):
+    """Run a command, its output into the log. Raises SetupError with the end of its output and the fix."""
     variables = {**os.environ, **environment}
     # The Python of the environment re-executes itself to set these; another Python's must not stay.
     variables.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
@@ -109,7 +109,7 @@ def run(command, progress, mend, **environment):
             raise
     if process.returncode:
         tail = LOG.read_bytes()[begin:].decode(errors="replace").rstrip().splitlines()[-25:]
-        raise SetupError("\n".join(["", *("    " + line for line in tail), "", mend]))
+        raise SetupError("\n".join(["", *("    " + line for line in tail), "", fix]))
 
 
 def make_environment(progress):
@@ -146,7 +146,7 @@ def build_kernels(progress):
 def build_with_cmake(progress, sources):
     variables = {"AMENT_PREFIX_PATH": str(VENV), "CMAKE_PREFIX_PATH": str(VENV)}
     for source in sources:
-        mend = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
+        fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
         build = VENV / "build" / source.name
         # A message that is gone from the sources must go from the environment as well.
         manifest = build / "install_manifest.txt"
@@ -155,9 +155,9 @@ def build_with_cmake(progress, sources):
         shutil.rmtree(build, ignore_errors=True)
         configure = ["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DBUILD_TESTING=OFF"]
         configure += [f"-DCMAKE_INSTALL_PREFIX={VENV}", f"-DPython3_EXECUTABLE={PYTHON}"]
-        run(configure, progress, mend, **variables)
+        run(configure, progress, fix, **variables)
         install = ["cmake", "--build", build, "--target", "install", "--parallel", os.cpu_count() or 1]
-        run(install, progress, mend, **variables)
+        run(install, progress, fix, **variables)
 
 
 def install_packages(progress):

@@ -12,7 +12,7 @@ OLDEST, NEWEST = (3, 10), (3, 13)
 
 
 class SetupError(Exception):
-    """What went wrong and how to mend it, in words for the user."""
+    """What went wrong and how to fix it, in words for the user."""
 
 
 def check_machine():
@@ -24,7 +24,7 @@ def check_machine():
         )
     if not OLDEST <= sys.version_info[:2] <= NEWEST:
         raise SetupError(
-            f"Python {platform.python_version()} ({sys.executable}) does not serve: 3.10 to 3.13 do. "
+            f"Python {platform.python_version()} ({sys.executable}) is not supported: 3.10 to 3.13 are. "
             "Install one of them, then name it: make PYTHON=python3.12 ..."
         )
     if not shutil.which("cmake"):

@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 
 from midastouch_common.errors import InputError
 
-from .errors import CorruptFrameError, DeviceError
-from .frame_slot import FrameSlot, ReaderState, ReaderStatus
-from .frame_source import Frame, MonotonicClock, SourceInfo
+from .frames import (
+    CorruptFrameError,
+    DeviceError,
+    Frame,
+    FrameSlot,
+    MonotonicClock,
+    ReaderState,
+    ReaderStatus,
+    SourceInfo,
+)
 from .v4l2_device import V4l2Camera
 
-_POLL_S = 0.1
-_PATIENCE_FRAMES = 5
+_POLL_S = 0.1  # how often the thread looks whether it is to stop
+_STALL_FRAMES = 5
 
 
 @dataclass(frozen=True)
@@ -148,7 +155,7 @@ class FrameReader:
 
     def _stream(self, info: SourceInfo) -> None:
         """Reads until stopped. Raises what ``read`` raises, and DeviceError when good frames cease."""
-        stall = max(self._timing.stall, _PATIENCE_FRAMES / info.fps)
+        stall = max(self._timing.stall, _STALL_FRAMES / info.fps)
         last_good_ns = self._clock.now_ns()
         previous: int | None = None
         corrupt_since = 0

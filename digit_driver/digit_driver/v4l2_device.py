@@ -10,15 +10,13 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from . import videodev2 as v4l2
-from .camera_model import CameraMode, CameraModel
+from .camera_model import CameraMode, CameraModel, decode
 from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
-from .errors import CorruptFrameError, DeviceError
-from .frame_source import Frame, MonotonicClock, SourceInfo
-from .leds import MAX_LEVEL, packed
-from .pixels import decode
-from .system_calls import SystemCalls
+from .frames import CorruptFrameError, DeviceError, Frame, MonotonicClock, SourceInfo
 from .v4l2_stream import FilledBuffer, V4l2Stream
 
+MAX_LED_LEVEL = 15
+"""The DIGIT's three LEDs have four bits each, packed into one control, which its firmware calls zoom."""
 FIRST_FIRMWARE_WITH_RGB = 200
 _OLDEST_CREDIBLE_STAMP_NS = 2_000_000_000
 
@@ -45,7 +43,7 @@ class V4l2Settings:
     video_device: str = ""
     resolution: str = ""
     fps: int = 0
-    leds: tuple[int, int, int] = (MAX_LEVEL, MAX_LEVEL, MAX_LEVEL)
+    leds: tuple[int, int, int] = (MAX_LED_LEVEL, MAX_LED_LEVEL, MAX_LED_LEVEL)
     use_buffer_timestamps: bool = True
 
     def __post_init__(self) -> None:
@@ -74,13 +72,13 @@ class V4l2Camera:
     def __init__(
         self,
         settings: V4l2Settings,
-        system: SystemCalls | None = None,
+        system: v4l2.SystemCalls | None = None,
         find: Callable[[CameraModel], list[UsbCamera]] = find_cameras,
         clock: MonotonicClock | None = None,
     ) -> None:
         self._settings, self._camera, self._mode = settings, settings.camera, settings.mode
         self._rate = settings.fps or self._mode.fps[0]
-        self._system = system or SystemCalls()
+        self._system = system or v4l2.SystemCalls()
         self._find = find
         self._clock = clock or MonotonicClock()
         self._serial = settings.serial
@@ -159,7 +157,7 @@ class V4l2Camera:
             # While it is unplugged this does nothing: ``open`` lights it when it is back.
             if self._stream is not None:
                 # Old firmware knows one brightness for all three.
-                value = max(rgb) if self._has_old_firmware else packed(rgb)
+                value = max(rgb) if self._has_old_firmware else rgb[0] << 8 | rgb[1] << 4 | rgb[2]
                 self._stream.set_control(v4l2.CID_ZOOM_ABSOLUTE, value, "setting the LEDs")
 
     def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...]]:

@@ -17,9 +17,7 @@ from pathlib import Path
 
 from . import videodev2 as v4l2
 from .camera_model import CameraMode
-from .errors import DeviceError
-from .frame_source import MonotonicClock
-from .system_calls import SystemCalls
+from .frames import DeviceError, MonotonicClock
 
 _BUFFERS = 4
 
@@ -58,7 +56,7 @@ class V4l2Stream:
         DeviceError: none can be opened or gives images; from the methods: what failed and why.
     """
 
-    def __init__(self, nodes: Sequence[Path], system: SystemCalls, clock: MonotonicClock) -> None:
+    def __init__(self, nodes: Sequence[Path], system: v4l2.SystemCalls, clock: MonotonicClock) -> None:
         self._system, self._clock = system, clock
         self._buffers: list[mmap.mmap] = []
         refusals = []
@@ -160,7 +158,7 @@ class V4l2Stream:
         return DeviceError(f"{self.name}: {doing} failed: {reason}")
 
 
-def _refusal(system: SystemCalls, fd: int) -> str:
+def _refusal(system: v4l2.SystemCalls, fd: int) -> str:
     """Why an open node cannot be streamed from; empty if it can."""
     capability = v4l2.Capability()
     try:

@@ -1,4 +1,4 @@
-"""File helpers: content hashes and writes that never leave half a file behind."""
+"""File helpers: paths as users write them, content hashes, writes that never leave half a file behind."""
 
 from __future__ import annotations
 
@@ -15,6 +15,14 @@ from typing import Any
 import yaml
 
 from .errors import InputError
+
+
+def expanded(path: str | Path, parameter: str) -> Path:
+    """The path with `~` as the home directory; InputError naming the parameter where there is none."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"{parameter}: {path}: {error}; give the whole path") from error
 
 
 def sha256(path: str | os.PathLike) -> str:

@@ -15,14 +15,13 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 from midastouch_common.mesh import ObjectMesh
 
-from .codebook import FORMAT, Codebook
-from .codebook_poses import codebook_poses
+from .codebook import FORMAT, Codebook, codebook_poses
 from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
 from .tcn.inference import TactileCodeNet
 
 CHUNK = 256
-"""Poses that are rendered, encoded and kept together; the result must not depend on how they are shared out."""
+"""Poses that are rendered, encoded and kept together; the result must not depend on how they are divided."""
 
 _ARRAYS = ("poses", "codes", "finished")
 _MOST_CONTRARY = 0.02  # one face in a hundred; of scans it is 0, of faces wound at random 0.5
@@ -152,7 +151,7 @@ def build_codebook(
 
 def _require_one_outside(mesh: ObjectMesh) -> None:
     """InputError for a mesh whose faces do not agree where outside is: poses would lie within the object."""
-    if (contrary := mesh.contrary_share) > _MOST_CONTRARY:
+    if (contrary := mesh.contrary_fraction) > _MOST_CONTRARY:
         raise InputError(
             f"{mesh.path or mesh.name}: at {contrary:.0%} of the edges one face looks outward and the next inward; "
             "let your modelling program recalculate the normals outward, and export it again"

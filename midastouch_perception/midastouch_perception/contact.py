@@ -8,7 +8,7 @@ import numpy as np
 
 from .sensor_model import SensorModel
 
-# Metres. Far below what the depth network can tell apart, far above what a cloud's float32 loses.
+# Metres. Far below what the depth network can distinguish, far above what a cloud's float32 loses.
 _STEP = np.float32(1e-6)
 TOUCHED = 3e-5
 """Penetration [m] from which a pixel counts as touched."""

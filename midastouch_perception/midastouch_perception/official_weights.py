@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
+import zipfile
 from pathlib import Path
 
-from midastouch_common.errors import InputError
-from midastouch_common.files import sha256
+import numpy as np
 
-from .checkpoint import read_checkpoint
+from midastouch_common.errors import InputError
+from midastouch_common.files import require_file, sha256
+
 from .state_dict import matched, plain_names
 from .tcn import minkloc3d_network
 from .tcn.minkloc3d import save_minkloc3d
-from .tdn import fcrn_shapes
+from .tdn import fcrn
 
 EXPECTED_SHAPES = {
-    "tdn_fcrn": fcrn_shapes.expected_shapes,
+    "tdn_fcrn": fcrn.expected_shapes,
     "tcn_minkloc3d": minkloc3d_network.expected_shapes,
 }
+# where training scripts put the state dict, if the file holds more than that
+_STATE_KEYS = ("state_dict", "model_state_dict", "model")
+_TRAIN_EXTRA = ".venv/bin/pip install -r tools/requirements/train.txt"
 
 
 def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) -> Path:
     """Write the network in a checkpoint, with its model card, to the folder `out`; returns the network's file.
 
-    The names of its tensors tell which of the two networks it is. voxel_size: of MinkLoc3D, in units of the cloud
+    The names of its tensors show which of the two networks it is. voxel_size: of MinkLoc3D, in units of the cloud
     scaled to [-1, 1] (0.001 in the official code). Raises InputError: not a checkpoint, of neither network, tensors
-    missing, unexpected or of other shape.
+    missing, unexpected or of other shape, a package missing that reads or writes the file.
     """
     path = Path(path)
     state = plain_names(read_checkpoint(path))
@@ -46,7 +51,72 @@ def import_weights(path: str | Path, out: str | Path, voxel_size: float = 1e-3) 
     if network == "tcn_minkloc3d":
         return save_minkloc3d(state, card, Path(out), voxel_size)
     try:
-        from .tdn.fcrn_graph import save_fcrn  # the only place that needs the package onnx
+        from .tdn.fcrn_graph import save_fcrn  # only this needs the package onnx
     except ImportError as error:
         raise InputError(f"{path}: writing this network needs the package onnx; pip install onnx") from error
     return save_fcrn(state, card, Path(out))
+
+
+def read_checkpoint(path: str | Path) -> dict[str, np.ndarray]:
+    """{name: values} of the tensors in a weight file, whose format its content shows.
+
+    A NumPy archive needs nothing else; a PyTorch checkpoint needs torch, which reads tensors only (`weights_only`),
+    and .safetensors that package: both are in the `train` extra. Raises InputError: no such file, none of the formats,
+    a package missing, cut short, holds anything that is not tensors.
+    """
+    path = require_file(path, "weight")
+    with path.open("rb") as stream:
+        start = stream.read(9)
+    if start.startswith(b"\x80") or (start.startswith(b"PK") and _is_torch_archive(path)):
+        read = _read_torch
+    elif start.startswith(b"PK"):
+        read = _read_numpy
+    elif start[8:] == b"{":
+        read = _read_safetensors
+    else:
+        raise InputError(
+            f"{path}: begins with {start!r}, not a PyTorch checkpoint, .safetensors or .npz; download it again"
+        )
+    try:
+        return read(path)
+    except InputError:
+        raise
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path}: reading this file needs the package {error.name}; {_TRAIN_EXTRA}") from error
+    except Exception as error:  # damaged bytes make torch's and NumPy's readers fail in any way
+        reason = (str(error) or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path}: not a complete checkpoint of tensors alone ({reason}); get it again") from error
+
+
+def _is_torch_archive(path: Path) -> bool:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith("/data.pkl") for name in archive.namelist())
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False  # cut short: the reader of NumPy archives says so
+
+
+def _read_numpy(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as data:
+        return {name: data[name] for name in data.files}
+
+
+def _read_safetensors(path: Path) -> dict[str, np.ndarray]:
+    from safetensors.numpy import load_file
+
+    return load_file(path)
+
+
+def _read_torch(path: Path) -> dict[str, np.ndarray]:
+    import torch
+
+    content = torch.load(path, map_location="cpu", weights_only=True)
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: holds a {type(content).__name__}, not a state dict; save model.state_dict()")
+    for state in (content, *(content.get(key) for key in _STATE_KEYS)):
+        if isinstance(state, dict):
+            tensors = {str(name): values.detach() for name, values in state.items() if torch.is_tensor(values)}
+            if tensors:  # NumPy has no bfloat16
+                return {k: (v.float() if v.is_floating_point() else v).numpy() for k, v in tensors.items()}
+    held = ", ".join(map(str, content)) or "nothing"
+    raise InputError(f"{path}: holds no state dict, only {held}; save model.state_dict()")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
@@ -9,9 +10,7 @@ import numpy as np
 import onnxruntime
 
 from midastouch_common.errors import InputError
-from midastouch_common.files import sha256
-
-from .model_card import read_card
+from midastouch_common.files import atomic_path, sha256
 
 WEIGHTS = Path(__file__).parent / "weights"
 
@@ -68,3 +67,21 @@ class OnnxNetwork:
         declared order, float32 with the batch first."""
         names = [output or self.outputs[0]]
         return self.session.run(names, dict(zip(self._inputs, inputs, strict=True)), self._options)[0]
+
+
+def read_card(network: Path) -> dict:
+    """The model card of a network's file. Raises InputError if it is missing or broken."""
+    path = network.with_suffix(".json")
+    try:
+        card = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: no readable model card beside the network; copy it there") from error
+    if not isinstance(card, dict):
+        raise InputError(f"{path}: not a model card; copy the network's own there")
+    return card
+
+
+def write_card(card: dict, network: Path) -> None:
+    """Write the model card of a network's file."""
+    with atomic_path(network.with_suffix(".json")) as temporary:
+        temporary.write_text(json.dumps(card, indent=2) + "\n")

@@ -16,14 +16,13 @@ import numpy as np
 
 from .contact import Contact, ContactDetector
 from .tcn.inference import TactileCodeNet
-from .tdn.background import shows_contact
+from .tdn.background import TouchedBackground, shows_contact
 from .tdn.depth_net import DepthNet
-from .tdn.drift import LightDrift
 from .tdn.fit_check import FitCheck
-from .tdn.touched_background import TouchedBackground
+from .tdn.inputs import LightDrift
 
 _BLOCK = 8  # px; noise averages out over a block, a contact does not
-_QUIET = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
+_QUIET_LEVEL = 1.2  # grey levels, largest block-mean difference to the background that still counts as none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +42,7 @@ class DepthStage:
     teaches the stage how the light drifts.
 
     Args: tdn; fit, a check that is shown what the network makes of the images; touched, one that is shown the images:
-    both by `reflect`.
+    both by `deferred_update`.
     Attributes: skipped, frames by the gate that spared them the network.
     """
 
@@ -79,14 +78,14 @@ class DepthStage:
         difference = self._drift.correct(changed)
         height, width = difference.shape[:2]
         blocks = cv2.resize(difference, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-        if np.abs(blocks).max() < _QUIET:
+        if np.abs(blocks).max() < _QUIET_LEVEL:
             self.skipped["no_contact"] += 1
             return self._detector.free()
         penetration = self._tdn.predict(image, background, difference)
         self._unchecked = difference, penetration, image, background
         return self._detector.update(penetration)
 
-    def reflect(self) -> None:
+    def deferred_update(self) -> None:
         """Show the last frame to the checks, if it went through the network: best once its contact is out."""
         if self._unchecked is None:
             return

@@ -20,7 +20,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import read_yaml
 
 MAP_SCALE = 0.5
-"""Resolution of penetration maps as a share of the image's: that of the depth network."""
+"""Resolution of penetration maps as a fraction of the image's: that of the depth network."""
 
 LIGHTS = ("relative", "additive")
 DIGIT_LAMPS = "digit"
@@ -37,9 +37,9 @@ class SensorModel:
 
     Attributes: name; width, height [px]; focal [px]; gel_distance [m], camera to gel apex; dome: sag [m] of the
     gel over (x, y) [m] as parameters of `sag`; light: how a contact changes the image: `relative`, each colour by a
-    share of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
+    fraction of what it is without contact (real gel under its own lights), or `additive`, by grey levels whatever the
     no-contact image (a simulator that adds rendered differences to a photograph); lamps: `digit` for a sensor whose
-    colours come from where a DIGIT's do, so that an image tells whether it is turned, else empty.
+    colours come from where a DIGIT's do, so that an image shows whether it is turned, else empty.
     """
 
     name: str
@@ -124,7 +124,7 @@ class SensorModel:
         )
 
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
-        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera tells.
+        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera shows.
 
         Raises InputError for a scale that is no finger's.
         """

@@ -10,7 +10,7 @@ from midastouch_common.errors import InputError
 
 _WRAPPERS = re.compile(r"(module\.|model\.|net\.)+")  # what DataParallel and training frameworks put before names
 _COUNTER = "num_batches_tracked"  # of batch normalisation; not used after training
-_NAMED = 4  # of each kind of fault, in an error
+_MOST_LISTED = 4  # of each kind of fault, in an error
 
 
 def plain_names(state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -68,5 +68,5 @@ def random_state(shapes: dict[str, tuple[int, ...]], rng: np.random.Generator) -
 
 
 def _listed(names: list[str]) -> str:
-    rest = len(names) - _NAMED
-    return ", ".join(names[:_NAMED]) + (f" and {rest} more" if rest > 0 else "")
+    rest = len(names) - _MOST_LISTED
+    return ", ".join(names[:_MOST_LISTED]) + (f" and {rest} more" if rest > 0 else "")

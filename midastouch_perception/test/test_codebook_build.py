@@ -152,5 +152,5 @@ def test_one_entry_is_a_book(tool, tcn, sensor):
 def test_a_mesh_whose_faces_do_not_agree_where_outside_is_is_refused(tool, tcn, sensor):
     turned = np.random.default_rng(0).random(len(tool.faces)) < 0.1
     faces = np.where(turned[:, None], tool.faces[:, ::-1], tool.faces)
-    with pytest.raises(InputError, match=r"part: at 1\d% of the edges .* recalculate the normals outward"):
+    with pytest.raises(InputError, match=r"part: .*normals"):
         CodebookBuild(ObjectMesh.from_arrays(tool.vertices, faces, "part"), tcn, sensor, 4).run()

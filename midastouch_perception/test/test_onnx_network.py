@@ -25,20 +25,20 @@ def test_shipped_networks_scale_by_factors(name):
 
 
 def test_unknown_name_lists_the_known_ones():
-    with pytest.raises(InputError, match="tdn network 'slow' is not known; use fast"):
+    with pytest.raises(InputError, match=r"slow.*use fast"):
         OnnxNetwork("tdn", "slow")
 
 
 def test_truncated_network_is_refused(tmp_path):
     path = tmp_path / "tdn_cut.onnx"
     path.write_bytes((WEIGHTS / "tdn_fast.onnx").read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"tdn_cut.onnx: not a usable ONNX network"):
+    with pytest.raises(InputError, match=r"tdn_cut.onnx: "):
         OnnxNetwork("tdn", path)
 
 
 def test_missing_card_is_named(tmp_path):
     shutil.copy(WEIGHTS / "tdn_fast.onnx", tmp_path / "mine.onnx")
-    with pytest.raises(InputError, match=r"mine.json: no readable model card"):
+    with pytest.raises(InputError, match=r"mine.json: "):
         OnnxNetwork("tdn", tmp_path / "mine.onnx")
 
 
@@ -55,5 +55,5 @@ def test_identity_follows_the_content(tmp_path):
 
 @pytest.mark.parametrize(("load", "other"), [(load_tdn, "tcn_fast"), (load_tcn, "tdn_fast")])
 def test_networks_that_are_mixed_up_are_refused(load, other):
-    with pytest.raises(InputError, match=rf"{other}\.onnx: a network of .* mixed up"):
+    with pytest.raises(InputError, match=rf"{other}\.onnx: .*mixed up"):
         load(WEIGHTS / f"{other}.onnx")

@@ -18,7 +18,7 @@ from midastouch_perception.tdn import load_tdn
 def touches(tool, sensor):
     """Images over a plain background, and their true penetration."""
     rng = np.random.default_rng(0)
-    sampling = ContactSampling(press=(0.5e-3, 1.5e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.5e-3, 1.5e-3), free_fraction=0.0)
     penetration, normals = PenetrationRenderer(tool, sensor).render_with_normals(
         sample_contact_poses(tool, 12, rng, sensor, sampling)
     )
@@ -90,18 +90,18 @@ def test_checks_see_each_frame_of_the_network_once_after_its_contact_is_out(touc
     images, background, _ = touches
     fit, touched = Watcher(), Watcher()
     stage = DepthStage(load_tdn("fast"), fit, touched)
-    stage.reflect()
+    stage.deferred_update()
     contact = stage.process(images[0], background)
     assert fit.frames == touched.frames == []
-    stage.reflect()
+    stage.deferred_update()
     assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
     assert touched.frames[0][0] is images[0]
     for unseen in (images[0].copy(), background.copy()):  # an unchanged image, and no contact
         stage.process(unseen, background)
-        stage.reflect()
+        stage.deferred_update()
     assert [len(watcher.frames) for watcher in (fit, touched)] == [1, 1]
-    felt = contact.penetration > 0
-    np.testing.assert_array_equal(in_steps(fit.frames[0][1])[felt], contact.penetration[felt])
+    touched = contact.penetration > 0
+    np.testing.assert_array_equal(in_steps(fit.frames[0][1])[touched], contact.penetration[touched])
 
 
 def test_the_way_through_a_cloud_changes_no_bit(touches, sensor):

@@ -10,13 +10,13 @@ from midastouch_perception.sensor_model import SensorModel
 
 
 @pytest.mark.parametrize("name", ["digit_tacto", "digit_real"])
-@given(seed=st.integers(0, 2**31), share=st.floats(0, 1))
+@given(seed=st.integers(0, 2**31), fraction=st.floats(0, 1))
 @settings(max_examples=15, deadline=None)
-def test_map_survives_the_cloud(name, seed, share):
+def test_map_survives_the_cloud(name, seed, fraction):
     sensor = SensorModel.load(name).scaled(0.5)
     rng = np.random.default_rng(seed)
     penetration = in_steps(rng.uniform(1e-5, 3e-3, (160, 120)).astype(np.float32))
-    mask = rng.random((160, 120)) < share
+    mask = rng.random((160, 120)) < fraction
     cloud = cloud_from_penetration(penetration, mask, sensor)
     assert cloud.shape == (mask.sum(), 3)
     np.testing.assert_array_equal(penetration_from_cloud(cloud, sensor), np.where(mask, penetration, np.float32(0)))

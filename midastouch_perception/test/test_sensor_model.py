@@ -45,20 +45,20 @@ def test_a_gelsight_mini_is_flat_and_of_the_published_scale():
     np.testing.assert_allclose(mini.gel_depth, mini.gel_distance, atol=1e-6)
 
 
-def test_the_network_feels_a_ball_on_a_gelsight_mini():
+def test_the_network_measures_a_ball_on_a_gelsight_mini():
     """Its geometry is one that the network can use; its light is another matter."""
     mini = SensorModel.load("gelsight_mini")
     mesh = ObjectMesh.load(bundled_objects()["ball"])
     rng = np.random.default_rng(0)
-    sampling = ContactSampling(press=(0.6e-3, 1.2e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.6e-3, 1.2e-3), free_fraction=0.0)
     poses = sample_contact_poses(mesh, 3, rng, mini, sampling)
     background = np.full((320, 240, 3), (120, 110, 130), np.uint8)
     light, tdn = GelLight(mini, rng), load_tdn("fast", mini)
     for truth in PenetrationRenderer(mesh, mini).render(poses):
         image = np.clip(background * light.ratio(truth), 0, 255).astype(np.uint8)
-        felt = tdn.predict(image, background) > 3e-5
+        measured = tdn.predict(image, background) > 3e-5
         touched = truth[::2, ::2] > 3e-5
-        assert (felt & touched).sum() / (felt | touched).sum() > 0.85
+        assert (measured & touched).sum() / (measured | touched).sum() > 0.85
 
 
 def test_at_scale_sets_what_a_pixel_is():
@@ -69,7 +69,7 @@ def test_at_scale_sets_what_a_pixel_is():
 
 @pytest.mark.parametrize("scale", [18.68, 3000, 200_000, float("nan"), float("inf"), 1e-300])
 def test_a_scale_of_no_finger_is_refused(scale):
-    with pytest.raises(InputError, match=r"px/mm.*give pixels per millimetre; a DIGIT has 17 to 21"):
+    with pytest.raises(InputError, match=r"px/mm.*pixels per millimetre"):
         SensorModel.load("digit_real").at_scale(scale)
 
 
@@ -142,7 +142,7 @@ def test_light_is_relative_unless_the_model_says_otherwise(tmp_path):
     path.write_text("\n".join(line for line in text.splitlines() if not line.startswith("light")))
     assert SensorModel.load(path).light == "relative"
     path.write_text(text.replace("light: relative", "light: bright"))
-    with pytest.raises(InputError, match="light 'bright' is not known; use relative or additive"):
+    with pytest.raises(InputError, match=r"bright.*relative.*additive"):
         SensorModel.load(path)
 
 

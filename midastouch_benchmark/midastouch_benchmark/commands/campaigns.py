@@ -50,7 +50,7 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
 
 def meshes_to_fit_on(folder: Path) -> list[Path]:
     """Mesh files of a folder that judge nothing: neither the paper's ten objects nor the ten held out."""
-    from midastouch_perception.training.objects import TEST_OBJECTS
+    from midastouch_perception.training.setting import TEST_OBJECTS
 
     return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
 
@@ -59,7 +59,7 @@ def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMes
     """The meshes asked for, by name; InputError for a name that fits none or several."""
     from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
-    from midastouch_perception.training.objects import TEST_OBJECTS
+    from midastouch_perception.training.setting import TEST_OBJECTS
 
     if folder is None:
         available = bundled_objects()

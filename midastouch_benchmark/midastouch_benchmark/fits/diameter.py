@@ -2,7 +2,8 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-`FELT` and `DOUBT` of `midastouch_perception/sensor_calibration/diameter.py`. Each sensor is another one than
+`RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of `midastouch_perception/sensor_calibration/network_checks.py`.
+Each sensor is another one than
 those on which `midastouch evaluate-checks` judges them.
 """
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from midastouch_benchmark.perception.diameter_checks import felt_balls
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.training.backgrounds import load_backgrounds
+from midastouch_perception.training.setting import load_backgrounds
 
 DOUBTED = 1 / 8
 """Share of right diameters."""
@@ -34,7 +35,7 @@ def main() -> None:
     shares = np.log([felt / radius for radius, felt in balls if felt is not None])
     usual = np.median(shares)
     doubt = np.exp(np.quantile(np.abs(shares - usual), 1 - DOUBTED))
-    print(f"{len(shares)} of {args.sensors} felt: FELT {np.exp(usual):.3f}, DOUBT {doubt:.2f}")
+    print(f"{len(shares)} of {args.sensors} felt: RADIUS_RATIO {np.exp(usual):.3f}, MOST_DIAMETER_FACTOR {doubt:.2f}")
 
 
 if __name__ == "__main__":

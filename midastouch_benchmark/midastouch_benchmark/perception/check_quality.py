@@ -20,7 +20,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 from midastouch_perception.tdn import DepthNet
-from midastouch_perception.tdn.background import shows_contact
+from midastouch_perception.tdn.background import TouchedBackground, shows_contact
 from midastouch_perception.tdn.colour_layout import (
     ORIENTATIONS,
     image_problem,
@@ -29,12 +29,11 @@ from midastouch_perception.tdn.colour_layout import (
     turned_since,
 )
 from midastouch_perception.tdn.fit_check import FitCheck
-from midastouch_perception.tdn.touched_background import TouchedBackground
 
 TOUCHES = 6
 """Touches of each imaginary sensor on the tool, and as many light ones on each small part."""
-_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_share=0.0)
-_FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_share=0.0)
+_LIGHT = ContactSampling(press=(0.05e-3, 0.6e-3), free_fraction=0.0)
+_FIRM = ContactSampling(press=(0.5e-3, 1.5e-3), free_fraction=0.0)
 DEPTHS = (0.05e-3, 0.1e-3, 0.2e-3, 0.4e-3, 0.7e-3)
 """Edges [m] of the classes of true penetration in which missed contacts are counted."""
 WARM_UP = (0.0, 0.01, 0.02, 0.05, 0.1)
@@ -192,7 +191,7 @@ def judge(tdn: DepthNet, images: Sequence[np.ndarray], background: np.ndarray) -
     stage = DepthStage(tdn, check, touched)
     for image in images:
         stage.process(image, background)
-        stage.reflect()
+        stage.deferred_update()
     return check, touched
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from midastouch_perception.sensor_calibration.diameter import diameter_doubt, felt_radius
+from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_radius
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 
 FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
 """Diameter given over the true one."""
@@ -41,4 +41,4 @@ def felt_balls(
     for _ in range(n):
         radius = rng.uniform(*RADII)
         digit = PressedSensor(sensor, backgrounds, radius, rng)
-        yield radius, felt_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)
+        yield radius, measured_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)

@@ -7,8 +7,7 @@ import numpy as np
 from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration.calibration import SensorCalibration
-from midastouch_perception.sensor_calibration.fit import calibrate
-from midastouch_perception.sensor_calibration.held_out import FEWEST
+from midastouch_perception.sensor_calibration.fit import FEWEST, calibrate
 from midastouch_perception.sensor_model import SensorModel
 
 

@@ -9,8 +9,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_calibration import presses as ball_presses
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import colour_layout
-from midastouch_perception.tdn.drift import without_drift
-from midastouch_perception.tdn.inputs import ContactLight, reduce_image
+from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 
 from .press_quality import visible_contact
 
@@ -41,6 +40,6 @@ def _problem(image: np.ndarray, background: np.ndarray, light: ContactLight, sen
         colour_layout.exposure_problem(image, ball_presses.MOST_SPOILED)
         # an image that is turned differs everywhere too; how it is turned says more
         or colour_layout.turned_since(image, background)
-        or ball_presses.image_problem(image, seen)
+        or ball_presses.sensor_mismatch(image, seen)
         or ("" if visible_contact(without_drift(seen), sensor.for_maps).any() else "nothing touches the gel")
     )

@@ -23,7 +23,7 @@ from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"
 BASELINES = ("image_embedding", "minkloc3d")
-_SAMPLING = ContactSampling(free_share=0.0)
+_SAMPLING = ContactSampling(free_fraction=0.0)
 BASELINE_QUERIES = 2000
 _CELL = 5e-3  # m
 _QUANTILES = 501

@@ -22,7 +22,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
 from midastouch_perception.simulation.randomisation import RandomSensor
 from midastouch_perception.tdn.fcrn import FcrnDepthNet
-from midastouch_perception.training.backgrounds import load_backgrounds
+from midastouch_perception.training.setting import load_backgrounds
 
 from ..trials.setup import Networks
 

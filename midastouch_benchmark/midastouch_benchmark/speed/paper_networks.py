@@ -12,7 +12,7 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.state_dict import random_state
 from midastouch_perception.tcn import load_tcn, minkloc3d_network
 from midastouch_perception.tcn.minkloc3d import save_minkloc3d
-from midastouch_perception.tdn import fcrn_shapes, load_tdn
+from midastouch_perception.tdn import fcrn, load_tdn
 from midastouch_perception.tdn.fcrn_graph import save_fcrn
 
 from .timing import Stopwatch
@@ -28,7 +28,7 @@ def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray]
     """
     rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as folder:
-        state = random_state(fcrn_shapes.expected_shapes(), rng)
+        state = random_state(fcrn.expected_shapes(), rng)
         tdn = load_tdn(save_fcrn(state, {"network": "tdn_fcrn"}, Path(folder)), sensor)
         state = random_state(minkloc3d_network.expected_shapes(), rng)
         tcn = load_tcn(save_minkloc3d(state, {"network": "tcn_minkloc3d"}, Path(folder), _VOXEL_SIZE), sensor)

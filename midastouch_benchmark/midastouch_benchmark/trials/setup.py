@@ -20,7 +20,7 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 from midastouch_perception.tdn import DepthNet, estimate_background, load_tdn
-from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_share
+from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 
 _BACKGROUND_FRAMES = 60
 
@@ -83,7 +83,7 @@ def untouched_of(sequence: Sequence, given: str | None = None) -> Untouched:
     chosen = np.unique(np.linspace(0, sequence.n_frames - 1, _BACKGROUND_FRAMES).round().astype(int))
     images = [sequence.image(int(i)) for i in chosen]
     estimated, doubt = estimate_background(images), ""
-    if sequence.layout == "tactile_tracking" or doubtful_share(images, estimated) > MOST_DOUBTFUL:
+    if sequence.layout == "tactile_tracking" or doubtful_fraction(images, estimated) > MOST_DOUBTFUL:
         # trials of TactileTracking are in contact from the first image to the last
         doubt = (
             f"{sequence.path}: the no-contact image is estimated, but the images do not show all of the gel untouched; "

@@ -116,7 +116,7 @@ def test_roc_area():
 
 def test_layouts_of_real_sensors(shared):
     """Of the 24 real no-contact images few are refused as they are, and nearly all when they are wrong."""
-    from midastouch_perception.training.backgrounds import load_backgrounds
+    from midastouch_perception.training.setting import load_backgrounds
 
     images = np.concatenate(load_backgrounds(shared / "data/digit_backgrounds", 80, 60))
     refused = layout_quality(images)

@@ -37,7 +37,7 @@ def networks(threshold: float = 6.0) -> SimpleNamespace:
 
 @pytest.fixture(scope="module")
 def poses(mesh) -> np.ndarray:
-    sampling = ContactSampling(free_share=0.0)
+    sampling = ContactSampling(free_fraction=0.0)
     return sample_contact_poses(mesh, 25, np.random.default_rng(0), SensorModel.load("digit_tacto"), sampling)
 
 

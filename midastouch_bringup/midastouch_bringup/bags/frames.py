@@ -15,7 +15,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_filter.transforms import TransformBuffer, TransformError
 from midastouch_perception.tdn import estimate_background
-from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_share
+from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 
 from ..datasets import load_sequence
 from .messages import (
@@ -169,7 +169,7 @@ class PosedSlide:
         chosen = np.unique(np.linspace(0, len(self.poses) - 1, _BACKGROUND_FRAMES).round().astype(int))
         images = self.images(chosen.tolist())
         background = estimate_background(images)
-        if doubtful_share(images, background) > MOST_DOUBTFUL:
+        if doubtful_fraction(images, background) > MOST_DOUBTFUL:
             raise InputError(
                 f"{self._path}: the images do not show all of the gel untouched; capture the sensor's no-contact image "
                 "(capture_background) and name its --serial"

@@ -42,7 +42,9 @@ def add_parser(subparsers) -> None:
     touched = parser.add_mutually_exclusive_group(required=True)
     touched.add_argument("--ball-diameter", type=arguments.positive, metavar="METRES", help="diameter of the ball")
     parser.add_argument(
-        "--diameter-is-right", action="store_true", help="calibrate even if the ball feels like one of another diameter"
+        "--diameter-is-right",
+        action="store_true",
+        help="calibrate even if the ball measures like one of another diameter",
     )
     touched.add_argument("--object", metavar="MESH", help="what SOURCE slides over: a mesh in metres, or a bundled one")
     parser.add_argument("--serial", default="", metavar="SERIAL", help="serial number of the sensor")

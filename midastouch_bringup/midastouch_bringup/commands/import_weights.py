@@ -16,7 +16,8 @@ def add_parser(subparsers) -> None:
         "turn weights of the official depth or code network into a file for --tdn or --tcn",
         "midastouch import-weights tcn_weights.pth.tar --out out/weights",
         "FILE is a PyTorch checkpoint, .safetensors or .npz of the official FCRN or MinkLoc3D; which of them, its\n"
-        "tensors tell. Nothing but tensors is read from it. The network and its model card are written to --out.",
+        "tensors tell. Nothing but tensors is read from it; a checkpoint needs PyTorch for that (the train extra).\n"
+        "The network and its model card are written to --out.",
     )
     parser.add_argument("file", metavar="FILE", help="checkpoint, such as tdn_weights.pth.tar or tcn_weights.pth.tar")
     parser.add_argument("--out", default="out/weights", metavar="DIR", help="folder (default out/weights)")

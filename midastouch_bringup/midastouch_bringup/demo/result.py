@@ -13,7 +13,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_calibration.fit import Result, calibrate
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.ball_presses import PressedSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import load_tdn
 
 from ..bags.run_record import RunRecord, Snapshot
@@ -28,7 +28,7 @@ from . import NODES
 _RADIUS = 3e-3  # m
 _SEED = 6  # of a sensor on which the network alone measures too deep
 _PRESSES, _TOUCHES = 10, 6
-_FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_share=0.0)
+_FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_fraction=0.0)
 
 
 def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[PenetrationRow]]:

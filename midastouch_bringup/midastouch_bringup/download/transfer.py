@@ -16,10 +16,11 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 
+from .archive import RESERVE
+
 _BLOCK = 1 << 18
 _TIMEOUT_S = 30.0
-RESERVE = 32 << 20  # bytes that stay free on the disk
-_PASSING = {408, 425, 429, 500, 502, 503, 504}
+_PASSING_STATUSES = {408, 425, 429, 500, 502, 503, 504}
 
 
 class _BrokeOff(Exception):
@@ -99,7 +100,7 @@ def _receive(url: str, part: _Part, progress: Callable) -> None:
     except urllib.error.HTTPError as error:
         if error.code == 416:  # what we have is not a beginning of what is there
             part.remove()
-        elif error.code not in _PASSING:
+        elif error.code not in _PASSING_STATUSES:
             raise InputError(f"{url}: the server says {error.code} {error.reason}; check the name") from error
         raise _BrokeOff(f"the server says {error.code} {error.reason}") from error
     except (OSError, http.client.HTTPException) as error:

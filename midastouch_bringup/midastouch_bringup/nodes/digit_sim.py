@@ -9,7 +9,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from digit_driver.camera_info import Calibration
+from digit_driver.camera_info import Intrinsics
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -24,10 +24,9 @@ from midastouch_filter.transforms.queue import Wait
 from midastouch_msgs.msg import TactileContact
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.simulation.motion_watch import MotionWatch, too_deep
-from midastouch_perception.simulation.shutter import Shutter
+from midastouch_perception.simulation.engine import MotionWatch, Shutter, too_deep
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit, SimulatedFrame
-from midastouch_perception.tdn.background_file import read_background
+from midastouch_perception.tdn.background_store import read_background
 
 from ..bags.messages import GEL_FRAME, TRUTH_FRAME
 from ..datasets.slide_simulation import no_contact_image
@@ -190,10 +189,10 @@ class DigitSim(ManagedNode):
         self.diagnostics.problem("time_jumps", back)
 
 
-def _calibration(sensor: SensorModel) -> Calibration:
+def _calibration(sensor: SensorModel) -> Intrinsics:
     """The pin-hole camera that the images are rendered with."""
     f, x, y = sensor.focal, sensor.width / 2, sensor.height / 2
-    return Calibration(
+    return Intrinsics(
         sensor.width,
         sensor.height,
         distortion_model="plumb_bob",

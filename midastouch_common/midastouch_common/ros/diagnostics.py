@@ -65,7 +65,7 @@ class Diagnostics:
             while not over.is_set() and self._node.context.ok():
                 try:
                     self.publish()
-                except RCLError:  # told to stop in the middle of the call
+                except RCLError:  # a signal stopped the process in the middle of the call
                     if self._node.context.ok():
                         raise
                 over.wait(PERIOD_S)
@@ -102,7 +102,7 @@ class Diagnostics:
 
 
 class Rate:
-    """Events per second over the time since it was last asked, and the mean time each one took."""
+    """Events per second over the time since they were last read, and the mean time each one took."""
 
     def __init__(self) -> None:
         self._since, self._count, self._busy = time.monotonic(), 0, 0.0

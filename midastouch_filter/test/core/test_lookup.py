@@ -10,7 +10,7 @@ from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.codebook_poses import codebook_poses
+from midastouch_perception.codebook import codebook_poses
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 

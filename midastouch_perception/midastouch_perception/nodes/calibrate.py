@@ -1,4 +1,4 @@
-"""Node `calibrate`: guides through the presses of a ball on a running sensor and keeps what they tell of it."""
+"""Node `calibrate`: guides through the presses of a ball on a running sensor and keeps what they show of it."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from midastouch_common.ros.parameters import Parameter, Parameters
 
 from ..sensor_calibration.calibration import scale_problem
 from ..sensor_calibration.collector import PressCollector
-from ..sensor_calibration.fit import MOST, Result, calibrate
-from ..sensor_calibration.held_out import FEWEST
+from ..sensor_calibration.fit import FEWEST, MOST, Result, calibrate
 from ..sensor_model import SensorModel
 from ..tdn.background_store import store_of
 
@@ -31,7 +30,7 @@ PARAMETERS = (
     Parameter(
         "diameter_is_right",
         False,
-        "Believe that diameter, even if the ball feels like another one",
+        "Accept that diameter, even if the depth network measures another one",
         read_only=False,
     ),
     Parameter("presses", 10, "Presses to calibrate from", minimum=FEWEST, maximum=MOST),
@@ -44,7 +43,7 @@ PARAMETERS = (
     ),
 )
 
-_SHOWN = 5  # presses thrown away of which the reason is told
+_MOST_REASONS = 5  # presses thrown away of which the reason is published
 
 SILENT_S = 5.0
 """Without a first image for so long, it asks for the driver."""
@@ -53,11 +52,10 @@ SILENT_S = 5.0
 class CalibrateNode(PipelineNode):
     """Subscribes `image_raw`; says on `/diagnostics` what to do next; has the services `~/calibrate` and `~/restart`.
 
-    After the last press it calibrates and keeps the result. Args: say, told the same in words; once, whether the node
-    gives up after that. Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result, of the
+    After the last press it calibrates and keeps the result. Args: say, called with the same in words; once, whether the
+    node gives up after that. Attributes: images (320, 240, 3) uint8 RGB by name, the presses taken; result, of the
     calibration, None while there is none; failure, why there is none, in words; presses_folder, where the images are
-    kept, None if they are not. Raises InputError for parameters that
-    do not fit, and without a no-contact image.
+    kept, None if they are not. Raises InputError for parameters that do not fit, and without a no-contact image.
     """
 
     def __init__(self, say: Callable[[str], None] | None = None, once: bool = False, **node_options):
@@ -71,7 +69,7 @@ class CalibrateNode(PipelineNode):
             # tdn, which has the model's scale, would not use it
             if not self._settings["out"] and (problem := scale_problem(model, self._sensor.pixel_size)):
                 raise InputError(f"calibrate: parameter 'px_per_mm': {problem}")
-        self._required()  # what is missing is told before anything is started
+        self._required()  # what is missing is reported before anything is started
         self.gave_up = False
         self._diagnostics = diagnostics.Diagnostics(self, self._describe, self._serial)
         self._arrived, self._silent = False, ""
@@ -108,8 +106,8 @@ class CalibrateNode(PipelineNode):
         self.result: Result | None = None
         self.failure = self._last = ""
         if self.presses_folder:
-            self._tell(f"{self.presses_folder}: the images are kept here")
-        self._tell(self._collector.next_step)
+            self._announce(f"{self.presses_folder}: the images are kept here")
+        self._announce(self._collector.next_step)
 
     def _new_folder(self) -> Path | None:
         """Where images go from now on, with the no-contact image in it; None for nowhere."""
@@ -125,11 +123,11 @@ class CalibrateNode(PipelineNode):
         return folder
 
     def _listen(self) -> None:
-        """Tell, once, if no image has come yet."""
+        """Say, once, if no image has come yet."""
         self._listening.cancel()
         if not self._arrived:
             self._silent = f"no images on {self._topic}; is the driver running?"
-            self._tell(self._silent)
+            self._announce(self._silent)
 
     def _on_image(self, msg: Image) -> None:
         self._arrived, self._silent = True, ""
@@ -145,11 +143,11 @@ class CalibrateNode(PipelineNode):
         if len(self.images) > taken:
             self._keep_press()
         if self._collector.done:
-            self._tell(said)
+            self._announce(said)
             self.failure = self._calibrate()
             self.gave_up = self._once
         elif (then := self._collector.next_step) != step:
-            self._tell(*filter(None, [said, then]))
+            self._announce(*filter(None, [said, then]))
 
     def _calibrate(self) -> str:
         """Fit the presses taken so far and keep the result, or nothing; returns why there is none, in words."""
@@ -165,10 +163,10 @@ class CalibrateNode(PipelineNode):
                 )
             result.calibration.save(self._path)
         except InputError as error:
-            self._tell(f"no calibration: {error}")
+            self._announce(f"no calibration: {error}")
             return str(error)
         self.result = result
-        self._tell(*result.warnings, self._outcome())
+        self._announce(*result.warnings, self._outcome())
         return ""
 
     def _keep_press(self) -> None:
@@ -205,7 +203,7 @@ class CalibrateNode(PipelineNode):
         response.success, response.message = True, self._collector.next_step
         return response
 
-    def _tell(self, *words: str) -> None:
+    def _announce(self, *words: str) -> None:
         for text in words:
             self._say(text)
         self._diagnostics.publish()
@@ -214,7 +212,7 @@ class CalibrateNode(PipelineNode):
         collector = self._collector
         values = {"taken": len(self.images), "wanted": self._settings["presses"], "last_press": self._last}
         values["thrown_away"] = len(collector.refusals)
-        values |= {f"thrown_away_{k}": why for k, why in enumerate(collector.refusals[-_SHOWN:], 1)}
+        values |= {f"thrown_away_{k}": why for k, why in enumerate(collector.refusals[-_MOST_REASONS:], 1)}
         if self.failure:
             return diagnostics.ERROR, f"{self.failure} (begin again: ~/restart)", values
         if self.result is not None:

@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from midastouch_common.ros.managed_node import ManagedNode
 
-from ..tdn.background_capture import BackgroundCapture
+from ..tdn.background import BackgroundCapture
 
 
 class CaptureService:

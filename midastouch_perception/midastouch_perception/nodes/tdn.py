@@ -23,12 +23,11 @@ from ..pipeline import DepthStage
 from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
 from ..tdn import load_tdn
-from ..tdn.background_store import store_of
-from ..tdn.calibration_in_use import CalibrationInUse
+from ..tdn.background import TouchedBackground
+from ..tdn.background_store import SensorBackground, store_of
 from ..tdn.colour_layout import exposure_problem, turned_since
+from ..tdn.depth_net import CalibrationInUse
 from ..tdn.fit_check import FitCheck
-from ..tdn.sensor_background import SensorBackground
-from ..tdn.touched_background import TouchedBackground
 from .capture_service import CaptureService
 
 _MOST_SATURATED = 0.5  # of an image; a glint of the light on a contact is less
@@ -78,7 +77,7 @@ class TdnNode(ManagedNode):
     """While active, every valid image yields one cloud (empty without contact) and one TactileContact of its stamp.
 
     `depth` replaces the network that the parameters name. When the next stage runs in the same process,
-    `sink`, called with the header and the contact of each frame, takes the place of the cloud on the way to it;
+    `sink`, called with the header and the contact of each frame, replaces the cloud on the way to it;
     the cloud is then published for other subscribers only.
     """
 
@@ -136,7 +135,7 @@ class TdnNode(ManagedNode):
         started = time.perf_counter()
         try:
             image = rgb_from_msg(msg, self._sensor.height, self._sensor.width)
-            # the network would feel a contact in it; every fourth pixel tells
+            # the network would measure a contact in it; every fourth pixel is enough to see that
             if problem := exposure_problem(image[::4, ::4], _MOST_SATURATED):
                 raise InputError(f"the image is {problem}")
         except InputError as error:
@@ -146,7 +145,7 @@ class TdnNode(ManagedNode):
         self._observe_background(image)
         contact = self._stage.process(image, self._background.image)
         self._publish(Header(stamp=msg.header.stamp, frame_id=self.parameters["sensor_frame_id"]), contact)
-        self._stage.reflect()
+        self._stage.deferred_update()
         self._rate.add(time.perf_counter() - started)
 
     def _observe_background(self, image: np.ndarray) -> None:
@@ -176,7 +175,7 @@ class TdnNode(ManagedNode):
         if self._sink is not None:
             self._sink(header, contact)
 
-    def _misfit(self) -> str:
+    def _fit_problem(self) -> str:
         """Why the images do not fit the no-contact image or the network; empty if they do."""
         if self._fit.problem and (turned := turned_since(self._image, self._background.image)):
             return turned
@@ -190,7 +189,7 @@ class TdnNode(ManagedNode):
         if (
             problem := self._images_from.problem
             or self._background.problem
-            or self._misfit()
+            or self._fit_problem()
             or self._calibration.problem
         ):
             return diagnostics.WARN, problem, values

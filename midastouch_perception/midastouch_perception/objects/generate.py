@@ -22,7 +22,7 @@ from ..simulation.procedural import (
 
 
 def handle_tool() -> ObjectMesh:
-    """A 16 cm tool: ribbed grip, collar, hooked head with a jaw, no two places alike."""
+    """A 16 cm tool: ribbed grip, collar, hooked head with a jaw, no two parts alike."""
     quarter = np.pi / 2
     grip = rippled(at(cylinder(0.013, 0.045, 0.006), x=-0.035, turn=(0, quarter, 0)), 4e-4, 7e-3, (1.0, 0, 0))
     pommel = at(box((0.010, 0.016, 0.016), 0.004), x=-0.082)
@@ -37,7 +37,7 @@ def handle_tool() -> ObjectMesh:
 
 
 def ball() -> ObjectMesh:
-    """A plain ball of 60 mm: it feels the same everywhere, so no answer is the right answer."""
+    """A plain ball of 60 mm: it is the same everywhere, so no answer is the right answer."""
     return mesh_from_sdf(sphere(0.03), np.full(3, 0.032), 1.5e-3, "ball")
 
 

@@ -23,22 +23,22 @@ class ContactSampling:
     """How contact poses are drawn; the defaults are the paper's.
 
     Attributes: press, range [m] of the wanted penetration; tilt, standard deviation [rad] of the angle between gel and
-    surface normal; edge_share of the poses on edges sharper than 10 deg; free_share of the poses without contact.
+    surface normal; edge_fraction of the poses on edges sharper than 10 deg; free_fraction of the poses without contact.
     """
 
     press: tuple[float, float] = (0.5e-3, 2e-3)
     tilt: float = np.radians(5.0)
-    edge_share: float = 0.3
-    free_share: float = 0.02
+    edge_fraction: float = 0.3
+    free_fraction: float = 0.02
 
 
 def touch_points(
-    mesh: ObjectMesh, n: int, edge_share: float, rng: np.random.Generator
+    mesh: ObjectMesh, n: int, edge_fraction: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) m and outward normals (n, 3): area-uniform, `edge_share` of them length-uniform on edges."""
+    """Points (n, 3) m and outward normals (n, 3): area-uniform, `edge_fraction` of them length-uniform on edges."""
     points, normals, _ = mesh.sample_surface(n, rng)
     ends, edge_normals = mesh.feature_edges
-    on_edge = np.flatnonzero(rng.random(n) < edge_share)
+    on_edge = np.flatnonzero(rng.random(n) < edge_fraction)
     if len(ends) and len(on_edge):
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         edge = rng.choice(len(ends), len(on_edge), p=length / length.sum())
@@ -91,18 +91,18 @@ def sample_contact_poses(
     sensor: SensorModel,
     sampling: ContactSampling = ContactSampling(),
 ) -> np.ndarray:
-    """Draw n reachable gel poses T_obj_gel (n, 4, 4) by rejection; `free_share` of them hover above the surface."""
+    """Draw n reachable gel poses T_obj_gel (n, 4, 4) by rejection; `free_fraction` of them hover above the surface."""
     reachability = Reachability(mesh, sensor)
     kept: list[np.ndarray] = []
     missing = n
     while missing > 0:
         m = int(missing * 1.3) + 16
-        points, normals = touch_points(mesh, m, sampling.edge_share, rng)
+        points, normals = touch_points(mesh, m, sampling.edge_fraction, rng)
         press = rng.uniform(*sampling.press, m)
         yaw, azimuth = rng.uniform(0, 2 * np.pi, (2, m))
         tilt = np.abs(rng.normal(0, sampling.tilt, m))
         poses, reachable = reachability.settle(pose_from_contact(points, normals, yaw, tilt, azimuth, press), press)
-        free = np.flatnonzero(rng.random(m) < sampling.free_share)
+        free = np.flatnonzero(rng.random(m) < sampling.free_fraction)
         poses[free, :3, 3] += rng.uniform(2.5e-3, 8e-3, (len(free), 1)) * poses[free, :3, 2]
         reachable[free] &= reachability.free(poses[free])
         kept.append(poses[reachable][:missing])

@@ -2,7 +2,7 @@
 
 A calibrated sensor's slopes are known in metres a metre. The network is shown them as the colours of a standard sensor:
 three lamps, 120 degrees apart, each colour proportional to the slope towards its lamp. It was trained on such images
-too, and tells them from those of a sensor that nobody calibrated, because their colours cancel.
+too, and distinguishes them from those of a sensor that nobody calibrated, because their colours cancel.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _BACK = np.linalg.pinv(_STANDARD).astype(np.float32)
 _FORMAT = 2
 _GRID = (16, 12)  # rows, columns
 _OTHER_SCALE = 0.02  # by which the pixels' size may differ
-_OTHER_GEL = 0.1  # share by which three quarters of a no-contact image may differ, its brightness aside
+_OTHER_GEL = 0.1  # fraction by which three quarters of a no-contact image may differ, its brightness aside
 
 
 def standard_colours(slopes: np.ndarray) -> np.ndarray:
@@ -42,7 +42,8 @@ def plain_slopes(change: np.ndarray) -> np.ndarray:
 
 
 def background_colours(background: np.ndarray) -> np.ndarray:
-    """What tells a gel and its light from another: colours (16, 12, 3) float32 of a no-contact image (H, W, 3)."""
+    """What distinguishes a gel and its light from another: colours (16, 12, 3) float32 of a no-contact image (H, W,
+    3)."""
     return cv2.resize(background.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
 
 

@@ -9,18 +9,17 @@ import numpy as np
 
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
-from ..tdn.drift import without_drift
-from ..tdn.inputs import ContactLight, check_image, reduce_image
+from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
+from .ball import Contact
 from .presses import MOST_SPOILED, look_at
-from .search import Contact
 
 _BLOCK = 8  # px
-_TOUCHED = 8.0  # grey levels of a block: something touches
-_FREE = 5.0  # and nothing does any more
-_STILL = 5  # images that are alike
-_ALIKE = 2.5  # grey levels of a block between them
-_LONG = 300  # still images after the verdict on a press: 5 to 10 s
-_APART = 1e-3  # m between contacts, or they are the same
+_TOUCH_LEVEL = 8.0  # grey levels of a block: something touches
+_RELEASE_LEVEL = 5.0  # and nothing does any more
+_STILL_IMAGES = 5  # images that are alike
+_STILL_LEVEL = 2.5  # grey levels of a block between them
+_LONG_HOLD = 300  # still images after the verdict on a press: 5 to 10 s
+_LEAST_DISTANCE = 1e-3  # m between contacts, or they are the same
 REGIONS = (
     *(f"top {column}" for column in ("left", "centre", "right")),
     *("middle left", "centre", "middle right"),
@@ -40,7 +39,7 @@ class PressCollector:
         self._light = ContactLight(reduce_image(check_image(background, sensor, "background")), sensor.light)
         self._radius, self._sensor, self._half = 0.5 * ball_diameter, sensor, sensor.for_maps
         self._wanted = wanted
-        self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL)
+        self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL_IMAGES)
         self._contacts: list[Contact] = []
         self._judged = False  # the press that goes on
         self._held = 0  # images that it has stayed still since
@@ -57,7 +56,7 @@ class PressCollector:
         """What to do now, in words."""
         if not self._judged:
             what = f"press the ball at the {self.missing_region}"
-        elif self._held < _LONG:
+        elif self._held < _LONG_HOLD:
             what = "lift the ball"
         else:
             what = "lift the ball; if it is lifted, capture the no-contact image anew and begin again"
@@ -71,12 +70,14 @@ class PressCollector:
         blocks = self._blocks(check_image(image, self._sensor, "tactile image"))
         change = float(np.abs(blocks).max())
         # an image without light has no change to speak of
-        if change < (_FREE if self._judged else _TOUCHED) and not exposure_problem(image[::4, ::4], MOST_SPOILED):
+        if change < (_RELEASE_LEVEL if self._judged else _TOUCH_LEVEL) and not exposure_problem(
+            image[::4, ::4], MOST_SPOILED
+        ):
             self._judged, self._held = False, 0
             self._recent.clear()
             return ""
         self._recent.append(blocks)
-        still = len(self._recent) == _STILL and np.ptp(np.stack(self._recent), axis=0).max() < _ALIKE
+        still = len(self._recent) == _STILL_IMAGES and np.ptp(np.stack(self._recent), axis=0).max() < _STILL_LEVEL
         self._held = self._held + 1 if self._judged and still else 0
         if self._judged or not still:
             return ""
@@ -89,8 +90,8 @@ class PressCollector:
             self.refusals.append(press.problem)
             return f"not taken: {press.problem}"
         near = [press.contact.distance(other) * self._half.pixel_size for other in self._contacts]
-        if near and min(near) < _APART:
-            self.refusals.append("there was a press at this place already")
+        if near and min(near) < _LEAST_DISTANCE:
+            self.refusals.append("there was a press at this position already")
             return f"not taken: {self.refusals[-1]}"
         self._contacts.append(press.contact)
         self.images[f"press_{len(self.images):02d}.png"] = image.copy()

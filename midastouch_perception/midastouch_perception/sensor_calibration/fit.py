@@ -1,8 +1,12 @@
-"""The calibration of a sensor from presses of one ball: which are used, the fit, and how well it does on others."""
+"""The calibration of a sensor from presses of one ball: which are used, the fit, and how well it does on others.
+
+Fit and cross-validation are the same for touches of another object (`object_fit.py`).
+"""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from datetime import datetime, timezone
 
 import numpy as np
@@ -12,22 +16,93 @@ from midastouch_common.errors import InputError
 from ..sensor_model import DIGIT_LAMPS, SensorModel
 from ..tdn.inputs import ContactLight, check_image, reduce_image
 from .ball import ball_centre, ball_penetration
-from .calibration import SensorCalibration, background_colours
-from .diameter import diameter_doubt, felt_radius
-from .gain import felt_errors, gain_doubt
-from .held_out import FEWEST, cross_validation, fitted, require_upright
-from .no_contact import background_behind, require_no_contact
-from .presses import Press, look_at, reasons, visible_share
+from .calibration import SensorCalibration, background_colours, plain_slopes
+from .network_checks import depth_errors, diameter_doubt, gain_doubt, measured_radius
+from .presses import Press, background_behind, look_at, reasons, require_no_contact, visible_fraction
 from .refine import refine_contacts
+from .response import NormalEquations, height_slopes, press_equations, well_inside
 
 MOST = 40
 _LARGEST_BALL = 0.1  # m
-_EXPLAINED = 0.3  # of a press, by the light of all
-_VISIBLE = 0.7
-_WIDEST = 0.93  # median contact radius, of the ball's: the search ends there
-_SAME_PLACE = 0.3e-3  # m between contacts, of which
-_SAME_RADIUS = 0.1  # share that the radii differ by: one press, saved again
-_AGREEMENT = 0.5  # share of the slopes that the fit explains on presses it has not seen
+_LEAST_EXPLAINED = 0.3  # of a press, by the light of all
+_LEAST_VISIBLE = 0.7
+_WIDEST_CONTACT = 0.93  # median contact radius, of the ball's: the search ends there
+_SAME_POSITION = 0.3e-3  # m between contacts, of which
+_SAME_RADIUS = 0.1  # fraction that the radii differ by: one press, saved again
+_LEAST_AGREEMENT = 0.5  # fraction of the slopes that the fit explains on presses it has not seen
+FEWEST = 5
+_FOLDS = 5
+_LEAST_STEEP = 0.05
+
+
+def fitted(
+    changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray | None], pixel: float, made: dict
+) -> tuple[SensorCalibration, list[SensorCalibration | None]]:
+    """The calibration from all touches, and for each touch the one from those of other folds (None if it is not used).
+
+    changes (H, W, 3) grey levels; penetrations (H, W) m, negative beside the contact, None for a touch that is not
+    used; pixel, m per pixel; made, what else a `SensorCalibration` says of itself.
+    """
+    used = [i for i, penetration in enumerate(penetrations) if penetration is not None]
+    equations = {i: press_equations(changes[i], penetrations[i], pixel) for i in used}
+
+    def solved(indices: list[int]) -> SensorCalibration:
+        total = sum((equations[i] for i in indices), NormalEquations())
+        return SensorCalibration(coefficients=total.solve(), presses=len(indices), **made)
+
+    folds = [solved([i for k, i in enumerate(used) if k % _FOLDS != fold]) for fold in range(_FOLDS)]
+    held_out: list[SensorCalibration | None] = [None] * len(changes)
+    for k, i in enumerate(used):
+        held_out[i] = folds[k % _FOLDS]
+    return solved(used), held_out
+
+
+def cross_validation(
+    changes: Sequence[np.ndarray],
+    penetrations: Sequence[np.ndarray | None],
+    held_out: Sequence[SensorCalibration | None],
+    pixel: float,
+) -> dict[str, float]:
+    """How well slopes are known in each used touch's contact, by a calibration that has not seen it (medians).
+
+    explained_before, explained_after: fraction of the true slopes explained without and with calibration;
+    steepness_before, steepness_after: how steep the slopes are, 1 in truth.
+    """
+    rows = []
+    for change, penetration, calibration in zip(changes, penetrations, held_out, strict=True):
+        if calibration is None:
+            continue
+        truth, inside = contact_slopes(penetration, pixel)
+        row = []
+        for slopes in (plain_slopes(change), calibration.response.slopes(change)):
+            error, scale = (slopes - truth)[inside], float((truth[inside] ** 2).sum())
+            steepness = float((slopes[inside] * truth[inside]).sum()) / scale
+            row += [1 - float((error**2).sum()) / scale, max(steepness, _LEAST_STEEP)]
+        rows.append(row)
+    names = ("explained_before", "steepness_before", "explained_after", "steepness_after")
+    return dict(zip(names, np.median(rows, axis=0).tolist(), strict=True))
+
+
+def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> None:
+    """Raises InputError if the colours of a sensor with a DIGIT's lamps change by the slopes of what touches the other
+    way round than on other DIGITs, across or along the finger. sensor: at the maps' resolution."""
+    if sensor.lamps != DIGIT_LAMPS:
+        return
+    agreement = []
+    for change, penetration in zip(changes, penetrations, strict=True):
+        truth, inside = contact_slopes(penetration, sensor.pixel_size)
+        agreement.append((plain_slopes(change)[inside] * truth[inside]).sum(axis=0))
+    if np.median(agreement, axis=0).min() < 0:
+        raise InputError(
+            "the colours answer to slopes the other way round than on other DIGITs: the images are turned or mirrored, "
+            "have red and blue swapped, or the no-contact image shows a contact; check the driver's rotation and "
+            "encoding, and capture the no-contact image anew"
+        )
+
+
+def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (H, W, 2) of what touches with a penetration (H, W) m, and where (H, W) bool the gel has them."""
+    return height_slopes(np.maximum(penetration, 0), pixel), well_inside(penetration)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,7 +110,7 @@ class Result:
     """calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less beside it
     (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
     calibration of each press from the others (None where it is not used); figures of the held-out ones
-    (`cross_validation` and `felt_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
+    (`cross_validation` and `depth_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
     felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may."""
 
     calibration: SensorCalibration
@@ -64,15 +139,15 @@ def calibrate(
     """Calibrate from images (320, 240, 3) uint8 RGB by name, of presses of a ball of `ball_diameter` m.
 
     background: no-contact image, or None for the median of the images without their contacts. sensor: full size.
-    diameter_is_right: whether a diameter is believed that the ball hardly has, as it feels to the depth network.
+    diameter_is_right: accept the diameter even where the depth network measures another one.
     Raises InputError if the images do not allow it: fewer than five usable presses, another ball, another background.
     """
     if not 0 < ball_diameter <= _LARGEST_BALL:
         raise InputError(f"ball of {ball_diameter:g} m diameter: give it in metres, 0.006 for 6 mm")
     if not FEWEST <= len(images) <= MOST:
-        mend = "press the ball in more places" if len(images) < FEWEST else "leave some of them out"
+        fix = "press the ball at more positions" if len(images) < FEWEST else "leave some of them out"
         raise InputError(
-            f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses in different places; {mend}"
+            f"{len(images)} images; calibration needs {FEWEST} to {MOST} presses at different positions; {fix}"
         )
     for name, image in images.items():
         check_image(image, sensor, name)
@@ -102,13 +177,13 @@ def calibrate(
     figures = cross_validation(changes, penetrations, held_out, half.pixel_size)
     # a ball's slopes are position over radius, nearly
     figures |= {f"felt_radius_{when}": radius / figures[f"steepness_{when}"] for when in ("before", "after")}
-    if figures["explained_after"] < _AGREEMENT:
+    if figures["explained_after"] < _LEAST_AGREEMENT:
         raise InputError(
             f"the presses do not agree with one ball of {1e3 * ball_diameter:g} mm (a calibration explains "
             f"{100 * figures['explained_after']:.0f} % of the slopes of presses it has not seen); press the same ball, "
             "straight and without sliding, give its diameter, and see that nothing touches in the no-contact image"
         )
-    figures |= felt_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
+    figures |= depth_errors([images[press.name] for press in presses], penetrations, held_out, background, sensor)
     return Result(calibration, presses, penetrations, half, background, held_out, figures, doubt)
 
 
@@ -139,9 +214,9 @@ def _refined(presses: list[Press], ball_radius: float, sensor: SensorModel) -> l
     moved = {}
     for press, contact in zip(used, contacts, strict=True):
         problem = ""
-        if contact.explained < _EXPLAINED:
+        if contact.explained < _LEAST_EXPLAINED:
             problem = f"unlike the other presses (their light explains {100 * contact.explained:.0f} % of it)"
-        elif visible_share(contact, sensor) < _VISIBLE:
+        elif visible_fraction(contact, sensor) < _LEAST_VISIBLE:
             problem = "cut off at the edge of the view"
         moved[press.name] = dataclasses.replace(press, contact=contact, problem=problem)
     return [moved.get(press.name, press) for press in presses]
@@ -152,23 +227,23 @@ def _once_each(presses: list[Press], sensor: SensorModel) -> list[Press]:
     judged: list[Press] = []
     for press in presses:
         if not press.problem and any(_repeats(press, other, sensor) for other in judged if not other.problem):
-            press = dataclasses.replace(press, problem="there was this very press already; press at another place")
+            press = dataclasses.replace(press, problem="there was this very press already; press somewhere else")
         judged.append(press)
     return judged
 
 
 def _repeats(press: Press, other: Press, sensor: SensorModel) -> bool:
     one, two = press.contact, other.contact
-    near = one.distance(two) * sensor.pixel_size < _SAME_PLACE
+    near = one.distance(two) * sensor.pixel_size < _SAME_POSITION
     return near and abs(one.radius / two.radius - 1) < _SAME_RADIUS
 
 
 def _doubt(images: list[np.ndarray], background: np.ndarray, ball_diameter: float, sensor: SensorModel) -> str:
     """Why presses are hardly of a ball of this diameter [m]; empty if they may be."""
-    # under other lamps the network, uncalibrated, cannot tell
+    # under other lamps the network, uncalibrated, does not know
     if sensor.lamps != DIGIT_LAMPS:
         return ""
-    return diameter_doubt(felt_radius(images, background, sensor), ball_diameter)
+    return diameter_doubt(measured_radius(images, background, sensor), ball_diameter)
 
 
 def _require_enough(presses: list[Press], given: bool) -> None:
@@ -186,7 +261,7 @@ def _require_one_ball(presses: list[Press], ball_diameter: float, sensor: Sensor
     radius = 0.5 * ball_diameter
     used = [press for press in presses if not press.problem]
     widest = float(np.median([press.contact.radius for press in used])) / radius
-    if widest > _WIDEST:
+    if widest > _WIDEST_CONTACT:
         raise InputError(f"the contacts are too wide for a ball of {1e3 * ball_diameter:g} mm; give its true diameter")
     penetrations = [penetration_of(press, radius, sensor) for press in used]
     require_upright([press.change for press in used], penetrations, sensor)

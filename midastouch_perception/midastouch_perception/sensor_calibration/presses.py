@@ -1,4 +1,4 @@
-"""Which images show one whole press of the ball, and why the others do not."""
+"""Which images show one whole press of the ball, why the others do not, and which no-contact image is theirs."""
 
 from __future__ import annotations
 
@@ -9,22 +9,28 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from ..sensor_model import SensorModel
-from ..tdn.colour_layout import exposure_problem
-from ..tdn.drift import without_drift
-from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
-from ..tdn.inputs import ContactLight, reduce_image
-from .search import Contact, find_contact
+from midastouch_common.errors import InputError
 
-_FAINT = 8.0  # grey levels of a block: less is no contact
+from ..sensor_model import SensorModel
+from ..tdn.background import estimate_background, shows_contact
+from ..tdn.colour_layout import exposure_problem, image_problem
+from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
+from ..tdn.inference import load_tdn
+from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
+from .ball import Contact, find_contact
+
+_LEAST_CHANGE = 8.0  # grey levels of a block: less is no contact
 _BLOCK = 8  # px
-_EXPLAINED = 0.45  # share of the change that a ball explains
-_SECOND = 0.25  # energy of another contact, of the first one's
-_APART = 2.0  # radii: what is further away is not of the same contact
-_VISIBLE = 0.8  # of the circle
+_LEAST_EXPLAINED = 0.45  # fraction of the change that a ball explains
+_MOST_SECOND_ENERGY = 0.25  # energy of another contact, of the first one's
+_CONTACT_REACH = 2.0  # radii: what is further away is not of the same contact
+_LEAST_VISIBLE = 0.8  # of the circle
 _MOST_SATURATED = 0.25  # of the circle
-_BRIGHT = 250
+_SATURATED_LEVEL = 250
 MOST_SPOILED = 0.5  # of an image, black or saturated
+_MASK_RADII = 1.7  # radii around a press that are no background
+_MASK_PASSES = 2
+_MOST_HIDDEN = 0.02  # of the image
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,17 +48,17 @@ def look_at(name: str, image: np.ndarray, light: ContactLight, ball_radius: floa
     """What an image (2 H, 2 W, 3) uint8 RGB shows; sensor at the map's resolution, ball_radius m."""
     seen = light.difference(reduce_image(image)).astype(np.float32)
     change = without_drift(seen)
-    if problem := image_problem(image, seen):
+    if problem := sensor_mismatch(image, seen):
         return Press(name, change, None, problem)
     height, width = change.shape[:2]
     blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
-    if np.abs(blocks).max() < _FAINT:
+    if np.abs(blocks).max() < _LEAST_CHANGE:
         return Press(name, change, None, "nothing touches the gel")
     contact = find_contact(change, ball_radius, sensor.pixel_size)
     return Press(name, change, contact, _problem(image, change, contact, ball_radius, sensor))
 
 
-def image_problem(image: np.ndarray, seen: np.ndarray) -> str:
+def sensor_mismatch(image: np.ndarray, seen: np.ndarray) -> str:
     """Why an image (2 H, 2 W, 3) uint8 RGB that differs by `seen` (H, W, 3) grey levels from the no-contact image
     cannot be of the same sensor, whatever touches it; empty if it can."""
     if problem := exposure_problem(image, MOST_SPOILED):
@@ -81,25 +87,63 @@ def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:
     return np.hypot(columns - contact.u, rows - contact.v) < scale * contact.radius / sensor.pixel_size
 
 
-def visible_share(contact: Contact, sensor: SensorModel) -> float:
-    """Share (0 ... 1) of a contact's circle that is in the image."""
+def visible_fraction(contact: Contact, sensor: SensorModel) -> float:
+    """Fraction (0 ... 1) of a contact's circle that is in the image."""
     return float(circle(contact, 1, sensor).sum() * sensor.pixel_area / (np.pi * contact.radius**2))
 
 
 def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radius: float, sensor: SensorModel) -> str:
-    near = circle(contact, _APART, sensor)
+    near = circle(contact, _CONTACT_REACH, sensor)
     rest = np.where(near[..., None], np.float32(0), change)
     other = find_contact(rest, ball_radius, sensor.pixel_size)
     second = other.explained * float((rest**2).sum()) / max(float((change**2).sum()), 1e-9)
-    if second > _SECOND * contact.explained and contact.explained + second > _EXPLAINED:
+    if second > _MOST_SECOND_ENERGY * contact.explained and contact.explained + second > _LEAST_EXPLAINED:
         return "two contacts"
-    if contact.explained < _EXPLAINED:
+    if contact.explained < _LEAST_EXPLAINED:
         said = f"what is seen is not one ball of {2e3 * ball_radius:g} mm diameter"
         return f"{said} (it explains {100 * contact.explained:.0f} % of the change)"
-    if (share := visible_share(contact, sensor)) < _VISIBLE:
-        return f"cut off at the edge of the view ({100 * share:.0f} % of the contact is seen)"
+    if (visible := visible_fraction(contact, sensor)) < _LEAST_VISIBLE:
+        return f"cut off at the edge of the view ({100 * visible:.0f} % of the contact is seen)"
     touched = circle(contact, 1, sensor)
-    bright = cv2.resize((image >= _BRIGHT).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
+    bright = cv2.resize((image >= _SATURATED_LEVEL).any(axis=2).astype(np.float32), touched.shape[::-1])[touched].mean()
     if bright > _MOST_SATURATED:
         return f"saturated ({100 * bright:.0f} % of the contact); dim the sensor's lights (driver: intensity)"
     return ""
+
+
+def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor: SensorModel) -> None:
+    """Raises InputError if a no-contact image (320, 240, 3) uint8 RGB is none of a sensor that is pressed in `images`
+    of the same size: of another size, black, saturated, or with a touch in it that the images do not show. sensor:
+    full size."""
+    check_image(background, sensor, "background")
+    if problem := image_problem(background, None):
+        raise InputError(problem)
+    if shows_contact(load_tdn("fast", sensor), background, estimate_background(images)):
+        raise InputError(
+            "the no-contact image shows a touch that the other images do not have; lift the finger and capture it anew"
+        )
+
+
+def background_behind(images: list[np.ndarray], ball_radius: float, sensor: SensorModel) -> np.ndarray:
+    """No-contact image (2 H, 2 W, 3) uint8 from presses alone: the median of the images without what touches.
+
+    ball_radius m; sensor at the map's resolution. Raises InputError where the presses leave too little gel free.
+    """
+    background = estimate_background(images)
+    for _ in range(_MASK_PASSES):
+        light = ContactLight(reduce_image(background), sensor.light)
+        covered = []
+        for image in images:
+            change = without_drift(light.difference(reduce_image(image)))
+            contact = find_contact(change, ball_radius, sensor.pixel_size)
+            near = circle(contact, _MASK_RADII, sensor).astype(np.uint8)
+            covered.append(cv2.resize(near, image.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0)
+        hidden = np.all(covered, axis=0)
+        masked = np.ma.masked_array(images, np.repeat(np.stack(covered)[..., None] & ~hidden[..., None], 3, axis=3))
+        background = np.ma.median(masked, axis=0).filled(0).astype(np.uint8)
+    if hidden.mean() > _MOST_HIDDEN:
+        raise InputError(
+            f"{100 * hidden.mean():.0f} % of the gel is pressed in every image, so they do not show the no-contact "
+            "image; put one beside them as background.png"
+        )
+    return background

@@ -1,4 +1,7 @@
-"""Contacts and the sensor's light in turn: each press is moved to where the others' light explains it best."""
+"""Contacts, or poses, and the sensor's light in turn: each is moved to where the light of the others explains it best.
+
+A tracked pose is off by tenths of a millimetre and by a degree, which shifts a contact's outline by several pixels.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,23 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..rendering.gel_surface import sunk_in
+from midastouch_common import se3
+
+from ..rendering.renderer import PenetrationRenderer, sunk_in
 from ..sensor_model import SensorModel
-from .ball import ball_centre, ball_penetration
-from .response import height_slopes, place_terms
-from .search import Contact
+from .ball import Contact, ball_centre, ball_penetration
+from .response import height_slopes, position_terms
 
 _ROUNDS = 2
 _EVERY = 2  # px
-_REACH, _LENS = 0.3e-3, 0.1e-3  # m, as in `search.py`
+_REACH, _LENS = 0.3e-3, 0.1e-3  # m, as in `ball.py`
 _RIDGE = 1e-3
 LEVELS = 15.0  # grey levels of a residual from which on it counts less: shadows are not modelled
 _RADII = 0.1, 0.97  # of the ball's
+_POSE_SIGMA = np.array([5e-4] * 3 + [np.radians(1.0)] * 3)
+"""Standard deviations [m, rad] of a tracked pose (paper section 5)."""
+_JACOBIAN_STEP = 0.2  # deviations
+_PIXELS_PER_OBSERVATION = 100.0  # neighbours have shadow and gel in common
 
 
 def refine_contacts(
@@ -62,16 +70,16 @@ def lit(shape: np.ndarray, factors: np.ndarray) -> np.ndarray:
 
 def fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarray:
     """Factors (h, w, 5, 3) of the terms (h, w, 5) in each colour, from changes (H, W, 3) grey levels."""
-    places = place_terms(*changes[0].shape[:2])[::_EVERY, ::_EVERY]
-    size = shapes[0].shape[-1] * places.shape[-1]
+    positions = position_terms(*changes[0].shape[:2])[::_EVERY, ::_EVERY]
+    size = shapes[0].shape[-1] * positions.shape[-1]
     square, target = np.zeros((size, size)), np.zeros((size, 3))
     for change, shape in zip(changes, shapes, strict=True):
-        design = (shape[..., None] * places[..., None, :]).reshape(-1, size).astype(float)
+        design = (shape[..., None] * positions[..., None, :]).reshape(-1, size).astype(float)
         square += design.T @ design
         target += design.T @ looked_at(change).reshape(-1, 3)
     ridge = _RIDGE * np.trace(square) / size * np.tile([0.1, 1, 1, 3, 3, 3], shapes[0].shape[-1])
     weights = np.linalg.solve(square + np.diag(ridge + 1e-9), target)
-    return np.einsum("kpc,hwp->hwkc", weights.reshape(-1, places.shape[-1], 3), places).astype(np.float32)
+    return np.einsum("kpc,hwp->hwkc", weights.reshape(-1, positions.shape[-1], 3), positions).astype(np.float32)
 
 
 def _moved(
@@ -80,8 +88,8 @@ def _moved(
     seen = looked_at(change)
 
     def at(values: np.ndarray) -> Contact:
-        u, v, share = values
-        return dataclasses.replace(contact, u=u, v=v, radius=float(np.clip(share, *_RADII)) * ball_radius)
+        u, v, ratio = values
+        return dataclasses.replace(contact, u=u, v=v, radius=float(np.clip(ratio, *_RADII)) * ball_radius)
 
     def residual(values: np.ndarray) -> np.ndarray:
         shape = _shape(at(values), ball_radius, sensor)
@@ -93,3 +101,42 @@ def _moved(
     )
     explained = 1 - float((residual(found.x) ** 2).sum()) / max(float((seen**2).sum()), 1e-9)
     return dataclasses.replace(at(found.x), explained=explained)
+
+
+def refine_poses(
+    changes: list[np.ndarray], poses: np.ndarray, renderer: PenetrationRenderer
+) -> tuple[np.ndarray, list[float]]:
+    """The poses T_obj_gel (N, 4, 4) moved within their uncertainty, and the fraction of each change (H, W, 3) grey
+    levels that the joint light then explains. The light is `fit_light`'s, the same for all touches."""
+    poses, fractions = poses.copy(), [0.0] * len(changes)
+    for _ in range(_ROUNDS):
+        factors = fit_light(changes, [_pose_shape(pose, renderer) for pose in poses])
+        for i, change in enumerate(changes):
+            poses[i], fractions[i] = _moved_pose(change, poses[i], factors, renderer)
+    return poses, fractions
+
+
+def _pose_shape(pose: np.ndarray, renderer: PenetrationRenderer) -> np.ndarray:
+    return slope_terms(renderer.render(pose[None])[0], renderer.sensor)
+
+
+def _moved_pose(
+    change: np.ndarray, pose: np.ndarray, factors: np.ndarray, renderer: PenetrationRenderer
+) -> tuple[np.ndarray, float]:
+    seen = looked_at(change)
+    tie = LEVELS * np.sqrt(seen[..., 0].size / _PIXELS_PER_OBSERVATION)  # to the pose as it was tracked
+
+    def unexplained(x: np.ndarray) -> np.ndarray:
+        return (seen - lit(_pose_shape(pose @ se3.exp(_POSE_SIGMA * x), renderer), factors)).ravel()
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([unexplained(x), tie * x])
+
+    def jacobian(x: np.ndarray) -> np.ndarray:
+        # wide steps: a rendered outline moves by whole pixels
+        here = residual(x)
+        return np.stack([residual(x + step) - here for step in _JACOBIAN_STEP * np.eye(6)], axis=1) / _JACOBIAN_STEP
+
+    found = least_squares(residual, np.zeros(6), jacobian, loss="soft_l1", f_scale=LEVELS, max_nfev=6).x
+    explained = 1 - float((unexplained(found) ** 2).sum()) / max(float((seen**2).sum()), 1e-9)
+    return pose @ se3.exp(_POSE_SIGMA * found), explained

@@ -9,16 +9,17 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-_LEVELS = 50.0  # grey levels of a typical contact
+_TYPICAL_CHANGE = 50.0  # grey levels of a typical contact
 TERMS = 12  # of the colours
-_PLACES = 6  # of the position
-_TOUCHED = 0.85  # radii: at the rim the gel leaves the ball
-_BESIDE = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
+_POSITION_TERMS = 6  # of the position
+_INNER_RADIUS = 0.85  # radii: at the rim the gel leaves the ball
+_OUTER_MARGIN = 0.25  # radii of the contact: the gel beside it slopes too, nobody knows how much
 _EVERY = 2  # px; neighbours say the same
 _LEAST_EXPLAINED = 0.5
-_FLAT = np.array([0.1, 1, 1, 2, 2, 2])  # how much sooner a term of the position is kept small than the constant
-_RIDGE = 3e-3  # share of the equations' mean weight: what presses do not tell stays small
-_EVENLY = 1e-3  # share of what is explained in all: where presses hardly tell how steep it is, it is as elsewhere
+_POSITION_RIDGE = np.array([0.1, 1, 1, 2, 2, 2])  # of the terms of the position: the constant is the freest
+_RIDGE = 3e-3  # fraction of the equations' mean weight: what presses do not show stays small
+# fraction of what is explained in all: where presses hardly show how steep it is, it is as elsewhere
+_STEEPNESS_RIDGE = 1e-3
 
 
 def colour_terms(change: np.ndarray) -> np.ndarray:
@@ -26,12 +27,12 @@ def colour_terms(change: np.ndarray) -> np.ndarray:
 
     Linear and quadratic ones, and the linear ones times the size of the change: brightness grows ever less with slope.
     """
-    r, g, b = np.moveaxis(np.asarray(change, np.float32) / np.float32(_LEVELS), -1, 0)
+    r, g, b = np.moveaxis(np.asarray(change, np.float32) / np.float32(_TYPICAL_CHANGE), -1, 0)
     size = np.sqrt(r * r + g * g + b * b)
     return np.stack([r, g, b, r * r, g * g, b * b, r * g, g * b, r * b, r * size, g * size, b * size], axis=-1)
 
 
-def place_terms(height: int, width: int) -> np.ndarray:
+def position_terms(height: int, width: int) -> np.ndarray:
     """Terms (H, W, 6) float32 of the pixels' positions."""
     v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
     return np.stack([np.ones_like(u), u, v, u * u - 1 / 3, u * v, v * v - 1 / 3], axis=-1)
@@ -41,25 +42,25 @@ class NormalEquations:
     """Sums over presses of what a least-squares fit of the polynomial needs; they add up, and take back."""
 
     def __init__(self) -> None:
-        size = TERMS * _PLACES
+        size = TERMS * _POSITION_TERMS
         self.square = np.zeros((size, size))
-        self.targets = np.zeros((_PLACES, size, 2))  # with the slopes times each term of the position
-        self.energies = np.zeros(_PLACES)  # of the slopes, times each term of the position
+        self.targets = np.zeros((_POSITION_TERMS, size, 2))  # with the slopes times each term of the position
+        self.energies = np.zeros(_POSITION_TERMS)  # of the slopes, times each term of the position
         self.weight = 0.0  # of the pixels
 
     @classmethod
     def of(cls, change: np.ndarray, slopes: np.ndarray, weight: np.ndarray) -> NormalEquations:
         """Of one press: change (H, W, 3) grey levels, slopes (H, W, 2) right and down, weight (H, W), 0 for unknown."""
         out = cls()
-        places = place_terms(*weight.shape)
-        change, slopes, weight, places = (a[::_EVERY, ::_EVERY] for a in (change, slopes, weight, places))
+        positions = position_terms(*weight.shape)
+        change, slopes, weight, positions = (a[::_EVERY, ::_EVERY] for a in (change, slopes, weight, positions))
         known = weight > 0
-        slopes, weight, places = slopes[known].astype(np.float32), weight[known][:, None], places[known]
-        design = (colour_terms(change[known])[:, :, None] * places[:, None, :]).reshape(len(places), -1)
+        slopes, weight, positions = slopes[known].astype(np.float32), weight[known][:, None], positions[known]
+        design = (colour_terms(change[known])[:, :, None] * positions[:, None, :]).reshape(len(positions), -1)
         weighted = design * weight
         out.square = weighted.T @ design
-        out.targets = np.stack([weighted.T @ (slopes * place[:, None]) for place in places.T])
-        out.energies = places.T @ (weight * slopes**2).sum(axis=1)
+        out.targets = np.stack([weighted.T @ (slopes * term[:, None]) for term in positions.T])
+        out.energies = positions.T @ (weight * slopes**2).sum(axis=1)
         out.weight = float(weight.sum())
         return out
 
@@ -72,34 +73,34 @@ class NormalEquations:
     def solve(self) -> np.ndarray:
         """Coefficients (12, 6, 2) of the slopes. Few presses leave the position's terms small.
 
-        Least squares predict slopes too flat by the share that the colours do not explain: noise, shadows, and circles
-        that are off. Relief must not become flatter by that, nor flatter beside a lamp that outshines the others than
-        elsewhere. So the slopes are made as steep as the balls', on average and on the average of every term of the
-        position: least squares for the slopes times a quadratic in the position, which is solved for.
+        Least squares predict slopes too flat by the fraction that the colours do not explain: noise, shadows, and
+        circles that are off. Shapes must not become flatter by that, nor flatter beside a lamp that outshines the
+        others than elsewhere. So the slopes are made as steep as the balls', on average and on the average of every
+        term of the position: least squares for the slopes times a quadratic in the position, which is solved for.
         """
-        ridge = np.diag(_RIDGE * self.weight * np.tile(_FLAT, TERMS) + 1e-12)
+        ridge = np.diag(_RIDGE * self.weight * np.tile(_POSITION_RIDGE, TERMS) + 1e-12)
         found = np.stack([np.linalg.solve(self.square + ridge, target) for target in self.targets])
         steep = np.einsum("kpd,lpd->lk", found, self.targets)  # along the balls' slopes, on the average of each term
         explained = max(steep[0, 0], _LEAST_EXPLAINED * self.energies[0], 1e-12)
-        steep += explained * np.diag([0, *(_EVENLY * _FLAT[1:])])
+        steep += explained * np.diag([0, *(_STEEPNESS_RIDGE * _POSITION_RIDGE[1:])])
         steep[0, 0] = explained
         factors = np.linalg.solve(steep, self.energies)
-        return np.tensordot(factors, found, 1).reshape(TERMS, _PLACES, 2)
+        return np.tensordot(factors, found, 1).reshape(TERMS, _POSITION_TERMS, 2)
 
 
 def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -> NormalEquations:
-    """What one press of a ball tells: steep as the ball well inside, flat away from it whatever the shadows.
+    """What one press of a ball shows: steep as the ball well inside, flat away from it whatever the shadows.
 
     Both count alike, however small the contact is. Counted by pixels, the flat gel would outweigh it ten times: colours
-    of which shadows are made as well would stand for too little slope, and each press would read too flat by the share
-    that it has of them.
+    of which shadows are made as well would stand for too little slope, and each press would read too flat by the
+    fraction of them that it has.
 
     change (H, W, 3) grey levels; penetration (H, W) m, negative beside the contact (`ball_penetration`); pixel, m per
     pixel.
     """
     touched = (penetration > 0).astype(np.uint8)
     radius = np.sqrt(touched.sum() / np.pi)
-    beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _BESIDE * radius
+    beyond = cv2.distanceTransform(1 - touched, cv2.DIST_L2, 5) > _OUTER_MARGIN * radius
     inside = well_inside(penetration)
     evenly = min(1.0, inside.sum() / max(beyond.sum(), 1))
     weight = np.where(inside, np.float32(1), np.float32(evenly) * beyond)
@@ -109,7 +110,7 @@ def press_equations(change: np.ndarray, penetration: np.ndarray, pixel: float) -
 def well_inside(penetration: np.ndarray) -> np.ndarray:
     """Where (H, W) bool the gel has the slopes of what touches it with a penetration (H, W) m, negative beside it."""
     touched = (penetration > 0).astype(np.uint8)
-    return cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _TOUCHED) * np.sqrt(touched.sum() / np.pi)
+    return cv2.distanceTransform(touched, cv2.DIST_L2, 5) > (1 - _INNER_RADIUS) * np.sqrt(touched.sum() / np.pi)
 
 
 def height_slopes(height: np.ndarray, pixel: float) -> np.ndarray:
@@ -128,6 +129,6 @@ class ColourResponse:
     def slopes(self, change: np.ndarray) -> np.ndarray:
         """Slopes (H, W, 2) float32 of the gel, to the right and down, of changes (H, W, 3) grey levels."""
         if self._factors is None or self._factors.shape[:2] != change.shape[:2]:
-            places = place_terms(*change.shape[:2])
-            self._factors = np.einsum("tps,hwp->hwts", self._coefficients, places).astype(np.float32)
+            positions = position_terms(*change.shape[:2])
+            self._factors = np.einsum("tps,hwp->hwts", self._coefficients, positions).astype(np.float32)
         return (colour_terms(change)[..., None, :] @ self._factors)[..., 0, :]

@@ -12,7 +12,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..rendering.contact_poses import Reachability
 from ..sensor_model import SensorModel
-from .surface_walk import MIN_PROGRESS, Ahead, Grip, place, somewhere, straight_on
+from .slide import MIN_PROGRESS, Ahead, Grip, pressed_pose, somewhere, straight_on
 
 _PRESS, _MAX_TILT = (0.5e-3, 1e-3), np.radians(5.0)  # of simulated slides
 _IN_AIR = 4  # times as fast as on the surface
@@ -22,7 +22,7 @@ _TRIES = 64
 
 
 class SimulatedFinger:
-    """Over a random place at first. Its motions yield its poses T_obj_gel (4, 4), one per image.
+    """Over a random position at first. Its motions yield its poses T_obj_gel (4, 4), one per image.
 
     Two poses are `step` m apart on the surface, four times as far in the air. The gel keeps its direction in the
     surface, as at the end of an arm that does not twist.
@@ -42,7 +42,7 @@ class SimulatedFinger:
             self.pose = _over(self._point, self._frame, _CLEARANCES[0])
             if self._reachability.free(self.pose[None])[0]:
                 return
-        raise InputError(f"{mesh.name}: there is no room for a finger over any place that was tried")
+        raise InputError(f"{mesh.name}: there is no room for a finger over any position that was tried")
 
     def slide(self, heading: float, length: float) -> Iterator[np.ndarray]:
         """Straight on for `length` m, or as far as it can; heading [rad] in the gel's plane, from its x axis to its y.
@@ -74,15 +74,15 @@ class SimulatedFinger:
     def leap(self, heading: float, length: float) -> Iterator[np.ndarray]:
         """Up, and down where the surface can be touched first, `length` m further along it or up to 40 mm more.
 
-        heading [rad] as of a slide. Nothing if there is no such place, or no way to it through the air; from over the
-        surface, with a length of 0, down onto it.
+        heading [rad] as of a slide. Nothing if there is no such position, or no way to it through the air; from over
+        the surface, with a length of 0, down onto it.
         """
         yield from self._down_on(self._places(self._point, self._frame, self._direction(heading), length))
 
     def leap_to(self, goal: np.ndarray) -> Iterator[np.ndarray]:
         """Up, and down on a point (3,) of the surface; where that cannot be touched, up to 40 mm before it.
 
-        Nothing if there is no such place, or no way to it through the air.
+        Nothing if there is no such position, or no way to it through the air.
         """
         (normal,) = self._mesh.smooth_normals(goal[None])
         frame = _carried(self._frame, normal)
@@ -119,9 +119,9 @@ class SimulatedFinger:
         self._point, self._frame, self.pose = ahead.point, frame, pose
         return ahead
 
-    def _down_on(self, places: Iterator[tuple[np.ndarray, np.ndarray]]) -> Iterator[np.ndarray]:
+    def _down_on(self, steps: Iterator[tuple[np.ndarray, np.ndarray]]) -> Iterator[np.ndarray]:
         """Through the air onto the first of these points (3,), with frames (3, 3), that can be touched."""
-        for point, frame in places:
+        for point, frame in steps:
             goal, reachable = self._pressed(point, frame)
             way = self._way_through_the_air(goal) if reachable else None
             if way is not None:
@@ -133,7 +133,7 @@ class SimulatedFinger:
     def _places(
         self, point: np.ndarray, frame: np.ndarray, direction: np.ndarray, length: float
     ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Points (3,) and frames (3, 3) along the surface from a place on, the first of them `length` m away."""
+        """Points (3,) and frames (3, 3) along the surface from a point on, the first of them `length` m away."""
         gone = 0.0
         while True:
             if gone >= length:
@@ -160,13 +160,13 @@ class SimulatedFinger:
         upright = se3.frame_from_normal(frame[None, :, 2], np.zeros(1))[0]
         x = upright.T @ frame[:, 0]
         yaw = np.arctan2(x[1], x[0])
-        return place(self._reachability, point, frame[:, 2], yaw, self._grip.tilt, self._grip.depth)
+        return pressed_pose(self._reachability, point, frame[:, 2], yaw, self._grip.tilt, self._grip.depth)
 
     def _straight(self, start: np.ndarray, goal: np.ndarray, pace: int) -> np.ndarray:
         """Poses (N, 4, 4) after `start` up to a goal (4, 4), `pace` steps at a time."""
         count = int(np.ceil(np.linalg.norm(goal[:3, 3] - start[:3, 3]) / (pace * self._step)))
-        shares = (np.arange(count) + 1) / max(count, 1)
-        return start @ se3.exp(shares[:, None] * se3.log(se3.inverse(start) @ goal))
+        fractions = (np.arange(count) + 1) / max(count, 1)
+        return start @ se3.exp(fractions[:, None] * se3.log(se3.inverse(start) @ goal))
 
 
 def _towards(goal: np.ndarray, point: np.ndarray, frame: np.ndarray) -> np.ndarray:

@@ -1,13 +1,13 @@
-"""Light on real gel: by which share each colour of the image changes where the gel slopes.
+"""Light on real gel: by which fraction each colour of the image changes where the gel slopes.
 
 Divided by the no-contact image, presses look alike on every DIGIT measured so far and all over the image, though the
 grey levels differ several times: brightness of lamps, vignetting and exposure cancel. What is left is geometry. For
-light that arrives under an angle, brightness grows with the slope towards it (Lambert), its own share of a colour can
-only fall to nothing, and relief takes it from the gel behind.
+light that arrives under an angle, brightness grows with the slope towards it (Lambert), its own part of a colour can
+only fall to nothing, and higher gel takes it from the gel behind.
 
 Nor is light the same all over the image. Lamps stand close to the gel, so that it comes from other directions and is
 weaker at the far end, and lens and gel make patterns in it. On both real sensors that were measured, one direction of
-slope answers five times weaker in one place than in another, and a calibration explains no more than 82 and 88 % of
+slope answers five times weaker at one position than at another, and a calibration explains no more than 82 and 88 % of
 the slopes of presses it has not seen: so it is here for a good part of the sensors.
 """
 
@@ -21,15 +21,17 @@ import numpy as np
 from ..sensor_model import SensorModel
 
 _COLOURS = 3
-_TURNED = np.radians(25)  # deviation of a lamp from where its design has it
+_LAMP_ANGLE_SIGMA = np.radians(25)  # deviation of a lamp from where its design has it
 _MOST_LAMPS = 5
-_AWAY = 0.008, 0.05  # m of the lights from the middle
-_ABOVE = 0.004  # m of the lights over the gel
-_FADING = 3.0  # power of the distance with which a light fades, at most
-_PATCHES = 12, 9  # rows and columns of the pattern that each light's lens and the gel make
-_PATCHY = 0.6  # its logarithm's deviation, at most
-_SOFT = 0.4  # lamps are no points
-_STEPS = np.array([0.25, 0.5, 0.9, 1.4, 2.0, 2.8]) * 1e-3  # m towards a light, where relief may stand before it
+_LAMP_DISTANCE = 0.008, 0.05  # m of the lights from the middle
+_LAMP_HEIGHT = 0.004  # m of the lights over the gel
+_MOST_FADING = 3.0  # power of the distance with which a light fades, at most
+_PATTERN_SHAPE = 12, 9  # rows and columns of the pattern that each light's lens and the gel make
+_MOST_PATTERN_SIGMA = 0.6  # its logarithm's deviation, at most
+_LAMP_SOFTNESS = 0.4  # lamps are no points
+_SHADOW_STEPS = (
+    np.array([0.25, 0.5, 0.9, 1.4, 2.0, 2.8]) * 1e-3
+)  # m towards a light, where higher gel may stand before it
 _PENUMBRA = 0.15e-3, 0.25  # m of height between full shadow and none, and by how much it widens a metre away
 
 
@@ -59,25 +61,25 @@ class GelLight:
         self._pixel = sensor.pixel_size
         shape = sensor.height, sensor.width
         self._grid = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j].astype(np.float32)
-        self._places = np.stack([t * sensor.gel_depth for t in sensor.rays]).astype(np.float32)
+        self._positions = np.stack([t * sensor.gel_depth for t in sensor.rays]).astype(np.float32)
         lights = len(design.angles)
-        self._angles = design.angles + rng.normal(0, _TURNED, lights)
-        fading, patchy = rng.uniform(0, _FADING), rng.uniform(0, _PATCHY)
+        self._angles = design.angles + rng.normal(0, _LAMP_ANGLE_SIGMA, lights)
+        fading, patchy = rng.uniform(0, _MOST_FADING), rng.uniform(0, _MOST_PATTERN_SIGMA)
         lamps = [self._draw_lamp(angle, fading, patchy, rng) for angle in self._angles]
         self._towards, brightness = zip(*lamps, strict=True)
         overall = np.log(3.6) + rng.normal(0, 0.35)
         # single precision here and below: this is what takes the time of a simulated image
         incidence = [np.exp(overall + rng.normal(0, 0.15) + self._smooth(rng, 0.25)) for _ in range(lights)]
         self._incidence = np.float32(incidence)
-        # share (H, W) of each colour (first) that each light (second) brings; the rest is diffuse
-        self._shares = np.empty((_COLOURS, lights, *shape), np.float32)
+        # fraction (H, W) of each colour (first) that each light (second) brings; the rest is diffuse
+        self._fractions = np.empty((_COLOURS, lights, *shape), np.float32)
         for colour in range(_COLOURS):
             own, leaked = rng.uniform(0.4, 0.85), rng.uniform(0, 0.25, lights)
             leaked[design.colours == colour] = own
             parts = zip(leaked, brightness, strict=True)
-            self._shares[colour] = [part * bright * np.exp(self._smooth(rng, 0.3)) for part, bright in parts]
+            self._fractions[colour] = [part * bright * np.exp(self._smooth(rng, 0.3)) for part, bright in parts]
         diffuse = rng.uniform(0.0, 0.5)
-        self._shares /= np.maximum(self._shares.sum(axis=1, keepdims=True) + diffuse, 1)
+        self._fractions /= np.maximum(self._fractions.sum(axis=1, keepdims=True) + diffuse, 1)
         self._shadow = np.float32(rng.uniform(0, 1, lights) * (rng.random() < 0.8))
         self._elevation = rng.uniform(0.02, 0.6, lights)  # tangent of the lights' height: how short the shadows are
         # by how much each light can brighten
@@ -99,7 +101,7 @@ class GelLight:
                 lit *= 1 - self._shadow[light] * self._shadowed(height, light)
             lit -= 1
             for colour in range(_COLOURS):
-                out[colour] += self._shares[colour, light] * lit
+                out[colour] += self._fractions[colour, light] * lit
         return cv2.merge(list(cv2.pow(np.maximum(out, 0.02), self._power)))
 
     def _draw_lamp(
@@ -109,19 +111,19 @@ class GelLight:
 
         fading: power of the distance; patchy: deviation of the logarithm of its pattern.
         """
-        away = np.exp(rng.uniform(*np.log(_AWAY)))
+        away = np.exp(rng.uniform(*np.log(_LAMP_DISTANCE)))
         lamp = away * np.array([np.cos(angle), np.sin(angle)], np.float32)
-        direction = lamp[:, None, None] - self._places
-        distance = np.sqrt((direction**2).sum(axis=0) + _ABOVE**2)
+        direction = lamp[:, None, None] - self._positions
+        distance = np.sqrt((direction**2).sum(axis=0) + _LAMP_HEIGHT**2)
         turned = _turned(direction / distance, self._smooth(rng, 0.3))
-        pattern = rng.normal(0, patchy, _PATCHES).astype(np.float32)
+        pattern = rng.normal(0, patchy, _PATTERN_SHAPE).astype(np.float32)
         pattern = cv2.resize(pattern, distance.shape[::-1], interpolation=cv2.INTER_CUBIC)
-        return turned, (np.hypot(away, _ABOVE) / distance) ** fading * np.exp(pattern)
+        return turned, (np.hypot(away, _LAMP_HEIGHT) / distance) ** fading * np.exp(pattern)
 
     def _shadowed(self, height: np.ndarray, light: int) -> np.ndarray:
-        """How far (H, W) in [0, 1] relief hides the light from a pixel."""
+        """How far (H, W) in [0, 1] higher gel hides the light from a pixel."""
         angle, shadow = self._angles[light], np.zeros_like(height)
-        for step in _STEPS:
+        for step in _SHADOW_STEPS:
             # rows run against y
             shift = np.float32(
                 [[1, 0, -np.cos(angle) * step / self._pixel], [0, 1, np.sin(angle) * step / self._pixel]]
@@ -140,7 +142,7 @@ class GelLight:
 
 def _falling_to_nothing(lit: np.ndarray) -> np.ndarray:
     """Brightness of which nothing is left below 0; 1 stays 1."""
-    return 0.5 * (lit + np.sqrt(lit**2 + _SOFT)) / np.float32(0.5 * (1 + np.sqrt(1 + _SOFT)))
+    return 0.5 * (lit + np.sqrt(lit**2 + _LAMP_SOFTNESS)) / np.float32(0.5 * (1 + np.sqrt(1 + _LAMP_SOFTNESS)))
 
 
 def _turned(direction: np.ndarray, angle: np.ndarray) -> np.ndarray:

@@ -17,14 +17,14 @@ _SPAN = 0.12  # m between two gels: an open hand
 _FINGER = 0.015  # m: a DIGIT as a ball behind its gel, radius and how far its centre is behind
 _POOL = 400  # contacts among which a grasp is looked for
 _TRIES = 64
-_SAMPLING = ContactSampling(edge_share=0.0, free_share=0.0)
+_SAMPLING = ContactSampling(edge_fraction=0.0, free_fraction=0.0)
 
 
 def simulate_grasps(mesh: ObjectMesh, sensor: SensorModel, count: int, rng: np.random.Generator) -> np.ndarray:
     """Gel poses T_obj_gel (count, CONTACTS, 4, 4) of so many grasps.
 
     The first finger touches anywhere, the second one opposite to it as far as the object allows, the others anywhere
-    within the hand's span; fingers do not run into each other. Raises InputError if the object has no such places.
+    within the hand's span; fingers do not run into each other. Raises InputError if the object has no such contacts.
     """
     pool = sample_contact_poses(mesh, _POOL, rng, sensor, _SAMPLING)
     grasps: list[np.ndarray] = []

@@ -1,7 +1,7 @@
 """Optics measured on one real sensor: how its images answer to the shape of its gel, fitted to presses of a ball.
 
 Relative light, as in `gel_light.py`, but nothing of it is imagined: each colour's ratio to the no-contact image is a
-polynomial in the gel's normal, with factors quadratic in the position, plus what relief on six sides takes or adds
+polynomial in the gel's normal, with factors quadratic in the position, plus what higher gel on six sides takes or adds
 (shadow lobes). Beyond the steepest slope of the presses, and beyond where they were, colours stay as they are there.
 Judges; nothing is trained with it.
 """
@@ -21,17 +21,18 @@ import numpy as np
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file
 
-from ..rendering.gel_surface import GelShape
-from ..sensor_calibration.response import height_slopes, place_terms
+from ..rendering.renderer import GelShape
+from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
 
 _FOLDER = Path(__file__).parents[1] / "measured_sensors"
 _NORMAL_TERMS = 7
 _DIRECTIONS = np.arange(6) * np.pi / 3
-_STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m to where relief may stand
-SIDE_TERMS = len(_DIRECTIONS) * len(_STEPS)
-_KEEPS = 0.95  # of exposure and drift, from a frame to the next
+_SIDE_STEPS = np.array([0.5, 1.0, 2.0]) * 1e-3  # m to where the gel may stand higher
+SIDE_TERMS = len(_DIRECTIONS) * len(_SIDE_STEPS)
+_FRAME_CORRELATION = 0.95  # of exposure and drift, from a frame to the next
 _FORMAT = 1
+_SHAPE_KEYS = "reach", "share", "blur"  # of the file, in the order of GelShape's fields
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -39,11 +40,11 @@ class MeasuredOptics:
     """One measured sensor.
 
     Attributes: name; source, the command that made it; shape of the gel; steepest, sine of the largest slope seen;
-    region (4,), left, right, top and bottom of the presses, as shares of the image; normal (7, 6, 3), factors of the
-    terms of normal and position in each colour; sides (18, 3), those of relief beside; background (16, 12, 3) grey
+    region (4,), left, right, top and bottom of the presses, as fractions of the image; normal (7, 6, 3), factors of the
+    terms of normal and position in each colour; sides (18, 3), those of higher gel beside; background (16, 12, 3) grey
     levels; exposure (3,), standard deviation of each colour's log-brightness between frames; drift (6,), that of a
-    frame's light over the position; noise, of a pixel of the map's resolution, grey levels; explained, share (0 ... 1)
-    of the change in presses left out of the fit.
+    frame's light over the position; noise, of a pixel of the map's resolution, grey levels; explained, fraction (0 ...
+    1) of the change in presses left out of the fit.
     """
 
     name: str
@@ -80,8 +81,11 @@ class MeasuredOptics:
                 )
             }
             numbers = {name: float(_finite(data.pop(name), ())) for name in ("steepest", "noise", "explained")}
-            shape = {name: float(_finite(value, ())) for name, value in data.pop("shape").items()}
-            return cls(shape=GelShape(**shape), **numbers, **arrays, **data)
+            shape = data.pop("shape")
+            if set(shape) != set(_SHAPE_KEYS):
+                raise ValueError(f"shape of {', '.join(shape)}")
+            gel = GelShape(*(float(_finite(shape[name], ())) for name in _SHAPE_KEYS))
+            return cls(shape=gel, **numbers, **arrays, **data)
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{path}: not a measured sensor ({error}); make one with midastouch calibrate DIR --optics FILE"
@@ -98,9 +102,8 @@ class MeasuredOptics:
         return hashlib.sha256(self._text().encode()).hexdigest()[:12]
 
     def _text(self) -> str:
-        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)} | {
-            "shape": dataclasses.asdict(self.shape)
-        }
+        shape = dict(zip(_SHAPE_KEYS, dataclasses.astuple(self.shape), strict=True))
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)} | {"shape": shape}
         return json.dumps({"format": _FORMAT} | values, default=lambda a: np.round(np.asarray(a, float), 4).tolist())
 
     def ratio(self, penetration: np.ndarray, pixel: float) -> np.ndarray:
@@ -114,7 +117,7 @@ class MeasuredOptics:
 @lru_cache(maxsize=4)
 def _factors(optics: MeasuredOptics, height: int, width: int) -> np.ndarray:
     """Of the normal's terms (H, W, 7, 3) float32 in each colour, at every pixel."""
-    return np.tensordot(places_within(optics.region, height, width), optics.normal.astype(np.float32), (2, 1))
+    return np.tensordot(positions_within(optics.region, height, width), optics.normal.astype(np.float32), (2, 1))
 
 
 def measured_sensors() -> list[str]:
@@ -122,12 +125,12 @@ def measured_sensors() -> list[str]:
     return sorted(path.stem for path in _FOLDER.glob("*.json"))
 
 
-def places_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
+def positions_within(region: np.ndarray, height: int, width: int) -> np.ndarray:
     """Terms (H, W, 6) float32 of each pixel's nearest position in a region (`MeasuredOptics.region`)."""
     left, right, top, bottom = region * np.array([width, width, height, height])
     rows = np.clip(np.arange(height), top, bottom).astype(int).clip(0, height - 1)
     columns = np.clip(np.arange(width), left, right).astype(int).clip(0, width - 1)
-    return place_terms(height, width)[rows][:, columns]
+    return position_terms(height, width)[rows][:, columns]
 
 
 def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
@@ -141,9 +144,9 @@ def normal_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarra
 
 
 def side_terms(height: np.ndarray, pixel: float, steepest: float) -> np.ndarray:
-    """Terms (H, W, 18) float32: how steeply relief rises above a pixel, in six directions and three distances."""
+    """Terms (H, W, 18) float32: how steeply the gel rises above a pixel, in six directions and three distances."""
     terms, limit = [], np.float32(steepest / np.sqrt(1 - steepest**2))
-    for step in _STEPS:
+    for step in _SIDE_STEPS:
         for angle in _DIRECTIONS:
             shift = np.float32([[1, 0, np.cos(angle) * step / pixel], [0, 1, np.sin(angle) * step / pixel]])
             there = cv2.warpAffine(height, shift, height.shape[::-1], borderMode=cv2.BORDER_REPLICATE)
@@ -161,7 +164,7 @@ class MeasuredSensor:
         self._optics, self._small, self._rng = optics, sensor.for_maps, rng
         size = self._small.width, self._small.height
         self._rest = cv2.resize(optics.background.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
-        self._places = place_terms(*size[::-1])
+        self._positions = position_terms(*size[::-1])
         self._light = self._draw()
         self.background = self._exposed(self._rest)
 
@@ -169,7 +172,7 @@ class MeasuredSensor:
         """Images (H, W, 3) uint8 RGB of penetration maps (N, H / 2, W / 2) m, each map a frame."""
         for penetration in penetrations:
             fresh = zip(self._light, self._draw(), strict=True)
-            self._light = [_KEEPS * old + np.sqrt(1 - _KEEPS**2) * new for old, new in fresh]
+            self._light = [_FRAME_CORRELATION * old + np.sqrt(1 - _FRAME_CORRELATION**2) * new for old, new in fresh]
             yield self._exposed(self._rest * self._today() * self._optics.ratio(penetration, self._small.pixel_size))
 
     def _draw(self) -> list[np.ndarray]:
@@ -179,7 +182,7 @@ class MeasuredSensor:
     def _today(self) -> np.ndarray:
         """Factor (H, W, 3) of a frame's light."""
         exposure, drift = self._light
-        return ((1 + self._places @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
+        return ((1 + self._positions @ drift)[..., None] * np.exp(exposure)).astype(np.float32)
 
     def _exposed(self, light: np.ndarray) -> np.ndarray:
         noisy = light + self._optics.noise * self._rng.standard_normal(light.shape, np.float32)

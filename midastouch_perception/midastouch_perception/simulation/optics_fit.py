@@ -6,19 +6,19 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..rendering.gel_surface import GelShape
+from ..rendering.renderer import GelShape
 from ..sensor_calibration.calibration import background_colours
 from ..sensor_calibration.fit import Result
-from ..sensor_calibration.response import place_terms
+from ..sensor_calibration.response import position_terms
 from ..tdn.inputs import RELATIVE_LEVEL, ContactLight, reduce_image
-from .measured_optics import SIDE_TERMS, MeasuredOptics, normal_terms, places_within, side_terms
+from .measured_optics import SIDE_TERMS, MeasuredOptics, normal_terms, positions_within, side_terms
 
-_SHAPES = [GelShape(reach, share, 1.5e-4) for reach in (0.2e-3, 0.35e-3, 0.5e-3, 0.8e-3) for share in (0.6, 1.0)]
+_SHAPES = [GelShape(reach, fraction, 1.5e-4) for reach in (0.2e-3, 0.35e-3, 0.5e-3, 0.8e-3) for fraction in (0.6, 1.0)]
 _EVERY = 2  # px; neighbours say the same
 _FOLDS = 5
-_RIDGES = (1e-3, 1e-2, 0.1)  # of a term's own weight: what presses do not tell of places stays small
-_BY_PLACE = np.array([0.1, 1, 1, 2, 2, 2])  # light varies slowly with the position
-_PLACES = len(_BY_PLACE)
+_RIDGES = (1e-3, 1e-2, 0.1)  # of a term's own weight: what presses do not show of positions stays small
+_POSITION_RIDGE = np.array([0.1, 1, 1, 2, 2, 2])  # light varies slowly with the position
+_POSITION_TERMS = len(_POSITION_RIDGE)
 _ALL_SLOPES = 1 - 1e-6  # sine: no limit
 
 
@@ -63,10 +63,10 @@ class _LightFit:
         normals = [normal_terms(height, pixel, _ALL_SLOPES) for height in heights]
         sines = np.concatenate([np.sqrt(normal[touched > 0, 4]) for normal, touched in zip(normals, maps, strict=True)])
         self.steepest = round(float(np.quantile(sines, 0.99)), 3)
-        places = places_within(region, *maps[0].shape)
+        positions = positions_within(region, *maps[0].shape)
         self._squares, self._products, self._energies = [], [], []
         for height, normal, change in zip(heights, normals, seen, strict=True):
-            local = (normal[..., None] * places[..., None, :]).reshape(*height.shape, -1)
+            local = (normal[..., None] * positions[..., None, :]).reshape(*height.shape, -1)
             design = np.concatenate([local, side_terms(height, pixel, _ALL_SLOPES)], axis=-1)[::_EVERY, ::_EVERY]
             design = design.reshape(-1, design.shape[-1]).astype(float)
             target = change[::_EVERY, ::_EVERY].reshape(-1, 3).astype(float)
@@ -80,28 +80,28 @@ class _LightFit:
         return found[:-SIDE_TERMS].reshape(-1, 6, 3), found[-SIDE_TERMS:]
 
     def explained(self, ridge: float) -> float:
-        """Share of a press's change that a fit to others explains, median over the presses."""
-        shares, count = {}, len(self._squares)
+        """Fraction of a press's change that a fit to others explains, median over the presses."""
+        fractions, count = {}, len(self._squares)
         for fold in range(_FOLDS):
             found = self._solve([i for i in range(count) if i % _FOLDS != fold], ridge)
             for i in range(fold, count, _FOLDS):
                 gain = 2 * (found * self._products[i]).sum() - (found * (self._squares[i] @ found)).sum()
-                shares[i] = float(gain) / self._energies[i]
-        return float(np.median(list(shares.values())))
+                fractions[i] = float(gain) / self._energies[i]
+        return float(np.median(list(fractions.values())))
 
     def _solve(self, presses: list[int], ridge: float) -> np.ndarray:
         square, product = (sum(parts[i] for i in presses) for parts in (self._squares, self._products))
         own = np.diag(square)
-        everywhere = own[:-SIDE_TERMS:_PLACES]  # of the normal's terms alone
-        penalty = np.concatenate([np.outer(everywhere, _BY_PLACE).ravel(), own[-SIDE_TERMS:]])
+        everywhere = own[:-SIDE_TERMS:_POSITION_TERMS]  # of the normal's terms alone
+        penalty = np.concatenate([np.outer(everywhere, _POSITION_RIDGE).ravel(), own[-SIDE_TERMS:]])
         return np.linalg.solve(square + np.diag(ridge * penalty + 1e-12), product)
 
 
 def _light_of_frames(images: dict[str, np.ndarray], result: Result) -> dict:
     """What changes from frame to frame: `exposure`, `drift` and `noise` of `MeasuredOptics`."""
     rest = reduce_image(result.background)
-    light, places = ContactLight(rest, "relative"), place_terms(*rest.shape[:2])
-    flat = places[::_EVERY, ::_EVERY].reshape(-1, places.shape[-1])
+    light, positions = ContactLight(rest, "relative"), position_terms(*rest.shape[:2])
+    flat = positions[::_EVERY, ::_EVERY].reshape(-1, positions.shape[-1])
     exposure, drift, noise = [], [], []
     for press in result.presses:
         if press.problem:

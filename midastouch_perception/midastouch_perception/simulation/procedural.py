@@ -1,6 +1,6 @@
 """Shapes of our own making: signed distance functions turned into meshes by surface nets (Gibson 1998).
 
-They give the networks shapes no scan has (sharp ridges, screws, ripples, letters' worth of relief) and the demo its
+They give the networks shapes no scan has (sharp ridges, screws, ripples, the detail of letters) and the demo its
 bundled objects. A signed distance function maps points (N, 3) m to distances (N,) m, negative inside.
 """
 

@@ -5,7 +5,7 @@ no-contact background differ from sensor to sensor. Each term is one method of `
 sensors stay close to TACTO, the others spread to what real DIGITs show (contrast up to 8 times TACTO's, coloured
 shadow lobes, soft halo), and some shine as a colour table fitted on a real DIGIT says. All of these add to a
 photograph, as TACTO does; sensors whose model says that their light is relative have the light and the gel of
-`gel_light.py` and `gel_surface.py`.
+`gel_light.py` and `rendering/renderer.py`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ import dataclasses
 import cv2
 import numpy as np
 
-from ..rendering.gel_surface import sunk_in
+from ..rendering.renderer import sunk_in
 from ..sensor_model import SensorModel
-from .colour_table import ColourTable
 from .gel_light import DIGIT_DESIGN, GelLight, LampDesign
-from .optics import Illumination, gel_normals, shade
+from .optics import ColourTable, Illumination, gel_normals, shade
 
 _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
 
@@ -28,15 +27,15 @@ _GEL_NOISE = 1.6  # times TACTO's: real cameras turn their gain up
 class RandomisationRange:
     """How far sensors vary.
 
-    Attributes: wide_share of the sensors that leave TACTO's neighbourhood; table_share of those that shine by
-    `colour_table`, if there is one; dark_share of the frames in which the object, beside the view, stands in the way of
-    one of the lights; design_share of those with relative light whose lamps are not a DIGIT's.
+    Attributes: wide_fraction of the sensors that leave TACTO's neighbourhood; table_fraction of those that shine by
+    `colour_table`, if there is one; dark_fraction of the frames in which the object, beside the view, stands in the way
+    of one of the lights; design_fraction of those with relative light whose lamps are not a DIGIT's.
     """
 
-    wide_share: float = 0.6
-    table_share: float = 0.35
-    dark_share: float = 0.12
-    design_share: float = 0.0
+    wide_fraction: float = 0.6
+    table_fraction: float = 0.35
+    dark_fraction: float = 0.12
+    design_fraction: float = 0.0
     colour_table: ColourTable | None = None
 
 
@@ -55,7 +54,7 @@ class RandomSensor:
         ranges: RandomisationRange = RandomisationRange(),
     ):
         self.sensor = sensor
-        self.wide = bool(rng.random() < ranges.wide_share) or sensor.light == "relative"
+        self.wide = bool(rng.random() < ranges.wide_fraction) or sensor.light == "relative"
         self._tangents = sensor.rays
         self._rest_depth = sensor.gel_depth.astype(np.float32)
         self._rest_normals = gel_normals(sensor)
@@ -66,7 +65,7 @@ class RandomSensor:
         self._shadow = rng.uniform(0, 0.8) if self.wide and rng.random() < 0.5 else 0.0
         self._smoothing = rng.uniform(0.1e-3, 0.8e-3) if self.wide and rng.random() < 0.6 else 0.0
         self._table = None
-        if self.wide and ranges.colour_table and rng.random() < ranges.table_share:
+        if self.wide and ranges.colour_table and rng.random() < ranges.table_fraction:
             self._table = ranges.colour_table
             self._gain = rng.uniform(0.4, 1.5)
             self._smoothing = self._smoothing or 0.1e-3  # the table knows slopes, so the gel must have them
@@ -75,14 +74,14 @@ class RandomSensor:
         self._noise = rng.uniform(0.2, 2.5)
         self._jpeg = int(rng.uniform(60, 97)) if rng.random() < 0.6 else None
         self.background = self._draw_background(backgrounds, rng)
-        self._dark_share = ranges.dark_share
+        self._dark_fraction = ranges.dark_fraction
         self._rest = self._render(self._rest_depth, self._rest_normals, self._illumination)
         self._gel = None
         if sensor.light == "relative":
-            other = ranges.design_share and rng.random() < ranges.design_share
+            other = ranges.design_fraction and rng.random() < ranges.design_fraction
             self._gel = GelLight(sensor, rng, LampDesign.random(rng) if other else DIGIT_DESIGN)
             self._noise *= _GEL_NOISE
-            self._reach, self._share = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
+            self._reach, self._outline_fraction = rng.uniform(0.2e-3, 1.2e-3), rng.random() * (rng.random() < 0.8)
             self._stiffness = np.exp(rng.uniform(np.log(0.08e-3), np.log(0.7e-3))) / sensor.pixel_size
 
     def images(
@@ -117,7 +116,7 @@ class RandomSensor:
         """The gel's image over its no-contact image (H, W, 3): relative light."""
         if not penetration.any():
             return np.ones((*penetration.shape, 3), np.float32)
-        height = sunk_in(penetration, self.sensor.pixel_size, self._reach, self._share)
+        height = sunk_in(penetration, self.sensor.pixel_size, self._reach, self._outline_fraction)
         height = cv2.GaussianBlur(height, (0, 0), self._stiffness)
         return cv2.GaussianBlur(self._gel.ratio(height), (0, 0), self._blur)
 
@@ -137,7 +136,7 @@ class RandomSensor:
             else:
                 shading = np.where(touching[..., None], surface, self._rest_normals)
             image = self._render(depth, shading, self._illumination)
-            if rng.random() < self._dark_share:
+            if rng.random() < self._dark_fraction:
                 image = self._darken(image, depth, shading, rng)
             change = (image - self._rest) @ self._mixing * (self._gain * self._field)
         if self._shadow:
@@ -174,7 +173,7 @@ class RandomSensor:
         return cv2.GaussianBlur(smooth, (0, 0), max(0.5 * width, 0.3))
 
     def _occlusion(self, penetration: np.ndarray) -> np.ndarray:
-        """How far (H, W, 3) in [0, 1] each colour's light is hidden behind the relief next to a pixel."""
+        """How far (H, W, 3) in [0, 1] each colour's light is hidden behind higher gel next to a pixel."""
         out = np.empty((*penetration.shape, 3), np.float32)
         for k, position in enumerate(self._illumination.positions[:3]):
             direction = position[:2] / max(np.linalg.norm(position[:2]), 1e-9)

@@ -1,8 +1,9 @@
-"""One imaginary sensor that looks at an object, frame after frame: renderer and optics of the training."""
+"""Imaginary sensors with the renderer and the optics of the training: over an object, and under a ball."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -11,11 +12,14 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..contact import Contact
 from ..rendering.renderer import PenetrationRenderer
+from ..sensor_calibration.ball import ball_centre, ball_penetration
 from ..sensor_model import SensorModel
 from .randomisation import RandomisationRange, RandomSensor
 
 # No region of the image is to lose a light for one frame: those of a stream belong together.
-_STEADY = RandomisationRange(dark_share=0.0)
+_STEADY_LIGHT = RandomisationRange(dark_fraction=0.0)
+_WIDEST_CONTACT = 2.0e-3  # m, radius of a contact: a hard press
+_COLUMNS, _ROWS = (0.29, 0.5, 0.71), (0.22, 0.41, 0.59, 0.78)  # of the image, where presses are
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,7 +41,7 @@ class SimulatedCamera:
 
     def __init__(self, sensor: SensorModel, background: np.ndarray, rng: np.random.Generator):
         self.background = background
-        self._sensor = RandomSensor(sensor, background[None], rng, _STEADY)
+        self._sensor = RandomSensor(sensor, background[None], rng, _STEADY_LIGHT)
         self._sensor.background = background.astype(np.float32)
 
     def image(self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -62,3 +66,41 @@ class SimulatedDigit:
         # the mean: two by two pixels of the image are one of the map
         mean = cv2.resize(penetration, (small.width, small.height), interpolation=cv2.INTER_AREA)
         return SimulatedFrame(image, Contact.of(mean, small), float(penetration.max()))
+
+
+class PressedSensor:
+    """A simulated sensor, of the randomisation that networks are trained with, under a ball of `radius` m.
+
+    Args: sensor, full size; backgrounds (B, H, W, 3) uint8 RGB, no-contact images to choose from; radius; rng.
+    Attribute: background (H, W, 3) uint8 RGB, its no-contact image.
+    """
+
+    def __init__(self, sensor: SensorModel, backgrounds: np.ndarray, radius: float, rng: np.random.Generator):
+        self.sensor, self._radius, self._rng = sensor, radius, rng
+        self._light = RandomSensor(sensor, backgrounds, rng)
+        self.background = self.image([])
+
+    def image(self, contacts: Sequence[tuple[float, float, float]]) -> np.ndarray:
+        """Image (H, W, 3) uint8 RGB with the ball at columns and rows [px], touching in circles of so many m."""
+        return self.image_of(self.penetration(contacts))
+
+    def penetration(self, contacts: Sequence[tuple[float, float, float]]) -> np.ndarray:
+        """Penetration (H, W) float32 m of the same."""
+        caps = [np.zeros((self.sensor.height, self.sensor.width), np.float32)]
+        for u, v, contact in contacts:
+            centre = ball_centre(u, v, contact, self._radius, self.sensor)
+            caps.append(ball_penetration(centre, self._radius, self.sensor))
+        return np.max(caps, axis=0)
+
+    def image_of(self, penetration: np.ndarray) -> np.ndarray:
+        """Image (H, W, 3) uint8 RGB of a penetration (H, W) float32 m."""
+        images, _ = self._light.images(penetration[None], np.zeros((1, *penetration.shape, 3), np.float32), self._rng)
+        return np.clip(images[0], 0, 255).astype(np.uint8)
+
+    def presses(self, n: int) -> dict[str, np.ndarray]:
+        """Images by file name of n presses, at most twelve, spread over the gel and of different depth."""
+        positions = [(u * self.sensor.width, v * self.sensor.height) for v in _ROWS for u in _COLUMNS]
+        chosen = sorted(self._rng.permutation(len(positions))[:n])
+        widest = min(_WIDEST_CONTACT, 0.6 * self._radius)
+        contacts = self._rng.uniform(0.6 * widest, widest, n)
+        return {f"{i}.png": self.image([(*positions[i], c)]) for i, c in zip(chosen, contacts, strict=True)}

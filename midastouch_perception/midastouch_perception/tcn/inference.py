@@ -1,14 +1,16 @@
-"""Penetration map to tactile code with a trained code network."""
+"""Penetration map to tactile code with a trained code network, and what that sees of a contact."""
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+import midastouch_kernels as kernels
+
 from ..onnx_network import OnnxNetwork
 from ..sensor_model import SensorModel
-from .inputs import code_input
 from .minkloc3d import SUFFIX, MinkLocCodeNet
 
 _BATCH = 64
@@ -47,3 +49,25 @@ def load_tcn(name_or_path: str | Path = "fast", sensor: SensorModel | None = Non
     if Path(name_or_path).suffix == SUFFIX:
         return MinkLocCodeNet(name_or_path, sensor)
     return TactileCodeNet(name_or_path, sensor)
+
+
+def code_input(penetration: np.ndarray, sensor: SensorModel) -> np.ndarray:
+    """Channels (N, 4, H/2, W/2) float32 of penetration maps (N, H, W) m: depth, contact, x, y.
+
+    The map is averaged 2 x 2. Metric scale and the position in the gel frame, which the official code normalises
+    away, are kept: x and y are the pixels' positions on the gel.
+    """
+    n, height, width = penetration.shape
+    out = np.empty((n, 4, height // 2, width // 2), np.float32)
+    for each, channels in zip(penetration, out, strict=True):
+        channels[0] = kernels.block_means(np.ascontiguousarray(each), 2, 2) * np.float32(1e3)
+        channels[1] = kernels.block_means((each > 0).astype(np.float32), 2, 2)
+    out[:, 2:] = _gel_positions(sensor)
+    return out
+
+
+@lru_cache(maxsize=16)
+def _gel_positions(sensor: SensorModel) -> np.ndarray:
+    """x and y (2, H/2, W/2) float32 of the halved map's pixels on the gel, in centimetres."""
+    coarse = sensor.scaled(0.5)
+    return (np.stack(coarse.rays) * coarse.gel_depth * 100).astype(np.float32)

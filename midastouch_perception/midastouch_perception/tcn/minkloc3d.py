@@ -5,17 +5,17 @@ from __future__ import annotations
 import zipfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, require_file, sha256
 
-from ..model_card import read_card, write_card
+from ..onnx_network import read_card, write_card
+from ..pointcloud import cloud_from_penetration
 from ..sensor_model import SensorModel
 from ..state_dict import matched
-from .minkloc3d_cloud import contact_cloud, scaled_cloud
-from .minkloc3d_network import DIM, MinkLoc3D, expected_shapes
-from .minkloc3d_voxels import Voxels, quantise
+from .minkloc3d_network import DIM, MinkLoc3D, Voxels, expected_shapes, quantise
 
 SUFFIX = ".npz"
 _POINTS = 4096  # of a cloud, as the official code has it
@@ -71,6 +71,29 @@ class MinkLocCodeNet:
         if not len(cloud):
             return Voxels(np.zeros((1, 3)))
         return quantise(scaled_cloud(cloud), self._voxel_size)
+
+
+def contact_cloud(penetration: np.ndarray, sensor: SensorModel, points: int, rng: np.random.Generator) -> np.ndarray:
+    """Contact points (K, 3) float32 m, K <= points, camera frame, of a penetration map (H, W) m.
+
+    The map is brought to the resolution of `sensor`, the image's: the network was trained on a point per image pixel.
+    Where there are more, each is kept with the same chance (the official code prefers lower rows).
+    """
+    size = sensor.width, sensor.height
+    mask = cv2.resize((penetration > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST).astype(bool)
+    cloud = cloud_from_penetration(cv2.resize(penetration, size, interpolation=cv2.INTER_LINEAR), mask, sensor)
+    cloud[:, 2] -= np.float32(sensor.gel_distance)
+    return cloud if len(cloud) <= points else cloud[rng.choice(len(cloud), points, replace=False)]
+
+
+def scaled_cloud(cloud: np.ndarray) -> np.ndarray:
+    """A cloud (K, 3), K >= 1, moved and scaled so that its smallest coordinate is -1 and its largest 1.
+
+    Over all axes together, as in the official code: what is lost by it (metric size, position on the gel) the network
+    was trained without.
+    """
+    low, high = cloud.min(), cloud.max()
+    return 2 * (cloud - low) / (high - low) - 1
 
 
 def save_minkloc3d(state: dict[str, np.ndarray], card: dict, folder: Path, voxel_size: float) -> Path:

@@ -4,17 +4,24 @@ The paper's tactile code network (section 4.2). Each convolution gathers the row
 multiplies them by that offset's matrix and adds the result to the rows it belongs to; within one offset no row occurs
 twice. Batch normalisation is folded into the convolutions before it, and the 1 x 1 convolution at the top of the
 pyramid into the transposed one after it: both are linear.
+
+Voxels follow the conventions of MinkowskiEngine, for which the weights were made: a coarse coordinate is the fine one
+halved and rounded down; the offsets of a cubic kernel run with x fastest.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from .minkloc3d_voxels import Voxels
+import midastouch_kernels as kernels
+from midastouch_common.errors import InputError
 
 _EPSILON = 1e-5  # of batch normalisation
 _FLOOR = 1e-6  # of generalised-mean pooling
 DIM = 256
+_MARGIN = 2  # voxels kept free around the cloud, so that no kernel up to 5 wide reaches into another row
 
 
 def expected_shapes() -> dict[str, tuple[int, ...]]:
@@ -39,6 +46,39 @@ def expected_shapes() -> dict[str, tuple[int, ...]]:
     for name, channels in norms.items():
         shapes |= {f"{name}.bn.{part}": (channels,) for part in ("weight", "bias", "running_mean", "running_var")}
     return shapes | {"pooling.p": (1,)}
+
+
+class Voxels:
+    """Occupied voxels of one level.
+
+    Attributes: coordinates (N, 3) int64, each voxel once, sorted with x fastest, in units of this level's voxels.
+    """
+
+    def __init__(self, coordinates: np.ndarray):
+        coordinates = np.asarray(coordinates, np.int64)
+        low = coordinates.min(axis=0) - _MARGIN
+        size = coordinates.max(axis=0) - low + 1 + _MARGIN
+        if math.prod(int(s) for s in size) >= 2**62:
+            raise InputError(f"voxel grid of {' x '.join(map(str, size))} is too fine; use a larger voxel size")
+        self._width, self._plane = size[0], size[0] * size[1]
+        keys = (coordinates - low) @ np.array([1, self._width, self._plane])
+        self._keys, first, self._inverse = np.unique(keys, return_index=True, return_inverse=True)
+        self.coordinates = coordinates[first]
+
+    def coarser(self) -> tuple[Voxels, np.ndarray, np.ndarray]:
+        """Voxels of twice the size; for each voxel here the row of the one that holds it (N,), and which of its eight
+        parts (N,) it is, x + 2 y + 4 z."""
+        voxels = Voxels(self.coordinates >> 1)
+        return voxels, voxels._inverse, (self.coordinates & 1) @ np.array([1, 2, 4])
+
+    def neighbours(self, radius: int) -> np.ndarray:
+        """Rows ((2 radius + 1)^3, N) int32 of the voxels at each offset of a cubic kernel; -1 where there is none."""
+        return kernels.neighbours(self._keys, self._width, self._plane, radius)
+
+
+def quantise(cloud: np.ndarray, voxel_size: float) -> Voxels:
+    """Voxels of edge `voxel_size` occupied by a cloud (N, 3), N >= 1, both in the same unit."""
+    return Voxels(np.floor(cloud / np.float32(voxel_size)))
 
 
 class MinkLoc3D:

@@ -20,7 +20,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import geodesic_distances
 
-from ..codebook_poses import PRESS, codebook_poses
+from ..codebook import PRESS, codebook_poses
 from ..contact import ContactDetector
 from ..onnx_network import network_path
 from ..rendering.contact_poses import MAX_PENETRATION, ContactSampling, sample_contact_poses
@@ -28,23 +28,20 @@ from ..rendering.renderer import PenetrationRenderer
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange, RandomSensor
 from ..tdn.inference import TactileDepthNet
-from ..training.export import export_onnx
-from ..training.loading import rendered_batches, rendering_process
-from ..training.objects import stretched
-from ..training.run import TrainingRun
-from ..training.setting import TrainingData, TrainingOptions
-from ..training.unfolding import unfold
-from .inputs import code_input
-from .misreading import misread
+from ..training.export import export_onnx, unfold
+from ..training.run import TrainingRun, rendered_batches, rendering_process
+from ..training.setting import TrainingData, TrainingOptions, stretched
+from ..training.touches import misread
+from .inference import code_input
 from .network import CodeNet
 
-_GROUP = 256  # touches of one object that are told apart
+_GROUP = 256  # touches of one object that are distinguished
 _REUSE = 12  # times each group of touches is shown, with fresh entries, another mirroring and other misreadings
 _POOL = 24, 160  # fewest and most groups that wait to be shown again
 _EVERY = 400  # steps between validations
 _QUERIES, _BOOK = 160, 3072  # touches and entries of each object to validate with
 _SENSORS = 16  # imaginary DIGITs a group
-_SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_share=0.0)
+_SAMPLING = ContactSampling(press=(0.3e-3, 2e-3), free_fraction=0.0)
 _CELL = (2.5e-3, 2.5e-3, 0.3e-3, np.radians(6), np.radians(6), np.radians(12))  # half cell of a codebook entry
 _MIN_PIXELS = 40  # of contact: fewer say nothing
 
@@ -53,7 +50,7 @@ _MIN_PIXELS = 40  # of contact: fewer say nothing
 class _TouchGroup:
     """Touches of one object.
 
-    Attributes: poses (N, 4, 4), true gel poses; maps (N, H, W) m, the contacts that were felt, in half precision as
+    Attributes: poses (N, 4, 4), true gel poses; maps (N, H, W) m, the contacts that were measured, in half precision as
     many groups wait; renderer of the object.
     """
 
@@ -78,15 +75,15 @@ class _Touches:
         for part in np.array_split(rng.permutation(size), _SENSORS):
             imaginary = RandomSensor(self.sensor, self.backgrounds, rng, self.ranges)
             images, reference = imaginary.images(penetration[part], normals[part], rng)
-            felt = self.tdn.penetration(images - reference)
-            maps[part] = [ContactDetector(self.sensor).update(one).penetration for one in felt]
+            measured = self.tdn.penetration(images - reference)
+            maps[part] = [ContactDetector(self.sensor).update(one).penetration for one in measured]
         kept = ((maps > 0).sum(axis=(1, 2)) >= _MIN_PIXELS) & ((penetration > 0).sum(axis=(1, 2)) >= _MIN_PIXELS)
         return _TouchGroup(poses[kept], maps[kept].astype(np.float16), renderer)
 
     def _clustered(self, renderer: PenetrationRenderer, poses: np.ndarray) -> np.ndarray:
         """Half of the poses moved next to others: the hard negatives a tracking filter meets.
 
-        Half of these turn any way about the normal: the same place upside down is the most frequent mistake.
+        Half of these turn any way about the normal: the same point upside down is the most frequent mistake.
         """
         rng, count = self.rng, len(poses) // 2
         near = poses[rng.choice(len(poses), count)]
@@ -185,7 +182,7 @@ def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[s
     """Single-touch figures on unseen objects, and the scores for calibration.
 
     held_out: the loss on unseen objects, nats; it shows small progress soonest. top25: smallest pose distance among
-    the 25 best entries over that among 25 random ones, mean; nll: negative mean log share of probability on the
+    the 25 best entries over that among 25 random ones, mean; nll: negative mean log fraction of probability on the
     nearest entry, nats.
     """
     loss, top, nll, scores = [], [], [], []
@@ -212,7 +209,7 @@ def validate(model: nn.Module, objects: list[_ValidationObject]) -> tuple[dict[s
 
 
 def calibrate(scores: list) -> dict[str, float]:
-    """Temperature and outlier share of the likelihood ratio (1 - e) exp(s/T) / mean_book exp(s/T) + e, fitted to the
+    """Temperature and outlier fraction of the likelihood ratio (1 - e) exp(s/T) / mean_book exp(s/T) + e, fitted to the
     nearest entries' scores of unseen touches by maximum likelihood."""
 
     def cost(parameters: np.ndarray) -> float:

@@ -1,8 +1,13 @@
-"""The sensor's no-contact image: from frames of a sequence when nobody captured one, and whether it is one."""
+"""The sensor's no-contact image: captured on request, estimated from images, and whether it shows a touch.
+
+A touch in the no-contact image is in every difference, wherever the finger is, and hides what is measured there. The
+median of images that are touched at different positions is the untouched gel; the no-contact image must not look like
+that with something pressed onto it.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -10,21 +15,19 @@ import numpy as np
 from midastouch_common.errors import InputError
 
 from ..contact import ContactDetector
-from .drift import without_drift
-from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_share, quietest_tenth
-
-if TYPE_CHECKING:
-    from .depth_net import DepthNet
+from .depth_net import DepthNet
+from .fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, explained_fraction, quietest_tenth
+from .inputs import without_drift
 
 _STRIP = 20  # image rows at a time, so that memory stays small
 _BLOCK = 16  # px; noise averages out over a block
-_SAME = 4.0  # grey levels between block means that still are the same surface
-_CHANGED = 8.0  # grey levels
-_SMOOTHED = 2.0  # px of half the image's resolution
-_CLEARLY = 1.02  # times as rough
+_SAME_SURFACE = 4.0  # grey levels between block means that still are the same surface
+_LEAST_CHANGE = 8.0  # grey levels: a pixel that differs more is touched
+_SMOOTHING = 2.0  # px of half the image's resolution
+_LEAST_ROUGHNESS_RATIO = 1.02  # times as rough
 MOST_DOUBTFUL = 0.1
-"""Share of the image: with more of it doubtful an estimate shows contacts."""
-_MAJORITY = 1 / 3  # of the frames that show a place untouched, or its median is not trusted
+"""Fraction of the image: an estimate with more of it doubtful shows contacts."""
+_LEAST_FREE_FRACTION = 1 / 3  # of the frames that show a pixel untouched, or its median is not trusted
 
 
 def estimate_background(images: list[np.ndarray]) -> np.ndarray:
@@ -43,14 +46,14 @@ def estimate_background(images: list[np.ndarray]) -> np.ndarray:
     return out
 
 
-def doubtful_share(images: list[np.ndarray], background: np.ndarray) -> float:
-    """Share of the image in which `background`, estimated from `images`, is that of few of them only.
+def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float:
+    """Fraction of the image in which `background`, estimated from `images`, is that of few of them only.
 
-    There the sensor was touched too often, and the median shows contacts. A contact that never ends cannot be told.
+    There the sensor was touched too often, and the median shows contacts. A contact that never ends goes unnoticed.
     """
     small = [_block_means(image) for image in (*images, background)]
-    same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME
-    return float((same.mean(axis=0) < _MAJORITY).mean())
+    same = np.abs(np.stack(small[:-1]) - small[-1]).max(axis=3) < _SAME_SURFACE
+    return float((same.mean(axis=0) < _LEAST_FREE_FRACTION).mean())
 
 
 def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
@@ -64,25 +67,135 @@ def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> 
     if quietest_tenth(difference) > QUIET_LIMIT:
         return False
     difference = without_drift(difference)
-    felt = tdn.predict(candidate, present, difference)
-    forward = explained_share(difference, felt, tdn.sensor.pixel_size)
+    penetration = tdn.predict(candidate, present, difference)
+    explained = explained_fraction(difference, penetration, tdn.sensor.pixel_size)
     if (
-        forward is None
-        or forward < EXPLAINED_LIMIT[tdn.sensor.light]
-        or not ContactDetector(tdn.sensor).update(felt).in_contact
+        explained is None
+        or explained < EXPLAINED_LIMIT[tdn.sensor.light]
+        or not ContactDetector(tdn.sensor).update(penetration).in_contact
     ):
         return False
-    touched = np.abs(difference).max(axis=2) > _CHANGED
-    return _roughness(candidate, touched) > _CLEARLY * _roughness(present, touched)
+    touched = np.abs(difference).max(axis=2) > _LEAST_CHANGE
+    return _roughness(candidate, touched) > _LEAST_ROUGHNESS_RATIO * _roughness(present, touched)
 
 
 def _roughness(image: np.ndarray, where: np.ndarray) -> float:
     """Mean curvature of an image's brightness over the pixels (160, 120) bool, noise smoothed away."""
     small = cv2.resize(image, where.shape[::-1], interpolation=cv2.INTER_AREA).astype(np.float32)
-    curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHED), cv2.CV_32F)).sum(axis=2)
+    curvature = np.abs(cv2.Laplacian(cv2.GaussianBlur(small, (0, 0), _SMOOTHING), cv2.CV_32F)).sum(axis=2)
     return float(curvature[where].mean())
 
 
 def _block_means(image: np.ndarray) -> np.ndarray:
     size = (image.shape[1] // _BLOCK, image.shape[0] // _BLOCK)
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def largest_change(images: Sequence[np.ndarray]) -> float:
+    """Largest change [grey levels] of any 16 x 16 block's mean against the first image.
+
+    Block means make it blind to pixel noise (a few grey levels) and sharp for a small contact that moves.
+    """
+    means = np.stack([_block_means(image) for image in images])
+    return float(np.abs(means - means[0]).max())
+
+
+class BackgroundCapture:
+    """Collects `frames` images; then `image` is the background, or `refusal` says why there is none."""
+
+    def __init__(self, frames: int, still_threshold: float):
+        self._frames, self._still_threshold = frames, still_threshold
+        self._images: list[np.ndarray] = []
+        self.image: np.ndarray | None = None
+        self.refusal = ""
+
+    @property
+    def done(self) -> bool:
+        """Whether enough images have come."""
+        return len(self._images) >= self._frames
+
+    def add(self, image: np.ndarray) -> None:
+        """One more image (H, W, 3) uint8."""
+        self._images.append(image)
+        if not self.done:
+            return
+        change = largest_change(self._images)
+        if change > self._still_threshold:
+            self.refusal = (
+                f"the image is not still: it changed by {change:.1f} grey levels over {self._frames} frames "
+                f"(limit {self._still_threshold:.1f}); lift the finger off, hold it still and try again"
+            )
+        else:
+            self.image = estimate_background(self._images)
+
+
+class RunningBackground:
+    """Background from the first images of a stream: good from the start where those show no contact.
+
+    It is estimated anew after 1, 2, 4, ... images, up to `frames` of them.
+    """
+
+    def __init__(self, frames: int):
+        self._frames = frames
+        self._images: list[np.ndarray] = []
+        self.count = 0
+        self.image: np.ndarray | None = None
+        self.change = 0.0
+
+    def add(self, image: np.ndarray) -> None:
+        """One more image (H, W, 3) uint8."""
+        if self.count == self._frames:
+            return
+        self._images.append(image)
+        self.count += 1
+        if self.count == self._frames or self.count & (self.count - 1) == 0:
+            self.image = estimate_background(self._images)
+            self.change = largest_change(self._images)
+        if self.count == self._frames:
+            self._images.clear()
+
+
+class TouchedBackground:
+    """Watches the images of one sensor that differ from its no-contact image.
+
+    Args: tdn; every, how many such images pass for one that is kept, at first: twice as many after each window, as a
+    no-contact image does not change by itself; window, how many of those count, at least a third of which must have
+    come before anything is said.
+    Attribute: problem, that the no-contact image shows a touch, and the fix; empty if it does not.
+    """
+
+    def __init__(self, tdn: DepthNet, every: int = 5, window: int = 15):
+        self._tdn, self._every, self._window = tdn, every, window
+        self._step = max(1, window // 3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen: the no-contact image is another one."""
+        self._start(None)
+
+    def observe(self, image: np.ndarray, background: np.ndarray) -> None:
+        """One image and the no-contact image in use, both (320, 240, 3) uint8 RGB; neither is written into later."""
+        if background is not self._background:
+            self._start(background)
+        self._frames += 1
+        if (self._frames - 1) % self._stride:
+            return
+        self._images.append(image)
+        # judged with a third of the window, two thirds, and all of it
+        if len(self._images) % self._step == 0:
+            self._judge()
+        if len(self._images) >= self._window:
+            self._images.clear()
+            self._stride *= 2
+
+    def _start(self, background: np.ndarray | None) -> None:
+        self._background, self._images, self._frames, self._stride = background, [], 0, self._every
+        self.problem = ""
+
+    def _judge(self) -> None:
+        self.problem = ""
+        if shows_contact(self._tdn, self._background, estimate_background(self._images)):
+            self.problem = (
+                "the no-contact image shows a touch that the images do not have; lift the finger and call "
+                "capture_background"
+            )

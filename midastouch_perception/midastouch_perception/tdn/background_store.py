@@ -13,8 +13,46 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
 from ..sensor_calibration.calibration import SensorCalibration
-from ..sensor_model import SensorModel
-from .background_file import read_background
+from ..sensor_model import DIGIT_LAMPS, SensorModel
+from .background import MOST_DOUBTFUL, RunningBackground, doubtful_fraction, estimate_background
+from .colour_layout import image_problem, shipped_layout
+
+_MOST_FILES = 200
+
+
+def read_background(path: str | Path, height: int, width: int) -> np.ndarray:
+    """RGB image (height, width, 3) uint8 from an image file, or estimated from a folder of a sensor's images.
+
+    Raises InputError: no such path, no images in it, not an image, another size, or images that show contacts at the
+    same pixels too often to show what is behind them.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return _read_image(path, height, width)
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".png", ".jpg", ".jpeg"))
+    if not files:
+        raise InputError(f"{path}: no PNG or JPEG images in this folder to estimate a background from")
+    chosen = files[:: -(-len(files) // _MOST_FILES)]
+    images = [_read_image(file, height, width) for file in chosen]
+    background = estimate_background(images)
+    doubt = doubtful_fraction(images, background)
+    if doubt > MOST_DOUBTFUL:
+        raise InputError(
+            f"{path}: {100 * doubt:.0f} % of the image is touched in most of these images; "
+            "give images without contact, or a slide with longer pauses"
+        )
+    return background
+
+
+def _read_image(path: Path, height: int, width: int) -> np.ndarray:
+    if not path.is_file():
+        raise InputError(f"{path}: no such background image; leave the parameter empty to estimate one")
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: not an image; use PNG or JPEG")
+    if image.shape[:2] != (height, width):
+        raise InputError(f"{path}: {image.shape[1]} x {image.shape[0]} pixels, the sensor model has {width} x {height}")
+    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
 def default_folder() -> Path:
@@ -65,10 +103,57 @@ class BackgroundStore:
         return f"kept in {self.path}"
 
     def save(self, image: np.ndarray) -> None:
-        """Keep an image (H, W, 3) uint8 RGB in place of the last one; InputError if it cannot be written."""
+        """Keep an image (H, W, 3) uint8 RGB that replaces the last one; InputError if it cannot be written."""
         encoded = cv2.imencode(".png", cv2.cvtColor(image, cv2.COLOR_RGB2BGR))[1]
         try:
             with atomic_path(self.path) as temporary:
                 temporary.write_bytes(encoded.tobytes())
         except OSError as error:
             raise InputError(f"{self.path}: {error.strerror or error}; the background was not kept") from error
+
+
+class SensorBackground:
+    """Given by a file, else kept from an earlier start, else estimated from the first images; a captured one goes over
+    all of these.
+
+    Args: sensor, at image resolution; path of an image or a folder of images, or ""; store, or None; frames, number of
+    images an estimate is made from. Raises InputError as `read_background`.
+    Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, where it is from, and problem, what cannot
+    be right with it ("" if nothing), in words.
+    """
+
+    def __init__(self, sensor: SensorModel, path: str, store: BackgroundStore | None, frames: int):
+        self._layout = shipped_layout() if sensor.lamps == DIGIT_LAMPS else None
+        self._store = store
+        self._running: RunningBackground | None = None
+        self.image: np.ndarray | None = None
+        self.source, self.problem = "none yet", ""
+        size = sensor.height, sensor.width
+        if path:
+            self._set(read_background(path, *size), f"file {path}")
+        elif store is not None and (kept := store.load(*size)) is not None:
+            self._set(kept, f"kept in {store.path}")
+        else:
+            self._running = RunningBackground(frames)
+
+    @property
+    def change(self) -> float:
+        """Grey levels by which the images changed that it is estimated from; 0 for one that is not estimated."""
+        return self._running.change if self._running is not None else 0.0
+
+    def observe(self, image: np.ndarray) -> None:
+        """One more image (H, W, 3) uint8 of the sensor."""
+        if self._running is None:
+            return
+        self._running.add(image)
+        if self._running.image is not self.image:
+            self._set(self._running.image, f"the first {self._running.count} images")
+
+    def replace(self, image: np.ndarray) -> str:
+        """Take a captured image (320, 240, 3) uint8 RGB; says in words whether it is kept for the next start."""
+        self._running = None
+        self._set(image, "capture_background")
+        return self._store.keep(image) if self._store else "not kept for the next start: set the parameter serial"
+
+    def _set(self, image: np.ndarray, source: str) -> None:
+        self.image, self.source, self.problem = image, source, image_problem(image, self._layout)

@@ -20,22 +20,22 @@ _FILE = Path(__file__).parent / "no_contact_layout.npz"
 _GRID = (16, 12)  # rows, columns
 _MARGIN = 0.15  # by which another orientation must match better to be believed
 _MARGIN_OF_TWO = 0.4  # the same for two mistakes at once: some sensors are lit so
-_LEAST = 0.2  # correlation below which no layout is recognised: some DIGITs are lit otherwise
+_LEAST_CORRELATION = 0.2  # correlation below which no layout is recognised: some DIGITs are lit otherwise
 _SAME_SENSOR = 0.8  # correlation of an image with its sensor's no-contact image, whatever touches it
 _DARK, _BRIGHT = 12.0, 250.0  # grey levels
-_CLIPPED_SHARE = 0.05
+_MOST_CLIPPED = 0.05
 
-_SWAPPED = "with red and blue swapped"
+_SWAP = "with red and blue swapped"
 _TURNS = {
     "upside down": lambda image: image[::-1, ::-1],
     "mirrored left to right": lambda image: image[:, ::-1],
     "mirrored top to bottom": lambda image: image[::-1],
 }
-_SWAPPED_TURNS = {
-    f"{name} and {_SWAPPED}": lambda image, turn=turn: turn(image)[..., ::-1] for name, turn in _TURNS.items()
+_SWAPPED_AND_TURNED = {
+    f"{name} and {_SWAP}": lambda image, turn=turn: turn(image)[..., ::-1] for name, turn in _TURNS.items()
 }
 
-ORIENTATIONS = {**_TURNS, _SWAPPED: lambda image: image[..., ::-1], **_SWAPPED_TURNS}
+ORIENTATIONS = {**_TURNS, _SWAP: lambda image: image[..., ::-1], **_SWAPPED_AND_TURNED}
 """What can be wrong with an image (H, W, 3), as a function that undoes it (and makes it)."""
 
 
@@ -63,7 +63,7 @@ def shipped_layout() -> np.ndarray:
 def exposure_problem(image: np.ndarray, most: float) -> str:
     """How an image (H, W, 3) uint8 RGB is too dark or too bright to show anything; empty if it is not.
 
-    most: the share (0 ... 1) of the image that may be saturated.
+    most: the fraction (0 ... 1) of the image that may be saturated.
     """
     if image.mean() < _DARK:
         return "black; check the sensor's lights and its cable"
@@ -74,18 +74,18 @@ def exposure_problem(image: np.ndarray, most: float) -> str:
 
 
 def image_problem(image: np.ndarray, layout: np.ndarray | None) -> str:
-    """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to mend it; empty if nothing.
+    """What is wrong with a no-contact image (H, W, 3) uint8 RGB and how to fix it; empty if nothing.
 
     layout (16, 12, 3), of DIGITs as they should be; None for a sensor whose lamps nobody knows.
     """
-    if problem := exposure_problem(image, _CLIPPED_SHARE):
+    if problem := exposure_problem(image, _MOST_CLIPPED):
         return f"the no-contact image is {problem}"
     if layout is not None and (wrong := misorientation(image, layout)):
-        return f"the images look {wrong}; {_mend(wrong)}"
+        return f"the images look {wrong}; {_driver_fix(wrong)}"
     return ""
 
 
-def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST) -> str:
+def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST_CORRELATION) -> str:
     """Which of `ORIENTATIONS` an image (H, W, 3) uint8 RGB looks like; empty if it looks upright.
 
     layout (16, 12, 3), as it should be; least, correlation with it below which the image is not recognised.
@@ -94,26 +94,26 @@ def misorientation(image: np.ndarray, layout: np.ndarray, least: float = _LEAST)
     upright = float((found * layout).sum())
     fits = {name: float((found * undo(layout)).sum()) for name, undo in ORIENTATIONS.items()}
     best = max(fits, key=fits.get)
-    margin = _MARGIN_OF_TWO if best in _SWAPPED_TURNS else _MARGIN
+    margin = _MARGIN_OF_TWO if best in _SWAPPED_AND_TURNED else _MARGIN
     return best if fits[best] > max(upright + margin, least) else ""
 
 
 def turned_since(image: np.ndarray, background: np.ndarray) -> str:
-    """How an image is turned or swapped against its own no-contact image, both (H, W, 3) uint8 RGB, and the mend; empty
+    """How an image is turned or swapped against its own no-contact image, both (H, W, 3) uint8 RGB, and the fix; empty
     if it is not.
 
     A touch changes where an image has which colour far less than any of `ORIENTATIONS`, or another sensor, does.
     """
     if wrong := misorientation(image, colour_layout(background), _SAME_SENSOR):
         return (
-            f"the images look {wrong} against the no-contact image; {_mend(wrong)}, or if that is wanted lift the "
-            "finger and call capture_background"
+            f"the images look {wrong} against the no-contact image; {_driver_fix(wrong)}, or if that is wanted lift "
+            "the finger and call capture_background"
         )
     return ""
 
 
-def _mend(wrong: str) -> str:
-    settings = [name for name, seen in (("rotation", wrong != _SWAPPED), ("encoding", _SWAPPED in wrong)) if seen]
+def _driver_fix(wrong: str) -> str:
+    settings = [name for name, seen in (("rotation", wrong != _SWAP), ("encoding", _SWAP in wrong)) if seen]
     return f"check the driver's {' and '.join(settings)}"
 
 

@@ -14,8 +14,8 @@ from onnx import helper, numpy_helper
 
 from midastouch_common.files import atomic_path
 
-from ..model_card import write_card
-from .fcrn_shapes import BLOCKS, NORM, QUARTERS
+from ..onnx_network import write_card
+from .fcrn import BLOCKS, NORM, QUARTERS
 
 _EPSILON = 1e-5  # of batch normalisation
 _OPSET, _IR = 17, 8  # as old as the operators allow, for old ONNX Runtimes
@@ -86,7 +86,7 @@ class Graph:
 
 
 def fcrn_model(state: dict[str, np.ndarray]) -> onnx.ModelProto:
-    """The network with the weights of a state dict, names and shapes as `fcrn_shapes.expected_shapes`.
+    """The network with the weights of a state dict, names and shapes as `fcrn.expected_shapes`.
 
     Input "image" (N, 3, 320, 240) float32, normalised grey levels; output "height" (N, 1, 320, 240) float32.
     """

@@ -4,12 +4,12 @@ Two figures of each difference image, both cheap:
 
 - *quietest tenth*: however hard the finger is pressed, a tenth of the image stays as it is without contact, but for the
   frame's brightness, which the difference is free of. If not, the background is another sensor's or turned.
-- *explained share*: light falls on a bump as the bump's slopes say. If the slopes of the felt relief do not explain
-  the image by some linear optics, the network has felt something that is not there. What lamps and exposure change from
-  frame to frame varies slowly over the image and needs no explanation.
+- *explained fraction*: light falls on a bump as the bump's slopes say. If the slopes of the measured penetration map do
+  not explain the image by some linear optics, the network has measured something that is not there. What lamps and
+  exposure change from frame to frame varies slowly over the image and needs no explanation.
 
 The limits are those that simulated sensors as the network was trained on seldom break: `midastouch evaluate-checks`
-measures how seldom, and how surely misfits do.
+measures how seldom, and how reliably sensors that do not fit break them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import collections
 import cv2
 import numpy as np
 
-from ..rendering.gel_surface import GelShape
-from ..sensor_calibration.response import height_slopes, place_terms
+from ..rendering.renderer import GelShape
+from ..sensor_calibration.response import height_slopes, position_terms
 from ..sensor_model import SensorModel
 
 _BLOCKS = (20, 15)  # rows, columns of the blocks over which everything is averaged
-_FAINT = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
+_LEAST_CHANGE = 1.5  # grey levels, root mean square over blocks: below it there is nothing to explain
 QUIET_LIMIT = 5.0  # grey levels
 EXPLAINED_LIMIT = {"additive": 0.5, "relative": 0.75}
 """By `SensorModel.light`: on real gel more is explained, as its light is known better."""
@@ -32,17 +32,18 @@ _GELS = GelShape(0.3e-3, 0.0, 0.1e-3), GelShape(0.5e-3, 1.0, 0.25e-3), GelShape(
 """From one that follows every edge to one that sinks in far around it."""
 
 
-def explained_share(difference: np.ndarray, penetration: np.ndarray, pixel: float) -> float | None:
-    """Share (0 ... 1) of a difference image's energy that the felt relief explains; None if there is hardly any.
+def explained_fraction(difference: np.ndarray, penetration: np.ndarray, pixel: float) -> float | None:
+    """Fraction (0 ... 1) of a difference image's energy that its penetration map explains; None without a visible
+    change.
 
     difference (H, W, 3) grey levels; penetration (H, W) m; pixel, m per pixel. The optics fitted to each image: every
-    channel is linear in the slopes of the gel around the relief, with factors linear in the position, plus a quadratic
+    channel is linear in the slopes of the gel around the contact, with factors linear in the position, plus a quadratic
     in the slopes. The gel is the one of a few that explains most. What is quadratic in the position does not count.
     """
-    slow = np.linalg.qr(place_terms(*_BLOCKS).reshape(-1, 6))[0]
+    slow = np.linalg.qr(position_terms(*_BLOCKS).reshape(-1, 6))[0]
     seen = _without(slow, _blocks(difference).reshape(-1, 3))
     energy = float((seen**2).sum())
-    if energy < _FAINT**2 * seen.size:
+    if energy < _LEAST_CHANGE**2 * seen.size:
         return None
     left = []
     for gel in _GELS:
@@ -59,8 +60,8 @@ def _light_terms(height: np.ndarray, pixel: float) -> np.ndarray:
     slopes = height_slopes(height, pixel)
     sines = slopes / np.sqrt(1 + (slopes**2).sum(axis=2, keepdims=True))
     x, y = sines[..., 0], sines[..., 1]
-    places = place_terms(*_BLOCKS)[..., :3]
-    linear = [_blocks(along)[..., None] * places for along in (x, y)]
+    positions = position_terms(*_BLOCKS)[..., :3]
+    linear = [_blocks(along)[..., None] * positions for along in (x, y)]
     squares = _blocks(np.stack([x * x, y * y, x * y], axis=2))
     return np.concatenate([*linear, squares], axis=2).reshape(-1, 9)
 
@@ -100,9 +101,9 @@ class FitCheck:
         if (self._frames - 1) % self._every:
             return
         self._quiet.append(quietest_tenth(difference))
-        share = explained_share(difference, penetration, self._pixel)
-        if share is not None:
-            self._explained.append(share)
+        explained = explained_fraction(difference, penetration, self._pixel)
+        if explained is not None:
+            self._explained.append(explained)
 
     def reset(self) -> None:
         """Forget what was seen: the background is another one."""
@@ -116,7 +117,7 @@ class FitCheck:
 
     @property
     def explained(self) -> float | None:
-        """Median explained share; None before enough frames with a visible change."""
+        """Median explained fraction; None before enough frames with a visible change."""
         return self._median(self._explained)
 
     @property
@@ -130,7 +131,7 @@ class FitCheck:
 
     @property
     def problem(self) -> str:
-        """What does not fit and how to mend it; empty if nothing."""
+        """What does not fit and how to fix it; empty if nothing."""
         if self.quiet is not None and self.quiet > QUIET_LIMIT:
             return (
                 f"no part of the image is as in the no-contact image (off by {self.quiet:.0f} grey levels): it is "
@@ -139,8 +140,8 @@ class FitCheck:
             )
         if self.explained is not None and self.explained < self._limit:
             return (
-                f"the felt relief explains {100 * self.explained:.0f} % of what the images show: the no-contact image "
-                "shows a contact (lift the finger and call capture_background), or this sensor is lit unlike those the "
-                "network was trained for (press a ball and run midastouch calibrate)"
+                f"the penetration map explains {100 * self.explained:.0f} % of what the images show: the no-contact "
+                "image shows a contact (lift the finger and call capture_background), or this sensor is lit unlike "
+                "those the network was trained for (press a ball and run midastouch calibrate)"
             )
         return ""

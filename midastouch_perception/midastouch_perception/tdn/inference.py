@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..model_card import read_card
-from ..onnx_network import WEIGHTS, network_path
+from ..onnx_network import WEIGHTS, network_path, read_card
 from ..sensor_calibration.calibration import SensorCalibration
 from ..sensor_model import SensorModel
 from .depth_net import DepthNet

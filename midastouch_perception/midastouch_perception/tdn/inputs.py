@@ -1,25 +1,36 @@
-"""What the depth network sees: the difference to the background, and the sensor's geometry."""
+"""What the depth network sees: the difference to the no-contact image, free of drift, and the sensor's geometry.
+
+A sensor's light changes slowly, as LEDs warm up and gel settles: the no-contact image ages.
+"""
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 import midastouch_kernels as kernels
 from midastouch_common.errors import InputError
 
+from ..sensor_calibration.response import position_terms
 from ..sensor_model import SensorModel
 
 _GREY_LEVELS = 32.0
 RELATIVE_LEVEL = 100.0  # grey levels of the background that a relative difference is expressed for
 _DARKEST = 30.0  # grey levels: a darker background would enlarge noise only
-_EVERY = 4  # px; as many tell the gain
+_GAIN_STEP = 4  # px; every fourth pixel is enough to measure the gain
 _LEAST_GAIN = 0.1
 _METRES = 0.01
 _SAG = 0.003
+_DRIFT_GRID = (5, 4)  # rows, columns: far coarser than a contact, whose bright and dark sides cancel
+_DRIFT_RATE = 0.1  # per frame without contact
+_BLOCK = 8  # px
+_DRIFT_ROUNDS = 6
+_QUIET_FRACTION = 0.6  # of the image is free of contact and shadow
+_LARGEST_DRIFT = 15.0  # grey levels: what differs more is another sensor or another light, which the fit check reports
 
 
 def check_image(image: np.ndarray, sensor: SensorModel, what: str) -> np.ndarray:
-    """`image` if it is (H, W, 3) uint8 of the sensor's size; InputError naming `what` and the mend otherwise."""
+    """`image` if it is (H, W, 3) uint8 of the sensor's size; else InputError naming `what` and the fix."""
     shape = (sensor.height, sensor.width, 3)
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8:
         kind = getattr(image, "dtype", type(image).__name__)
@@ -39,13 +50,13 @@ class ContactLight:
 
     light: as `SensorModel.light`. Exposure and lamps change from frame to frame and turn a whole colour up or down;
     they are no contact, and most of the image is untouched, so each colour's median ratio to the background is taken
-    off. Of relative light what is left is divided by the background: the share by which real gel becomes brighter
+    off. Of relative light what is left is divided by the background: the fraction by which real gel becomes brighter
     where it slopes hardly differs from sensor to sensor or over the image, the grey levels do several times.
     """
 
     def __init__(self, background: np.ndarray, light: str):
         self._background = np.ascontiguousarray(background, np.float32)
-        self._sparse = 1 / np.maximum(self._background[::_EVERY, ::_EVERY], 1)
+        self._sparse = 1 / np.maximum(self._background[::_GAIN_STEP, ::_GAIN_STEP], 1)
         self._unit = RELATIVE_LEVEL / np.maximum(background, _DARKEST) if light == "relative" else None
 
     def difference(self, image: np.ndarray) -> np.ndarray:
@@ -54,7 +65,7 @@ class ContactLight:
         In grey levels; of relative light in those it would have over a background of 100.
         """
         image = np.ascontiguousarray(image, np.float32)
-        change = kernels.change_beside_gain(image, self._background, self._sparse, _EVERY, _LEAST_GAIN)
+        change = kernels.change_beside_gain(image, self._background, self._sparse, _GAIN_STEP, _LEAST_GAIN)
         return change if self._unit is None else change * self._unit
 
 
@@ -72,3 +83,38 @@ def geometry_input(sensor: SensorModel) -> np.ndarray:
     depth = sensor.gel_depth
     sag = (sensor.gel_distance - depth) / _SAG
     return np.stack([tangent_x * depth / _METRES, tangent_y * depth / _METRES, sag]).astype(np.float32)
+
+
+class LightDrift:
+    """What the no-contact image has become, learned while nothing is touched and taken off while something is."""
+
+    def __init__(self) -> None:
+        self._offset = np.zeros((*_DRIFT_GRID, 3), np.float32)
+
+    def learn(self, difference: np.ndarray) -> None:
+        """One frame without contact: its difference (H, W, 3), grey levels, to the stored no-contact image."""
+        now = cv2.resize(difference, _DRIFT_GRID[::-1], interpolation=cv2.INTER_AREA)
+        self._offset += _DRIFT_RATE * (np.clip(now, -_LARGEST_DRIFT, _LARGEST_DRIFT) - self._offset)
+
+    def correct(self, difference: np.ndarray) -> np.ndarray:
+        """Difference (H, W, 3) to the no-contact image of today."""
+        if not self._offset.any():
+            return difference
+        return difference - cv2.resize(self._offset, difference.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+
+
+def without_drift(change: np.ndarray) -> np.ndarray:
+    """A change (H, W, 3) less what varies slowly over the image: lamps that have warmed since the no-contact image.
+
+    A quadratic in the position, fitted to block means by least squares over and over, each time to the quieter ones.
+    """
+    height, width = change.shape[:2]
+    blocks = cv2.resize(change, (width // _BLOCK, height // _BLOCK), interpolation=cv2.INTER_AREA)
+    positions = position_terms(*blocks.shape[:2]).reshape(-1, 6)
+    blocks = blocks.reshape(-1, 3)
+    kept = np.ones(len(blocks), bool)
+    for _ in range(_DRIFT_ROUNDS):
+        factors = np.linalg.lstsq(positions[kept], blocks[kept], rcond=None)[0]
+        off = np.abs(blocks - positions @ factors).max(axis=1)
+        kept = off <= max(np.quantile(off, _QUIET_FRACTION), 1e-3)
+    return change - (position_terms(height, width) @ factors).astype(np.float32)

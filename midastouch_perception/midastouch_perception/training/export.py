@@ -1,12 +1,16 @@
-"""Trained networks as ONNX files with their model cards."""
+"""Trained networks as ONNX files with their model cards, and trainings that begin with such a file."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+import onnx
 import torch
+from onnx import numpy_helper
+from torch import nn
 
+from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
 
@@ -31,3 +35,48 @@ def export_onnx(
     with atomic_path(path.with_suffix(".json")) as temporary:
         temporary.write_text(json.dumps(card, indent=2) + "\n")
     return path
+
+
+@torch.no_grad()
+def unfold(model: nn.Module, path: str | Path, *batch: torch.Tensor) -> None:
+    """Give `model` the weights of an ONNX export of the same architecture, so that both compute the same.
+
+    A folded convolution says what comes out of its normalisation, not what its mean and variance were: those are
+    measured on `batch`, the model's inputs, and the normalisation's factors follow. Raises InputError if the
+    convolutions or linear layers are others.
+    """
+    graph = onnx.load(str(path)).graph
+    values = {i.name: torch.from_numpy(numpy_helper.to_array(i).copy()) for i in graph.initializer}
+    exported = [node.input for node in graph.node if node.op_type in ("Conv", "Gemm")]
+    layers = [layer for layer in model.modules() if isinstance(layer, (nn.Conv2d, nn.Linear))]
+    shapes = [(tuple(values[w].shape), tuple(values[b].shape)) for _, w, b in exported]
+    if shapes != [(tuple(layer.weight.shape), tuple(layer.weight.shape[:1])) for layer in layers]:
+        raise InputError(f"{path}: its layers are not those of the network to train; start from another one")
+    bias = []
+    for layer, (_, weight, offset) in zip(layers, exported, strict=True):
+        layer.weight.copy_(values[weight])
+        bias.append(values[offset])
+        if layer.bias is not None:
+            layer.bias.copy_(values[offset])
+    biases = dict(zip(layers, bias, strict=True))
+    hooks = []
+    for group in model.modules():
+        if isinstance(group, nn.Sequential):
+            for convolution, norm in zip(group, list(group)[1:], strict=False):
+                if isinstance(norm, nn.BatchNorm2d):
+                    hooks.append(norm.register_forward_pre_hook(_measure(biases[convolution])))
+    model.eval()(*batch)
+    for hook in hooks:
+        hook.remove()
+
+
+def _measure(bias: torch.Tensor):
+    """A hook that sets a normalisation by its first input so that it adds `bias` and does nothing else."""
+
+    def hook(norm: nn.BatchNorm2d, inputs: tuple[torch.Tensor, ...]) -> None:
+        norm.running_mean.copy_(inputs[0].mean(dim=(0, 2, 3)))
+        norm.running_var.copy_(inputs[0].var(dim=(0, 2, 3)))
+        norm.weight.copy_((norm.running_var + norm.eps).sqrt())
+        norm.bias.copy_(norm.running_mean + bias)
+
+    return hook

@@ -1,4 +1,4 @@
-"""What every training run shares: a time budget, checkpoints to resume from, a CSV log with its curve."""
+"""What training runs have in common: batches rendered beside it, a time budget, checkpoints, a log with its curve."""
 
 from __future__ import annotations
 
@@ -9,14 +9,39 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
 
+import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 
 from .setting import TrainingOptions
+
+
+def rendered_batches(dataset: torch.utils.data.IterableDataset, options: TrainingOptions, ahead: int):
+    """Loader of the dataset's own batches, `ahead` of them waiting per rendering process."""
+    if not options.workers:
+        return torch.utils.data.DataLoader(dataset, batch_size=None)
+    return torch.utils.data.DataLoader(
+        dataset,
+        batch_size=None,
+        num_workers=options.workers,
+        prefetch_factor=ahead,
+        multiprocessing_context="spawn",  # a fork has the locks of PyTorch's and OpenCV's threads, but not the threads
+    )
+
+
+def rendering_process() -> int:
+    """Keep a rendering process to one thread of its own; returns its number, 0 in the training process."""
+    worker = torch.utils.data.get_worker_info()
+    if worker is None:
+        return 0
+    midastouch_kernels.set_threads(1)
+    cv2.setNumThreads(1)
+    return worker.id
 
 
 class TrainingRun:
@@ -44,7 +69,7 @@ class TrainingRun:
 
     @property
     def progress(self) -> float:
-        """Share of the budget used, 0 ... 1."""
+        """Fraction of the budget used, 0 ... 1."""
         if self._options.steps:
             return min((self.step - self._first_step) / self._options.steps, 1.0)
         return min((time.monotonic() - self.started) / (60 * self._options.minutes), 1.0)

@@ -1,4 +1,7 @@
-"""What a training run is given: its options, and the data they name."""
+"""What a training run is given: its options, and the meshes and no-contact images that they name.
+
+The objects are YCB scans other than the paper's test objects, and procedural shapes; the images are of many DIGITs.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,63 @@ import dataclasses
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
 from ..onnx_network import network_path
 from ..sensor_model import SensorModel
-from ..simulation.colour_table import ColourTable
+from ..simulation.optics import ColourTable
+from ..simulation.procedural import random_probe, random_shape
 from ..simulation.randomisation import RandomisationRange
-from .backgrounds import load_backgrounds
-from .objects import load_objects
 
 PROCEDURAL_OBJECTS = 24
 _OTHER_DESIGNS = 0.2  # of the sensors with relative light: a new gel is to be read before anybody trains for it
+HELD_OUT = 4  # the last ones by name only validate
+# the paper's ten test objects: never trained on
+TEST_OBJECTS = ("004_", "005_", "006_", "021_", "025_", "035_", "037_", "042_", "048_", "055_")
+# of the training scans, these measure generalisation while training
+VALIDATION_OBJECTS = ("019_", "032_", "043_", "052_", "065-c_", "072-b_", "073-a_")
+_STRETCH = 0.7, 1.4
+
+
+def load_objects(folder: str | Path, procedural: int, seed: int) -> tuple[list[ObjectMesh], list[ObjectMesh]]:
+    """Training and validation meshes: PLY files of `folder` without the test objects, and `procedural` random shapes.
+
+    Raises InputError if the folder holds no usable mesh.
+    """
+    paths = [p for p in sorted(Path(folder).glob("*.ply")) if not p.name.startswith(TEST_OBJECTS)]
+    if not paths:
+        raise InputError(f"{folder}: no training meshes (*.ply) here; name the folder of the YCB scans")
+    meshes = [ObjectMesh.load(path) for path in paths]
+    held_out = [mesh for mesh in meshes if mesh.name.startswith(VALIDATION_OBJECTS)]
+    rng = np.random.default_rng(seed)
+    makers = (random_shape, random_shape, random_probe)
+    shapes = [makers[i % 3](rng, f"procedural_{i}") for i in range(procedural)]
+    return [mesh for mesh in meshes if mesh not in held_out] + shapes, held_out
+
+
+def stretched(mesh: ObjectMesh, rng: np.random.Generator) -> ObjectMesh:
+    """Another object: the mesh scaled by its own factor, 0.7 to 1.4, along each of three perpendicular directions."""
+    axes = se3.exp(np.r_[np.zeros(3), rng.uniform(-np.pi, np.pi, 3)])[:3, :3]
+    scale = axes * np.exp(rng.uniform(*np.log(_STRETCH), 3)) @ axes.T
+    return ObjectMesh(mesh.vertices @ scale, mesh.faces, mesh.name, mesh.sha256)
+
+
+def load_backgrounds(folder: str | Path, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Training and validation images (B, height, width, 3) uint8 RGB from the JPEG or PNG files of `folder`.
+
+    Raises InputError if there are fewer than 8 readable ones.
+    """
+    paths = [p for p in sorted(Path(folder).glob("*")) if p.suffix.lower() in (".jpg", ".png")]
+    images = [cv2.imread(str(path)) for path in paths]
+    images = [cv2.resize(i, (width, height), interpolation=cv2.INTER_AREA)[:, :, ::-1] for i in images if i is not None]
+    if len(images) < 8:
+        raise InputError(f"{folder}: {len(images)} readable no-contact images; training needs at least 8")
+    return np.stack(images[:-HELD_OUT]), np.stack(images[-HELD_OUT:])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,5 +128,5 @@ class TrainingData:
         return cls(
             *load_objects(options.meshes, PROCEDURAL_OBJECTS, options.seed),
             *load_backgrounds(options.backgrounds, sensor.height, sensor.width),
-            RandomisationRange(colour_table=table, design_share=_OTHER_DESIGNS),
+            RandomisationRange(colour_table=table, design_fraction=_OTHER_DESIGNS),
         )

@@ -1,10 +1,16 @@
-"""An endless, seeded stream of simulated touches for training."""
+"""Simulated touches for training: an endless, seeded stream of them, and how sensors misread depth.
+
+Real gel differs from what the depth network's own errors in simulation show: the measured depth is off by a factor
+that belongs to the sensor, and gel that sinks in around a contact makes its outline soft. Codes must tell positions
+apart all the same.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
 
+import cv2
 import numpy as np
 
 from midastouch_common.mesh import ObjectMesh
@@ -16,18 +22,21 @@ from ..sensor_calibration.calibration import standard_colours
 from ..sensor_calibration.response import ColourResponse, NormalEquations, press_equations
 from ..sensor_model import SensorModel
 from ..simulation.randomisation import RandomisationRange, RandomSensor
-from ..tdn.drift import without_drift
-from ..tdn.inputs import ContactLight
+from ..tdn.inputs import ContactLight, without_drift
 
 _POSES_PER_OBJECT = 96
 _SENSORS_PER_OBJECT = 8
 # wider than the paper's: small presses too, or light touches are missed
-_SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_share=0.04)
-_CALIBRATED_SHARE = 0.4  # of the sensors whose light is relative
-_BALL_SHARE = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
+_SAMPLING = ContactSampling(press=(0.2e-3, 2e-3), free_fraction=0.04)
+_CALIBRATED_FRACTION = 0.4  # of the sensors whose light is relative
+_BALL_FRACTION = 0.2  # of those sensors, for what they press: large slopes within a small outline are rare on objects
 _BALL_PRESSES = (5, 15)  # for a calibration
 _BALL_RADIUS = (1.5e-3, 8e-3)  # m
-_WIDEST = 4e-3  # m: radius of a ball's contact
+_WIDEST_CONTACT = 4e-3  # m: radius of a ball's contact
+_MISREAD_FRACTION = 0.5  # of the touches: the others are as the depth network saw them
+_DEPTH_FACTORS = 0.7, 1.4
+_MOST_BLUR = 3.0  # pixels
+_MOST_CUT_OFF = 0.1e-3  # m
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,9 +72,9 @@ def touches(
             imaginary = RandomSensor(sensor, backgrounds, rng, ranges)
             response, maps, facing = None, penetration[part], normals[part]
             if sensor.light == "relative":
-                if rng.random() < _CALIBRATED_SHARE:
+                if rng.random() < _CALIBRATED_FRACTION:
                     response = calibrate(imaginary, rng)
-                if rng.random() < _BALL_SHARE:
+                if rng.random() < _BALL_FRACTION:
                     radius = float(rng.uniform(*_BALL_RADIUS))
                     maps = np.maximum(ball_presses(radius, len(part), sensor, rng), 0)
                     facing = np.zeros((*maps.shape, 3), np.float32)
@@ -78,11 +87,11 @@ def touches(
 
 
 def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
-    """Penetration (n, H, W) float32 m of a ball in random places, negative beside the contact."""
+    """Penetration (n, H, W) float32 m of a ball at random positions, negative beside the contact."""
     presses = []
     for _ in range(n):
         u, v = rng.uniform(0.05, 0.95, 2) * (sensor.width, sensor.height)
-        contact = min(rng.uniform(0.25, 0.85) * radius, _WIDEST)
+        contact = min(rng.uniform(0.25, 0.85) * radius, _WIDEST_CONTACT)
         presses.append(ball_penetration(ball_centre(u, v, contact, radius, sensor), radius, sensor))
     return np.stack(presses)
 
@@ -106,3 +115,15 @@ def shuffled(stream: Iterator[Touch], size: int, rng: np.random.Generator) -> It
         slot = int(rng.integers(size))
         yield reservoir[slot]
         reservoir[slot] = next(stream)
+
+
+def misread(maps: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Penetration maps (N, H, W) float32 m, half of them as a sensor that is off would measure them: depth scaled by
+    0.7 to 1.4, and for half of these the map blurred by up to 3 pixels and cut off below up to 0.1 mm."""
+    out = maps.copy()
+    for i in np.flatnonzero(rng.random(len(maps)) < _MISREAD_FRACTION):
+        out[i] *= np.exp(rng.uniform(*np.log(_DEPTH_FACTORS)))
+        if rng.random() < 0.5:
+            soft = cv2.GaussianBlur(out[i], (0, 0), rng.uniform(0.3, _MOST_BLUR))
+            out[i] = np.where(soft > rng.uniform(0.1, 1) * min(_MOST_CUT_OFF, 0.5 * soft.max()), soft, 0)
+    return out

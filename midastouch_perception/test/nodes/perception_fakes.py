@@ -25,7 +25,7 @@ class FakeDepthStage:
         rise = image[::2, ::2, 0].astype(np.float32) - background[::2, ::2, 0]
         return Contact.of(in_steps(np.maximum(rise, 0) * np.float32(1e-5)), self._sensor)
 
-    def reflect(self) -> None:
+    def deferred_update(self) -> None:
         pass
 
     def shows_contact(self, candidate: np.ndarray, background: np.ndarray) -> bool:

@@ -82,7 +82,8 @@ def test_a_network_that_is_not_there_fails_the_transition_until_it_is_mended(gra
 def test_only_an_active_tdn_captures_and_one_that_stops_refuses(graph, depth, background):
     graph.add(lambda **options: TdnNode(depth=depth, **options), {**WAITING, "background": background})
     refused = graph.call(Trigger, "capture_background", Trigger.Request())
-    assert (refused.success, refused.message) == (False, "the node is not active; activate it (ros2 lifecycle set)")
+    assert not refused.success
+    assert "ros2 lifecycle set" in refused.message
 
     assert graph.change_state("tdn", "configure")
     assert graph.change_state("tdn", "activate")

@@ -25,13 +25,13 @@ def test_poses_touch_within_limits(tool, sensor, poses):
 
 
 def test_two_percent_hover(tool, sensor):
-    poses = sample_contact_poses(tool, 1000, np.random.default_rng(1), sensor, ContactSampling(free_share=0.2))
+    poses = sample_contact_poses(tool, 1000, np.random.default_rng(1), sensor, ContactSampling(free_fraction=0.2))
     deepest = PenetrationRenderer(tool, sensor.scaled(0.125)).render(poses).max(axis=(1, 2))
     assert (deepest == 0).mean() == pytest.approx(0.2, abs=0.05)
 
 
 def test_tilt_is_a_few_degrees_from_the_face_normals(block, sensor):
-    sampling = ContactSampling(edge_share=0.0, free_share=0.0)
+    sampling = ContactSampling(edge_fraction=0.0, free_fraction=0.0)
     poses = sample_contact_poses(block, 500, np.random.default_rng(2), sensor, sampling)
     _, _, face = block.closest_points(poses[:, :3, 3])
     tilt = np.degrees(np.arccos(np.clip((poses[:, :3, 2] * block.face_normals[face]).sum(axis=1), -1, 1)))
@@ -69,6 +69,6 @@ def test_same_seed_same_poses(tool, sensor, poses):
 def test_hovering_poses_touch_nothing_even_inside_a_cup(sensor):
     outer = trimesh.creation.annulus(r_min=0.012, r_max=0.016, height=0.06)
     ring = ObjectMesh.from_arrays(np.asarray(outer.vertices), np.asarray(outer.faces), "ring")
-    sampling = ContactSampling(free_share=1.0)
+    sampling = ContactSampling(free_fraction=1.0)
     poses = sample_contact_poses(ring, 60, np.random.default_rng(0), sensor, sampling)
     assert not PenetrationRenderer(ring, sensor.scaled(0.5)).render(poses).any()

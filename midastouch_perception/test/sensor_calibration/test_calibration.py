@@ -52,7 +52,7 @@ def test_a_file_with_a_wrong_byte_is_refused_or_comes_back(calibration, tmp_path
     path = tmp_path / "a.npz"
     calibration.save(path)
     sound = path.read_bytes()
-    for at in range(0, len(sound), 7):
+    for at in range(0, len(sound), 29):
         path.write_bytes(sound[:at] + bytes([sound[at] ^ 0xFF]) + sound[at + 1 :])
         with contextlib.suppress(InputError):
             SensorCalibration.load(path)
@@ -69,7 +69,7 @@ def test_files_of_other_content_are_refused(calibration, tmp_path):
 
 def test_another_sensor_or_scale_is_refused(calibration, real):
     calibration.check_sensor(real, "D20123")
-    with pytest.raises(InputError, match="of the sensor 'D20123', not of 'D9'"):
+    with pytest.raises(InputError, match=r"D20123.*D9"):
         calibration.check_sensor(real, "D9")
     with pytest.raises(InputError, match="digit_tacto"):
         calibration.check_sensor(SensorModel.load("digit_tacto"))
@@ -77,7 +77,7 @@ def test_another_sensor_or_scale_is_refused(calibration, real):
         calibration.check_sensor(dataclasses.replace(real, focal=1.1 * real.focal))
 
 
-def test_another_gel_is_told_from_the_same_under_another_brightness(calibration, background):
+def test_another_gel_is_distinguished_from_the_same_under_another_brightness(calibration, background):
     assert not calibration.background_problem(background)
     assert not calibration.background_problem((0.8 * background).astype(np.uint8))
     assert "another gel" in calibration.background_problem(background[:, ::-1].copy())

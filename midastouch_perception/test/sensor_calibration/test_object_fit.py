@@ -4,11 +4,10 @@ import pytest
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.sensor_calibration.held_out import cross_validation
+from midastouch_perception.sensor_calibration.fit import cross_validation
 from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
-from midastouch_perception.tdn.drift import without_drift
-from midastouch_perception.tdn.inputs import ContactLight, reduce_image
+from midastouch_perception.tdn.inputs import ContactLight, reduce_image, without_drift
 
 TOUCHES = 15
 
@@ -63,12 +62,12 @@ def test_a_gel_frame_that_is_turned_is_refused(slide, digit, real, tool):
 
 def test_poses_that_do_not_press_the_object_are_refused(real, tool):
     away = np.tile(se3.make(np.eye(3), np.array([0, 0, 1.0])), (20, 1, 1))
-    with pytest.raises(InputError, match="0 of 20 poses press 'handle_tool' into the gel"):
+    with pytest.raises(InputError, match=r"0 of 20 .*handle_tool.*slide over"):
         choose_touches(away, tool, real)
 
 
 def test_images_of_another_sensor_are_named(slide, digit, another_digit, real, tool):
     poses, _, images = slide
     other = np.roll(another_digit(8).background, 70, axis=1)
-    with pytest.raises(InputError, match=r"frame 0( and \d+ more)?: differs everywhere, by"):
+    with pytest.raises(InputError, match=r"frame 0.*capture that anew"):
         calibrate_on_object(images, poses, other, tool, real)

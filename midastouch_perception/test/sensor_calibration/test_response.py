@@ -17,7 +17,7 @@ STEEPEST = 0.7
 
 
 def press(rng, noise: float) -> tuple[np.ndarray, np.ndarray]:
-    """Colours and slopes (H, W, 3), (H, W, 2) of random relief; noise, grey levels, more of it further down."""
+    """Colours and slopes (H, W, 3), (H, W, 2) of random shapes; noise, grey levels, more of it further down."""
     slopes = rng.normal(0, 0.4, (*SIZE, 2)).astype(np.float32)
     colours = LEVELS * slopes @ LAMPS
     uneven = noise * np.exp(ROWS[..., None]) * rng.standard_normal(colours.shape)

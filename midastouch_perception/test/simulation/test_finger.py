@@ -113,9 +113,9 @@ def test_it_yields_to_an_object_that_is_moved(sensor):
     assert np.linalg.norm(finger.pose[:3, 3]) < 0.04  # it follows the surface
 
 
-def test_an_object_that_nothing_can_touch_is_said(sensor):
+def test_an_object_that_nothing_can_touch_is_named(sensor):
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
     plate = ObjectMesh.from_arrays(corners, np.array([[0, 1, 2], [0, 2, 3]]), "plate")
     plate.face_normals = -plate.face_normals
-    with pytest.raises(InputError, match="plate: no reachable place"):
+    with pytest.raises(InputError, match="plate: no reachable"):
         SimulatedFinger(plate, sensor, np.random.default_rng(0), STEP)

@@ -22,7 +22,7 @@ def test_each_colour_is_brighter_where_the_ball_faces_its_light(real, cap, seed)
     assert up[2] < min(up[:2]), "blue from below"
 
 
-def test_relief_shades_the_gel_behind_it(real, cap):
+def test_higher_gel_shades_the_gel_behind_it(real, cap):
     far = (cap == 0) & (np.hypot(*(np.mgrid[:160, :120] - np.array([80, 60])[:, None, None])) > 22)
     dark = [GelLight(real, np.random.default_rng(seed)).ratio(cap)[far].min() for seed in range(10)]
     assert min(dark) < 0.85

@@ -90,5 +90,5 @@ def test_a_bad_file_is_named(optics, tmp_path):
     content["noise"] = None
     for text in ("{}", "no json", json.dumps(content | {"sides": [1.0]}), json.dumps(content)):
         path.write_text(text)
-        with pytest.raises(InputError, match=r"bad\.json: not a measured sensor .* midastouch calibrate DIR --optics"):
+        with pytest.raises(InputError, match=r"bad\.json: .*--optics"):
             MeasuredOptics.load(path)

@@ -5,7 +5,7 @@ import pytest
 
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
-from midastouch_perception.simulation.colour_table import ColourTable
+from midastouch_perception.simulation.optics import ColourTable
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
 
 
@@ -47,13 +47,13 @@ def test_same_seed_same_image(touches, half, backgrounds):
 
 
 def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
-    """The spread of contrast over sensors is what `wide_share` buys."""
+    """The spread of contrast over sensors is what `wide_fraction` buys."""
 
-    def contrast(share):
+    def contrast(fraction):
         out = []
         for seed in range(24):
             rng = np.random.default_rng(seed)
-            imaginary = RandomSensor(half, backgrounds, rng, RandomisationRange(wide_share=share))
+            imaginary = RandomSensor(half, backgrounds, rng, RandomisationRange(wide_fraction=fraction))
             images, reference = imaginary.images(*touches, rng)
             out.append(np.abs(images - reference)[touches[0] > 0].mean())
         return np.std(np.log(out))
@@ -74,7 +74,7 @@ def sensors_with_table(strength: float) -> RandomisationRange:
     coefficients = np.zeros((8, 24, 6, 3))
     for channel in range(3):
         coefficients[:, :, 5, channel] = strength * np.arange(8)[:, None] * np.cos(angle + 2.1 * channel)
-    return RandomisationRange(wide_share=1.0, table_share=1.0, colour_table=ColourTable(coefficients))
+    return RandomisationRange(wide_fraction=1.0, table_fraction=1.0, colour_table=ColourTable(coefficients))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -95,7 +95,7 @@ def test_no_table_for_sensors_near_tacto(touches, half, backgrounds):
     images = []
     for table in (sensors_with_table(12.0).colour_table, None):
         rng = np.random.default_rng(5)
-        ranges = RandomisationRange(wide_share=0.0, table_share=1.0, colour_table=table)
+        ranges = RandomisationRange(wide_fraction=0.0, table_fraction=1.0, colour_table=table)
         images.append(RandomSensor(half, backgrounds, rng, ranges).images(*touches, rng)[0])
     np.testing.assert_array_equal(*images)
 

@@ -24,7 +24,7 @@ def grey(model):
 
 @pytest.fixture
 def touching(tool, model):
-    return sample_contact_poses(tool, 4, np.random.default_rng(5), model, ContactSampling(free_share=0.0))
+    return sample_contact_poses(tool, 4, np.random.default_rng(5), model, ContactSampling(free_fraction=0.0))
 
 
 def test_images_and_truth_are_those_of_the_sensor(tool, model, grey, touching):
@@ -60,13 +60,13 @@ def test_a_seed_is_a_sensor(tool, model, grey, touching):
     assert np.abs(images[0].astype(int) - images[2]).mean() > 1
 
 
-def test_the_depth_network_feels_what_is_there(tool, model, grey, touching):
+def test_the_depth_network_measures_what_is_there(tool, model, grey, touching):
     network, errors, truths = load_tdn("fast", model), [], []
     for seed in range(4):
         digit = SimulatedDigit(tool, model, grey, seed)
         for frame in map(digit.look, touching):
-            felt = ContactDetector(model.for_maps).update(network.predict(frame.image, grey)).penetration
-            errors.append(felt - frame.truth.penetration)
+            measured = ContactDetector(model.for_maps).update(network.predict(frame.image, grey)).penetration
+            errors.append(measured - frame.truth.penetration)
             truths.append(frame.truth.penetration)
     assert np.sqrt(np.mean(np.square(errors))) < 0.3 * np.sqrt(np.mean(np.square(truths)))
 

@@ -38,12 +38,12 @@ def test_measured_poses_have_the_stated_noise(tool, sensor):
     np.testing.assert_allclose(error.std(axis=0), [5e-4] * 3 + [np.radians(1)] * 3, rtol=0.06)
 
 
-def test_object_out_of_reach_is_said(sensor):
+def test_object_out_of_reach_is_named(sensor):
     """A one-sided plate, approached from behind: nothing to touch."""
     corners = np.array([[0, 0, 0], [0.05, 0, 0], [0.05, 0.05, 0], [0, 0.05, 0]])
     plate = ObjectMesh.from_arrays(corners, np.array([[0, 1, 2], [0, 2, 3]]), "plate")
     plate.face_normals = -plate.face_normals
-    with pytest.raises(InputError, match="plate: no reachable place"):
+    with pytest.raises(InputError, match="plate: no reachable"):
         simulate_slide(plate, sensor, 0.05, np.random.default_rng(0))
 
 

@@ -1,7 +1,10 @@
 import numpy as np
+import pytest
 
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tcn.inference import code_input
 
 
 def test_single_and_batch_agree(tcn, tool):
@@ -29,3 +32,36 @@ def test_near_touches_score_higher_than_far_ones(tcn, tool):
 def test_calibration_is_usable(tcn):
     assert 0 < tcn.calibration["temperature"] < 1
     assert 0 <= tcn.calibration["outlier"] < 0.5
+
+
+@pytest.fixture(params=["tcn", "minkloc"])
+def network(request):
+    return request.getfixturevalue(request.param)
+
+
+def test_no_maps_no_codes(network):
+    assert network.encode(np.empty((0, 160, 120), np.float32)).shape == (0, network.dim)
+
+
+@pytest.mark.parametrize("pixels", [0, 1])
+def test_empty_and_one_point_maps_have_unit_codes(network, pixels):
+    penetration = np.zeros((160, 120), np.float32)
+    penetration.ravel()[:pixels] = 1e-3
+    assert np.linalg.norm(network.encode(penetration)) == pytest.approx(1, abs=1e-4)
+
+
+def test_depth_and_contact_are_means_of_four_pixels_in_metric_units():
+    sensor = SensorModel.load("digit_tacto").for_maps
+    maps = np.zeros((2, sensor.height, sensor.width), np.float32)
+    maps[1, :2, 2:4] = [[1e-3, 0], [0, 2e-3]]
+    out = code_input(maps, sensor)
+    assert out.shape == (2, 4, sensor.height // 2, sensor.width // 2)
+    np.testing.assert_allclose(out[1, :2, 0, 1], [0.75, 0.5], rtol=1e-6)  # mm; fraction
+    assert np.count_nonzero(out[:, :2]) == 2
+    x, y = out[0, 2:]
+    assert (np.diff(x, axis=1) > 0).all()
+    assert (np.diff(y, axis=0) < 0).all()
+    # the places are pixels' on the gel, the same for every map: centimetres about the middle
+    np.testing.assert_allclose(x, -x[:, ::-1], atol=1e-6)
+    assert 0.5 < x.max() < 2
+    assert np.array_equal(out[0, 2:], out[1, 2:])

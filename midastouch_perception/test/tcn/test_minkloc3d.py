@@ -7,7 +7,7 @@ from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.tcn import load_tcn
-from midastouch_perception.tcn.minkloc3d import save_minkloc3d
+from midastouch_perception.tcn.minkloc3d import contact_cloud, save_minkloc3d, scaled_cloud
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def test_codes_are_unit_and_do_not_depend_on_their_company(minkloc, maps):
 
 
 def test_non_finite_maps_are_refused(minkloc):
-    with pytest.raises(InputError, match="penetration map: non-finite"):
+    with pytest.raises(InputError, match="penetration map: "):
         minkloc.encode(np.full((160, 120), np.nan, np.float32))
 
 
@@ -35,7 +35,7 @@ def test_a_codebook_is_built_and_found_again(minkloc, tool, sensor, tmp_path):
     book = Codebook.load(tmp_path / "book.npz", mesh=tool, tcn=minkloc.network_id)
     assert book.codes.shape == (20, minkloc.dim)
     assert book.meta["temperature"] == 1.0
-    with pytest.raises(InputError, match="built with the network tcn_minkloc3d-"):
+    with pytest.raises(InputError, match="tcn_minkloc3d-"):
         Codebook.load(tmp_path / "book.npz", tcn=load_tcn("fast").network_id)
 
 
@@ -56,19 +56,63 @@ def test_a_file_that_is_not_there_is_named():
 
 def test_other_archives_are_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    with pytest.raises(InputError, match=r"other.npz: not a MinkLoc3D network .* run midastouch import-weights again"):
+    with pytest.raises(InputError, match=r"other.npz: .*midastouch import-weights"):
         load_tcn(tmp_path / "other.npz")
 
 
 def test_a_cut_file_is_refused(minkloc_file, tmp_path):
     path = tmp_path / "cut.npz"
     path.write_bytes(minkloc_file.read_bytes()[:100_000])
-    with pytest.raises(InputError, match=r"cut.npz: not a MinkLoc3D network"):
+    with pytest.raises(InputError, match=r"cut.npz: .*import-weights"):
         load_tcn(path)
 
 
 def test_a_missing_card_is_named(minkloc_file, tmp_path):
     path = tmp_path / "alone.npz"
     path.write_bytes(minkloc_file.read_bytes())
-    with pytest.raises(InputError, match=r"alone.json: no readable model card"):
+    with pytest.raises(InputError, match=r"alone.json: "):
         load_tcn(path)
+
+
+POINTS = 4096
+
+
+def touched(rows: slice, depth: float = 1e-3) -> np.ndarray:
+    """A map (160, 120) pressed `depth` m in these rows."""
+    penetration = np.zeros((160, 120), np.float32)
+    penetration[rows] = depth
+    return penetration
+
+
+def test_a_small_contact_gives_every_image_pixel_once(sensor):
+    cloud = contact_cloud(touched(slice(80, 84)), sensor, POINTS, np.random.default_rng(0))
+    assert cloud.shape == (4 * 4 * 120, 3)
+    assert len(np.unique(cloud, axis=0)) == len(cloud)
+
+
+def test_points_lie_where_the_camera_sees_the_pressed_gel(sensor):
+    cloud = contact_cloud(touched(slice(0, 160)), sensor, 10**6, np.random.default_rng(0))
+    depth = sensor.gel_depth - 1e-3
+    expected = np.stack([sensor.rays[0] * depth, sensor.rays[1] * depth, -depth], axis=2)
+    np.testing.assert_allclose(cloud.reshape(320, 240, 3), expected, atol=1e-7)
+
+
+def test_points_are_drawn_without_preference(sensor):
+    """The official code would have three in four of them in the lower half."""
+    cloud = contact_cloud(touched(slice(0, 160)), sensor, POINTS, np.random.default_rng(0))
+    assert len(cloud) == len(np.unique(cloud, axis=0)) == POINTS
+    assert np.mean(cloud[:, 1] > 0) == pytest.approx(0.5, abs=0.03)
+
+
+def test_the_scale_is_joint_and_the_range_full():
+    cloud = np.array([[-0.01, 0.0, -0.02], [0.005, 0.01, -0.021]], np.float32)
+    scaled = scaled_cloud(cloud)
+    assert (scaled.min(), scaled.max()) == (-1, 1)
+    np.testing.assert_allclose(scaled[1] - scaled[0], (cloud[1] - cloud[0]) * 2 / 0.031, atol=1e-6)
+
+
+def test_scaling_is_the_official_one(shared):
+    with np.load(shared / "reference" / "minkloc3d" / "tactile24_q0.01.npz") as data:
+        clouds, official = data["clouds_m"], data["clouds_n"]
+    ours = np.stack([scaled_cloud(cloud) for cloud in clouds])
+    np.testing.assert_array_equal(ours, official)

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import cv2
 import numpy as np
 import pytest
@@ -7,8 +9,18 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.optics import TactoOptics
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import estimate_background, load_tdn
-from midastouch_perception.tdn.background import doubtful_share, shows_contact
+from midastouch_perception.tdn.background import (
+    BackgroundCapture,
+    RunningBackground,
+    TouchedBackground,
+    doubtful_fraction,
+    largest_change,
+    shows_contact,
+)
+
+GREY = np.full((320, 240, 3), 100, np.uint8)
 
 
 def test_contacts_that_move_on_vanish():
@@ -45,9 +57,9 @@ def slide(step: int) -> list[np.ndarray]:
 def test_a_contact_that_hardly_moves_leaves_a_doubtful_background():
     for step, doubtful in ((20, False), (2, True)):
         frames = slide(step)
-        assert (doubtful_share(frames, estimate_background(frames)) > 0.1) == doubtful
+        assert (doubtful_fraction(frames, estimate_background(frames)) > 0.1) == doubtful
     agreed = [np.full((320, 240, 3), level, np.uint8) for level in (99, 100, 101)]
-    assert doubtful_share(agreed, estimate_background(agreed)) == 0
+    assert doubtful_fraction(agreed, estimate_background(agreed)) == 0
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +71,7 @@ def tdn():
 def presses(tool, sensor):
     """Images of firm touches and two images of the untouched gel."""
     rng = np.random.default_rng(0)
-    sampling = ContactSampling(press=(0.8e-3, 1.5e-3), free_share=0.0)
+    sampling = ContactSampling(press=(0.8e-3, 1.5e-3), free_fraction=0.0)
     maps = PenetrationRenderer(tool, sensor).render_with_normals(sample_contact_poses(tool, 8, rng, sensor, sampling))
     plain, optics = np.full((320, 240, 3), (120, 110, 130), np.uint8), TactoOptics(sensor)
     images = [optics.image(p, plain, rng, n) for p, n in zip(*maps, strict=True)]
@@ -102,3 +114,111 @@ def test_real_presses_are_no_backgrounds(shared):
     )
     assert np.mean([shows_contact(tdn, image, free) for image in touched]) >= 0.7
     assert np.mean([shows_contact(tdn, free, image) for image in touched]) <= 0.2
+
+
+def noisy(rng: np.random.Generator, sigma: float = 2.0) -> np.ndarray:
+    return np.clip(GREY + rng.normal(0, sigma, GREY.shape), 0, 255).round().astype(np.uint8)
+
+
+def moving(frames: int) -> list[np.ndarray]:
+    images = [GREY.copy() for _ in range(frames)]
+    for i, image in enumerate(images):
+        image[10 * i : 10 * i + 40, 100:140] += 30
+    return images
+
+
+def test_change_is_blind_to_noise_and_sees_a_small_contact_move():
+    rng = np.random.default_rng(0)
+    assert largest_change([noisy(rng) for _ in range(10)]) < 1.5
+    assert largest_change(moving(3)) > 10
+
+
+def test_capture_of_still_images_is_their_median():
+    rng = np.random.default_rng(1)
+    capture = BackgroundCapture(frames=15, still_threshold=2.0)
+    for _ in range(15):
+        assert not capture.done
+        capture.add(noisy(rng))
+    assert capture.done
+    assert not capture.refusal
+    assert np.abs(capture.image.astype(float) - GREY).mean() < 0.6
+
+
+def test_capture_refuses_a_moving_contact():
+    capture = BackgroundCapture(frames=10, still_threshold=2.0)
+    for image in moving(10):
+        capture.add(image)
+    assert capture.image is None
+    assert "not still" in capture.refusal
+
+
+def test_running_background_is_there_at_once_and_forgets_a_passing_contact():
+    running = RunningBackground(frames=16)
+    images = moving(16)
+    running.add(images[0])
+    np.testing.assert_array_equal(running.image, images[0])
+    for image in images[1:]:
+        running.add(image)
+    assert running.count == 16
+    assert running.change > 10
+    complete = running.image
+    np.testing.assert_array_equal(complete, GREY)
+    running.add(images[0])
+    assert running.image is complete, "complete: later images change nothing"
+
+
+@pytest.fixture(scope="module")
+def relative_tdn():
+    return load_tdn("fast", SensorModel.load("digit_real"))
+
+
+@pytest.fixture(scope="module")
+def digit():
+    sensor = SensorModel.load("digit_real")
+    rows, columns = np.mgrid[-1:1:320j, -1:1:240j]
+    lamps = np.stack([110 - 30 * columns, 110 + 30 * columns, 100 + 30 * rows], axis=-1).astype(np.uint8)
+    return PressedSensor(sensor, lamps[None], 3e-3, np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def ball_presses(digit):
+    return list(digit.presses(9).values())
+
+
+def judged(relative_tdn, images, background) -> str:
+    check = TouchedBackground(relative_tdn, every=1, window=9)
+    for image in images:
+        check.observe(image, background)
+    return check.problem
+
+
+def test_touches_elsewhere_give_a_touched_background_away(relative_tdn, ball_presses):
+    for i in (0, 4, 8):
+        others = [image for k, image in enumerate(ball_presses) if k != i][:6]
+        assert "shows a touch" in judged(relative_tdn, others, ball_presses[i])
+
+
+def test_a_lifted_finger_gives_it_away(relative_tdn, digit, ball_presses):
+    assert "shows a touch" in judged(relative_tdn, [digit.background] * 3, ball_presses[4])
+
+
+def test_a_free_background_is_right_whatever_touches(relative_tdn, digit, ball_presses):
+    assert judged(relative_tdn, ball_presses, digit.background) == ""
+    held = digit.image([(120, 160, 1.6e-3)])
+    assert judged(relative_tdn, [held] * 6, digit.background) == ""
+
+
+def test_nothing_is_said_of_few_images_and_another_background_is_judged_anew(relative_tdn, digit, ball_presses):
+    check = TouchedBackground(relative_tdn, every=2, window=9)
+    for image in ball_presses[1:5]:
+        check.observe(image, ball_presses[8])
+    assert check.problem == ""  # only every second counts
+    check.observe(ball_presses[5], ball_presses[8])
+    assert check.problem
+    check.observe(ball_presses[0], digit.background)
+    assert check.problem == ""
+    for image in ball_presses[1:6]:
+        check.observe(image, ball_presses[8])
+    assert check.problem
+    check.reset()
+    assert check.problem == ""

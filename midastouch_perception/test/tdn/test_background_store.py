@@ -2,11 +2,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from midastouch_common.errors import InputError
-from midastouch_perception.tdn.background_store import BackgroundStore, default_folder
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tdn.background_store import (
+    BackgroundStore,
+    SensorBackground,
+    default_folder,
+    read_background,
+)
+
+GREY = np.full((320, 240, 3), 100, np.uint8)
 
 
 @pytest.fixture
@@ -39,7 +48,7 @@ def test_serials_that_would_leave_the_folder_are_refused(tmp_path, serial):
 def test_a_damaged_or_foreign_file_is_named(tmp_path, image):
     store = BackgroundStore(tmp_path, "D20001")
     store.save(image)
-    with pytest.raises(InputError, match=r"240 x 320 pixels, the sensor model has 480 x 640"):
+    with pytest.raises(InputError, match=r"240 x 320.*480 x 640"):
         store.load(640, 480)
     store.path.write_bytes(b"no image")
     with pytest.raises(InputError, match=r"D20001\.png"):
@@ -59,3 +68,95 @@ def test_the_folder_is_where_ros_remembers(monkeypatch, tmp_path):
     assert default_folder() == tmp_path / "midastouch" / "backgrounds"
     monkeypatch.delenv("ROS_HOME")
     assert default_folder() == Path("~/.ros/midastouch/backgrounds").expanduser()
+
+
+def test_background_from_a_file_is_rgb(tmp_path):
+    rgb = np.random.default_rng(2).integers(0, 256, (320, 240, 3), np.uint8)
+    cv2.imwrite(str(tmp_path / "background.png"), rgb[:, :, ::-1])
+    np.testing.assert_array_equal(read_background(tmp_path / "background.png", 320, 240), rgb)
+
+
+def test_background_from_a_folder_is_the_median_of_its_images(tmp_path):
+    for i in range(12):
+        image = GREY.copy()
+        image[20 * i : 20 * i + 40, 100:140] += 30
+        cv2.imwrite(str(tmp_path / f"{i:03d}.png"), image)
+    np.testing.assert_array_equal(read_background(tmp_path, 320, 240), GREY)
+
+
+def test_a_folder_of_touches_at_one_place_is_refused(tmp_path):
+    for i in range(8):
+        image = GREY.copy()
+        image[100:200] += np.uint8(10 * i)
+        cv2.imwrite(str(tmp_path / f"{i:03d}.png"), image)
+    with pytest.raises(InputError, match="without contact"):
+        read_background(tmp_path, 320, 240)
+
+
+def test_unusable_backgrounds_are_named(tmp_path):
+    (tmp_path / "text.png").write_text("not an image")
+    cv2.imwrite(str(tmp_path / "small.png"), GREY[:100])
+    (tmp_path / "empty").mkdir()
+    for name, complaint in (
+        ("none.png", "no such"),
+        ("text.png", "not an image"),
+        ("small.png", "240 x 100"),
+        ("empty", "no PNG or JPEG"),
+    ):
+        with pytest.raises(InputError, match=complaint) as caught:
+            read_background(tmp_path / name, 320, 240)
+        assert name in str(caught.value)
+
+
+def grey(level: int) -> np.ndarray:
+    return np.full((320, 240, 3), level, np.uint8)
+
+
+def test_a_file_goes_over_what_was_kept_and_that_over_an_estimate(sensor, tmp_path):
+    store = BackgroundStore(tmp_path, "D20001")
+    store.save(grey(90))
+    cv2.imwrite(str(tmp_path / "given.png"), grey(80))
+    given = SensorBackground(sensor, str(tmp_path / "given.png"), store, 4)
+    kept = SensorBackground(sensor, "", store, 4)
+    estimated = SensorBackground(sensor, "", BackgroundStore(tmp_path, "D20002"), 4)
+    assert (given.source, kept.source, estimated.source) == (
+        f"file {tmp_path}/given.png",
+        f"kept in {tmp_path}/D20001.png",
+        "none yet",
+    )
+    for background in (given, kept, estimated):
+        background.observe(grey(100))
+    assert [background.image[0, 0, 0] for background in (given, kept, estimated)] == [80, 90, 100]
+    assert (estimated.source, estimated.change) == ("the first 1 images", 0)
+
+
+def test_a_captured_image_ends_the_estimate_and_is_kept(sensor, tmp_path):
+    store = BackgroundStore(tmp_path, "D20001")
+    background = SensorBackground(sensor, "", store, 4)
+    background.observe(grey(100))
+    background.observe(grey(130))
+    assert background.change == 30
+    assert background.replace(grey(70)) == f"kept in {tmp_path}/D20001.png"
+    background.observe(grey(100))
+    assert (background.source, background.change) == ("capture_background", 0)
+    np.testing.assert_array_equal(store.load(320, 240), background.image)
+    unkept = SensorBackground(sensor, "", None, 4)
+    assert "set the parameter serial" in unkept.replace(grey(70))
+
+
+def test_what_cannot_be_right_is_said(sensor):
+    background = SensorBackground(sensor, "", None, 4)
+    background.observe(grey(0))
+    assert "black" in background.problem
+    with pytest.raises(InputError, match=r"nowhere\.png"):
+        SensorBackground(sensor, "nowhere.png", None, 4)
+
+
+def test_only_images_of_a_digit_are_said_to_be_turned(shared):
+    folder = shared / "data/digit_real/ball_presses"
+    turned = np.ascontiguousarray(cv2.imread(str(folder / "background.png"))[::-1, ::-1, ::-1])
+    for name, said in (("digit_real", "upside down"), ("gelsight_mini", "")):
+        background = SensorBackground(SensorModel.load(name), "", None, 1)
+        background.observe(turned)
+        assert said in background.problem
+        assert bool(said) == bool(background.problem)

@@ -27,7 +27,7 @@ def test_a_digit_as_it_should_be(gain):
 
 
 @pytest.mark.parametrize(
-    ("name", "mend"),
+    ("name", "fix"),
     [
         ("upside down", "rotation"),
         ("mirrored left to right", "rotation"),
@@ -35,17 +35,17 @@ def test_a_digit_as_it_should_be(gain):
         ("mirrored left to right and with red and blue swapped", "rotation and encoding"),
     ],
 )
-def test_wrong_orientations_are_named_with_the_mend(name, mend):
+def test_wrong_orientations_are_named_with_the_fix(name, fix):
     said = image_problem(np.ascontiguousarray(ORIENTATIONS[name](digit())), shipped_layout())
     assert "the images look " in said
-    assert f"check the driver's {mend}" in said
+    assert f"check the driver's {fix}" in said
     if name != "with red and blue swapped":  # blue is the faintest: it may pass for another mistake
         assert name in said
 
 
 @pytest.mark.parametrize("name", ORIENTATIONS)
 def test_what_was_turned_since_the_no_contact_image_is_named(name):
-    """Against the sensor's own no-contact image every mistake is told from every other, through a touch."""
+    """Against the sensor's own no-contact image every mistake is distinguished from every other, through a touch."""
     touched = cv2.circle(digit(), (120, 160), 45, (140, 100, 80), -1)
     assert turned_since(touched, digit()) == ""
     wrong = np.ascontiguousarray(ORIENTATIONS[name](touched))

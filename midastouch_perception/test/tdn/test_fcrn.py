@@ -9,9 +9,8 @@ import pytest
 
 from midastouch_common.errors import InputError
 from midastouch_perception.tdn import load_tdn
-from midastouch_perception.tdn.fcrn import HEIGHT_UNIT, FcrnDepthNet
-from midastouch_perception.tdn.fcrn_graph import Graph, save_fcrn
-from midastouch_perception.tdn.fcrn_shapes import NORM, QUARTERS, expected_shapes
+from midastouch_perception.tdn.fcrn import HEIGHT_UNIT, NORM, QUARTERS, FcrnDepthNet, expected_shapes
+from midastouch_perception.tdn.fcrn_graph import Graph, fcrn_model
 
 
 def formula_state() -> dict[str, np.ndarray]:
@@ -34,11 +33,6 @@ def formula_state() -> dict[str, np.ndarray]:
 @pytest.fixture(scope="module")
 def reference(shared):
     return shared / "reference" / "fcrn"
-
-
-@pytest.fixture(scope="module")
-def network_file(reference, tmp_path_factory):
-    return save_fcrn(formula_state(), {"network": "tdn_fcrn"}, tmp_path_factory.mktemp("weights"))
 
 
 class FixedHeight:
@@ -88,21 +82,12 @@ def test_number_of_parameters():
     assert sum(int(np.prod(shape)) for shape in learned.values()) == pytest.approx(63.57e6, rel=1e-4)
 
 
-def test_output_equals_the_official_one(reference, network_file):
+def test_output_equals_the_official_one(reference):
     with np.load(reference / "io.npz") as data:
         image, official = data["image"], data["output"]
-    session = onnxruntime.InferenceSession(network_file)
+    session = onnxruntime.InferenceSession(fcrn_model(formula_state()).SerializeToString())
     ours = session.run(None, {"image": np.moveaxis(image, -1, 0)[None].astype(np.float32)})[0][0, 0]
     assert np.abs(ours - official).max() < 1e-4 * np.abs(official).max()
-
-
-def test_an_imported_file_is_recognised_and_runs(network_file, sensor):
-    tdn = load_tdn(network_file, sensor)
-    assert isinstance(tdn, FcrnDepthNet)
-    assert tdn.network_id.startswith("tdn_fcrn-")
-    penetration = tdn.predict(IMAGE, IMAGE)
-    assert penetration.shape == (160, 120)
-    assert np.isfinite(penetration).all()
 
 
 def test_an_up_projection_computes_its_definition():

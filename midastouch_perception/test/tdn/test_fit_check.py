@@ -1,9 +1,15 @@
 import numpy as np
 import pytest
 
-from midastouch_perception.rendering.gel_surface import GelShape
+from midastouch_perception.rendering.renderer import GelShape
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tdn.fit_check import EXPLAINED_LIMIT, QUIET_LIMIT, FitCheck, explained_share, quietest_tenth
+from midastouch_perception.tdn.fit_check import (
+    EXPLAINED_LIMIT,
+    QUIET_LIMIT,
+    FitCheck,
+    explained_fraction,
+    quietest_tenth,
+)
 
 REAL = SensorModel.load("digit_real").for_maps
 
@@ -15,9 +21,9 @@ def bump(row=80, column=60, radius=25.0, depth=1e-3) -> np.ndarray:
     return (depth * np.maximum(0, 1 - squared)).astype(np.float32)
 
 
-def lit(relief: np.ndarray, gain: float = 5e5) -> np.ndarray:
+def lit(penetration: np.ndarray, gain: float = 5e5) -> np.ndarray:
     """Difference image (160, 120, 3) under lights from three sides."""
-    down, right = np.gradient(relief)
+    down, right = np.gradient(penetration)
     angles = np.radians([150.0, 30.0, 270.0])
     return np.stack([gain * (right * np.cos(a) - down * np.sin(a)) for a in angles], axis=-1).astype(np.float32)
 
@@ -28,14 +34,14 @@ def noise():
 
 
 @pytest.mark.parametrize("gain", [2e5, -5e5, 4e6])
-def test_a_relief_explains_its_own_light(noise, gain):
-    relief = bump()
-    assert explained_share(lit(relief, gain) + noise, relief, REAL.pixel_size) > 0.9
+def test_a_penetration_map_explains_its_own_light(noise, gain):
+    penetration = bump()
+    assert explained_fraction(lit(penetration, gain) + noise, penetration, REAL.pixel_size) > 0.9
 
 
-def test_another_relief_does_not(noise):
-    assert explained_share(lit(bump(60, 40)) + noise, bump(100, 85), REAL.pixel_size) < 0.3
-    assert explained_share(lit(bump()) + noise, np.zeros((160, 120), np.float32), REAL.pixel_size) == pytest.approx(
+def test_another_penetration_map_does_not(noise):
+    assert explained_fraction(lit(bump(60, 40)) + noise, bump(100, 85), REAL.pixel_size) < 0.3
+    assert explained_fraction(lit(bump()) + noise, np.zeros((160, 120), np.float32), REAL.pixel_size) == pytest.approx(
         0, abs=1e-6
     )
 
@@ -43,17 +49,17 @@ def test_another_relief_does_not(noise):
 def test_a_light_that_changed_over_the_image_needs_no_explanation(noise):
     rows, columns = np.mgrid[-1:1:160j, -1:1:120j]
     drift = 12 * (columns + rows * columns)[..., None] * [1, -0.5, 0.3]
-    assert explained_share(lit(bump()) + drift.astype(np.float32) + noise, bump(), REAL.pixel_size) > 0.9
+    assert explained_fraction(lit(bump()) + drift.astype(np.float32) + noise, bump(), REAL.pixel_size) > 0.9
 
 
 def test_gel_that_sinks_in_beside_a_contact_is_explained_by_the_contact(noise):
     touched, gel = bump(), GelShape(0.6e-3, 1.0, 0.3e-3)
-    assert explained_share(lit(gel.height(touched, REAL.pixel_size)) + noise, touched, REAL.pixel_size) > 0.9
+    assert explained_fraction(lit(gel.height(touched, REAL.pixel_size)) + noise, touched, REAL.pixel_size) > 0.9
 
 
 def test_too_little_to_explain(noise):
-    assert explained_share(noise, bump(), REAL.pixel_size) is None
-    assert explained_share(np.zeros_like(noise), np.zeros((160, 120), np.float32), REAL.pixel_size) is None
+    assert explained_fraction(noise, bump(), REAL.pixel_size) is None
+    assert explained_fraction(np.zeros_like(noise), np.zeros((160, 120), np.float32), REAL.pixel_size) is None
 
 
 def test_a_contact_leaves_a_tenth_of_the_image_alone(noise):

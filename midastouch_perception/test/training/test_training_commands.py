@@ -12,8 +12,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.files import sha256
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.training import setting
-from midastouch_perception.training.objects import stretched
-from midastouch_perception.training.setting import TrainingData, TrainingOptions
+from midastouch_perception.training.setting import TrainingData, TrainingOptions, stretched
 
 
 @pytest.fixture
@@ -40,9 +39,9 @@ def test_test_objects_and_held_out_ones_are_not_trained_on(options):
 
 def test_folders_without_data_are_refused(options, tmp_path):
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="no training meshes"):
+    with pytest.raises(InputError, match=r"\.ply"):
         TrainingData.load(replace(options, meshes=tmp_path / "empty"))
-    with pytest.raises(InputError, match="0 readable no-contact images"):
+    with pytest.raises(InputError, match="at least 8"):
         TrainingData.load(replace(options, backgrounds=tmp_path / "empty"))
 
 

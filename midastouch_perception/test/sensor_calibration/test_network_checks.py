@@ -1,0 +1,74 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from midastouch_perception.sensor_calibration.fit import calibrate
+from midastouch_perception.sensor_calibration.network_checks import (
+    MOST_DIAMETER_FACTOR,
+    RADIUS_RATIO,
+    depth_errors,
+    diameter_doubt,
+    gain_doubt,
+    measured_radius,
+)
+from midastouch_perception.simulation.simulated_digit import PressedSensor
+
+RADIUS = 3e-3  # m, of the ball
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_diameter_that_hardly_fits_is_doubted(way):
+    measured = RADIUS_RATIO * 3e-3
+    assert diameter_doubt(measured, 6e-3 * (0.98 * MOST_DIAMETER_FACTOR) ** way) == ""
+    assert "about 6 mm" in diameter_doubt(measured, 6e-3 * (1.02 * MOST_DIAMETER_FACTOR) ** way)
+
+
+def test_nothing_measured_says_nothing(digit, real):
+    assert measured_radius([digit.background], digit.background, real) is None
+    assert diameter_doubt(None, 6e-3) == ""
+
+
+@pytest.mark.parametrize("radius", [2.5e-3, 4e-3])
+def test_larger_balls_measure_larger(digit, real, radius):
+    sensor = PressedSensor(real, digit.background[None], radius, np.random.default_rng(3))
+    measured = measured_radius(list(sensor.presses(6).values()), sensor.background, real)
+    assert measured == pytest.approx(RADIUS_RATIO * radius, rel=MOST_DIAMETER_FACTOR - 1)
+
+
+@pytest.fixture(scope="module")
+def digit(another_digit):
+    """A sensor that is far from the standard one."""
+    return another_digit(10)
+
+
+@pytest.fixture(scope="module")
+def presses(digit):
+    return digit.presses(10)
+
+
+@pytest.fixture(scope="module")
+def result(digit, presses, real):
+    return calibrate(presses, digit.background, 2 * RADIUS, real)
+
+
+def test_depth_of_presses_that_were_left_out_is_measured_better(result):
+    assert not result.warnings
+    assert 0 < result.figures["felt_error_after"] < result.figures["felt_error_before"]
+
+
+def test_a_calibration_that_misleads_is_warned_of(result, presses, real):
+    def misleading(calibration):
+        return dataclasses.replace(calibration, coefficients=0.3 * calibration.coefficients)
+
+    spoilt = [misleading(each) for each in result.held_out]
+    figures = depth_errors(list(presses.values()), result.penetrations, spoilt, result.background, real)
+    assert figures["felt_error_before"] == pytest.approx(result.figures["felt_error_before"])
+    assert gain_doubt(figures)
+    assert dataclasses.replace(result, figures=result.figures | figures).warnings == [gain_doubt(figures)]
+
+
+def test_touches_that_are_not_used_do_not_count(result, presses, real):
+    bad = [*presses.values(), np.zeros_like(result.background)]
+    figures = depth_errors(bad, [*result.penetrations, None], [*result.held_out, None], result.background, real)
+    assert figures["felt_error_after"] == pytest.approx(result.figures["felt_error_after"])
