@@ -31,7 +31,7 @@ KEYS_HELP = (
 )
 _NUDGE = 0.01  # m
 _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
-_ENDED = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+_END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
 class Seat(Node):
@@ -141,7 +141,7 @@ class Seat(Node):
     def _on_explorer(self, status: ExplorerStatus) -> None:
         self._explorer = status
         self._show()
-        if status.state in _ENDED and self.ended is None:
+        if status.state in _END_STATES and self.ended is None:
             self.ended = Ended.of(status)
 
     def _show(self) -> None:

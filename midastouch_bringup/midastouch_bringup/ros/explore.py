@@ -37,8 +37,8 @@ _LAST_WORDS_S = 2.0  # of the explorer, still on their way when it has ended
 def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: Path, domain: int) -> int:
     """Let the finger explore until it is over or a person ends it, then draw; returns the exit status.
 
-    programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as of `explored`. domain:
-    ROS_DOMAIN_ID, on this machine alone. 0: object and place are known and right, or a person has ended it; 1: not, or
+    programs: the nodes, `explorer` among them; given: mesh, codebook and objects, as `explored` returns them. domain:
+    ROS_DOMAIN_ID, on this machine alone. 0: object and pose are known and right, or a person has ended it; 1: not, or
     a node died.
     """
     out.mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
         print(f"the same as a page: {write_words(result, str(error), out)}")
         return 0 if seat.ended.by_hand else 1
     if seat.mesh != touched:  # a person has changed it, and told: what came before was about another one
-        record = record.last(1e-9 * seat.since_change_ns).told()
+        record = record.last(1e-9 * seat.since_change_ns).of_known_object()
         changed = {"mesh": seat.mesh, "codebook": "", "objects": ""}
         prepare_codebooks(quick_codebooks(changed))
         touched, codebook = seat.mesh, explored(changed)["codebook"]
@@ -90,7 +90,7 @@ def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, doma
 
 
 def _held_back(explorer: Program) -> Program:
-    """The same, which does not move the finger before somebody is ready for it."""
+    """The explorer, started paused: the finger does not move before the recorder hears it."""
     return replace(explorer, command=(*explorer.command, "-p", "start_paused:=true"))
 
 
