@@ -64,7 +64,7 @@ def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp
     for name, refused in (("partcile_filter", True), ("tdnn", True), ("amcl", False), ("ur_control", False)):
         overlay.write_text(f"{name}: {{ros__parameters: {{seed: 3}}}}")
         if refused:
-            with pytest.raises(InputError, match=f"mine.yaml: no node '{name}'; did you mean "):
+            with pytest.raises(InputError, match=f"mine.yaml: .*'{name}'.*did you mean "):
                 carry_out("filter", params_overlay=str(overlay))
         else:
             carry_out("filter", params_overlay=str(overlay))
@@ -122,8 +122,8 @@ def test_what_is_not_installed_is_named_before_anything_is_started(missing, tmp_
     _with_all, *ours = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
     monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([there, *ours]))
     launched = Launched()
-    mend = f"{missing} is not installed: sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
-    with pytest.raises(InputError, match=re.escape(mend)):
+    fix = f"sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
+    with pytest.raises(InputError, match=f"{missing} .*{re.escape(fix)}"):
         launched.carry_out("live_ur", arm="ur_driver", robot_ip="the.arm")
     assert launched.started == {}
 
@@ -170,13 +170,14 @@ def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
 def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
     on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
     said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
-    assert said.kwargs["msg"] == "replay-4 has finished; Ctrl-C ends the others"
+    assert "replay-4" in said.kwargs["msg"]
+    assert "Ctrl-C" in said.kwargs["msg"]
 
 
 @pytest.mark.usefixtures("stand_ins")
 def test_a_file_with_another_sensor_than_the_launch_is_refused(tmp_path):
     (tmp_path / "mini.yaml").write_text("tdn: {ros__parameters: {sensor_model: gelsight_mini}}")
     overlay = {"params_overlay": str(tmp_path / "mini.yaml")}
-    with pytest.raises(InputError, match=r"mini.yaml: tdn has the sensor_model gelsight_mini, .*digit_real"):
+    with pytest.raises(InputError, match=r"mini.yaml: tdn .*gelsight_mini.*digit_real.*sensor_model:=gelsight_mini"):
         carry_out("live_ur", **overlay)
     carry_out("live_ur", sensor_model="gelsight_mini", **overlay)

@@ -40,7 +40,7 @@ from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 SPACING = 0.01  # m between touches: less than their correlation
 TOUCHES = 20  # of a window: one imaginary sensor's
 ENTRIES = 8_000
-RIVALS = 6
+COMPETITORS = 6
 LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
 CONFIG = FilterConfig(threads=1)
 
@@ -52,7 +52,7 @@ class Pair:
 
     name: str
     true: np.ndarray
-    rival: np.ndarray
+    competitor: np.ndarray
     symmetric: bool
 
 
@@ -75,9 +75,9 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         entry = model.lookup.exact(truth[-1][None])[0]
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
-        rivals = [beside, *_exhaust(search.find(window, taken)).poses]
+        competitors = [beside, *_exhaust(search.find(window, taken)).poses]
         likelihood = WindowLikelihood(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
-        for start in taken + rivals[: RIVALS + 1]:
+        for start in taken + competitors[: COMPETITORS + 1]:
             _exhaust(likelihood.follow(start))
         own, *others = [(each.residual_ratio, _distance(each, truth)) for each in likelihood.followed]
         if own[1] < 0.5 * APART:
@@ -140,7 +140,7 @@ def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...]
     patches, floor, weight = np.exp(parameters[0]), np.exp(parameters[1]), 1 / (1 + np.exp(-parameters[2]))
     of_object: dict[str, list[float]] = {}
     for pair in pairs:
-        odds = patches * np.log((pair.rival + floor) / (pair.true + floor))
+        odds = patches * np.log((pair.competitor + floor) / (pair.true + floor))
         for length in lengths:
             parts = odds[: len(odds) // length * length].reshape(-1, length)
             if len(parts):

@@ -13,7 +13,6 @@ from midastouch_bringup.drawing.figures import (
     ESTIMATE_COLOUR,
     MODE_COLOUR,
     PARTICLE_COLOUR,
-    final_error_figure,
     save,
     style_error_axes,
 )
@@ -24,6 +23,7 @@ from ..statistics.coverage import observed_fractions
 from ..tables.results import of_start, of_variants
 from ..tables.table import on_page
 from ..trials.variants import BASELINE, BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PRESET
+from .trial_figures import final_error_figure
 
 _SIZE = 8  # pt
 _WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character

@@ -11,14 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from midastouch_bringup.drawing.figures import (
-    MODE_COLOUR,
-    final_error_figure,
-    save,
-    stage_figure,
-    style_error_axes,
-    trial_error_figure,
-)
+from midastouch_bringup.drawing.figures import MODE_COLOUR, save, style_error_axes
 from midastouch_bringup.drawing.object_view import ObjectView
 from midastouch_bringup.drawing.page import Page
 from midastouch_common import se3
@@ -36,6 +29,7 @@ from ..tables.table import on_page
 from .accuracy import accuracy_section
 from .presses import press_section
 from .single_touch import single_touch_section
+from .trial_figures import final_error_figure, stage_figure, trial_error_figure
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:

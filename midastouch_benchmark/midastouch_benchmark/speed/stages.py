@@ -82,7 +82,7 @@ class SpeedMeasurement:
 
     def filter(self) -> dict:
         """filter_ms: one step with so many particles, kept at that number, along the slide, without the fine stage;
-        fine_stage_ms: what alignment and hindsight add to a step, by the wall clock."""
+        fine_stage_ms: what alignment and fixed-lag smoothing add to a step, by the wall clock."""
         return {
             "filter_ms": {str(count): self._steps(count).summary() for count in COUNTS},
             "fine_stage_ms": {str(count): self._fine_stage(count) for count in COUNTS},

@@ -62,16 +62,16 @@ class Touches:
         """Write one `.npz`."""
         code = np.array([m.code for m in self.measurements if m.in_contact], np.float32)
         penetration = np.array([m.penetration for m in self.measurements if m.in_contact], np.float32)
+        content = {
+            "in_contact": np.array([m.in_contact for m in self.measurements]),
+            "area": np.array([m.contact_area for m in self.measurements]),
+            "code": code,
+            "relief": penetration,
+            "ms": self.ms,
+            "made_from": np.array(json.dumps(self.made_from)),
+        }
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(
-                stream,
-                in_contact=np.array([m.in_contact for m in self.measurements]),
-                area=np.array([m.contact_area for m in self.measurements]),
-                code=code,
-                relief=penetration,  # as in files of before
-                ms=self.ms,
-                made_from=np.array(json.dumps(self.made_from)),
-            )
+            np.savez_compressed(stream, **content)
 
     @classmethod
     def load(cls, path: Path) -> Touches:

@@ -26,7 +26,7 @@ from .cache import Cache
 from .trial import RIGHT, TrialFrame
 from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
 
-ASKED = (0.05, 0.1, 0.15, 0.2, 0.25)
+ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""
 
 _THREADS = 1
@@ -164,7 +164,7 @@ class Answers:
         right_from_m: path from which the answer is right until the end, None if it is not; length_m."""
         wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
         since = wrong[-1] + 1 if wrong else 0
-        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED if at <= self.path]
+        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED_AT_M if at <= self.path]
         return {
             "answer": self._answer,
             "right": self._given[-1][2],

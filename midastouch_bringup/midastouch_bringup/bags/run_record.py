@@ -36,8 +36,8 @@ class RunRecord:
         of_frames = (self.snapshots[begin:], self.n_particles[begin:], self.filter_ms[begin:])
         return RunRecord(*of_frames, self.node_ms)
 
-    def told(self) -> RunRecord:
-        """The same, as if somebody had told the filter which object it is."""
+    def of_known_object(self) -> RunRecord:
+        """The record without the probabilities of objects, as a run in which the object was given."""
         return dataclasses.replace(self, snapshots=[dataclasses.replace(one, objects={}) for one in self.snapshots])
 
 

@@ -35,7 +35,7 @@ def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result
 
 
 def write_words(result: dict, why: str, out: Path) -> Path:
-    """The same of a run of which there is nothing to draw, for this reason."""
+    """Write the page of a run without pictures, with the reason `why`; returns its `index.html`."""
     page = _begun(result)
     page.note(f"There is nothing to draw: {why}")
     return page.write(out / "index.html")

@@ -20,7 +20,7 @@ from midastouch_msgs.srv import SetObject
 from ..explore.exploration import Exploration, Motion, Poses
 
 Order = Callable[[], Poses]
-_LONGEST = 1.0  # m
+_LONGEST_MOTION_M = 1.0
 
 
 class ExplorerControl:
@@ -64,10 +64,10 @@ class ExplorerControl:
 
     def _on_move(self, order: Suggestion) -> None:
         numbers = order.heading, order.length
-        if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST:
+        if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST_MOTION_M:
             self._take(lambda: self._did.obey(motion_of(order)), "a person moves the finger")
         else:
-            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST:g} m")
+            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST_MOTION_M:g} m")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
@@ -87,13 +87,13 @@ def _answer(response: Trigger.Response | SetObject.Response, why_not: str) -> Tr
     return response
 
 
-_FARTHEST = 3.0  # m from a frame's origin: beyond what an arm reaches, and the largest object
+_FARTHEST_POINT_M = 3.0  # from a frame's origin: beyond what an arm reaches, and the largest object
 
 
 class FingerGoals:
     """Adds `clicked_point` to a node, the topic of RViz's tool *Publish Point*.
 
-    take(order, reason): as of `ExplorerControl`. problem(kind, words): is told what cannot be.
+    take(order, reason): as for `ExplorerControl`. problem(kind, words): called with what is not possible.
     Args: frames, the names of `base` and `object`.
     """
 
@@ -116,8 +116,8 @@ class FingerGoals:
         }
         if frame not in object_from:
             why_not = f"it is in '{frame}'; choose {' or '.join(object_from)} as RViz's Fixed Frame"
-        elif not (np.abs(point) <= _FARTHEST).all():
-            why_not = f"no number may be beyond {_FARTHEST:g} m"
+        elif not (np.abs(point) <= _FARTHEST_POINT_M).all():
+            why_not = f"no number may be beyond {_FARTHEST_POINT_M:g} m"
         else:
             place = (object_from[frame] @ [*point, 1.0])[:3]
             why_not = self._take(lambda: self._visit(place), "a person shows the finger where to touch")

@@ -54,7 +54,7 @@ def run_in_foreground(
 
     In the main thread; returns 1 if one of them died for good, else 0. Their output goes to ours, each line behind the
     name of its program. A second signal while they are being ended does not wait until those that are left have had
-    their time. environment, respawn: as of `Supervisor`.
+    their time. environment, respawn: arguments of `Supervisor`.
     """
     # what the programs print may be more than our output's encoding holds; one put in its place may be no file
     if hasattr(sys.stdout, "reconfigure"):

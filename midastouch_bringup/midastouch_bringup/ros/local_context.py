@@ -70,7 +70,7 @@ def local_context(domain: int) -> Iterator[rclpy.Context]:
         rclpy.try_shutdown(context=context)
 
 
-_LONGEST = 660.0  # s that a node may take for its answer: `capture_timeout` is at most 600
+_ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
 
 
 def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
@@ -83,8 +83,9 @@ def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Resp
                 "Another namespace: --namespace"
             )
         answer = client.call_async(Trigger.Request())
-        if not spin_until(node, answer.done, _LONGEST):
-            raise InputError(f"{client.service_name}: no answer within {_LONGEST:g} s; see the log of its node")
+        if not spin_until(node, answer.done, _ANSWER_TIMEOUT_S):
+            late = f"no answer within {_ANSWER_TIMEOUT_S:g} s"
+            raise InputError(f"{client.service_name}: {late}; see the log of its node")
         return answer.result()
 
 

@@ -38,9 +38,9 @@ _ON_THEIR_WAY_S = 0.5
 
 @contextlib.contextmanager
 def supervised_run(domain: int, logs: Path) -> Iterator[tuple[Supervisor, SingleThreadedExecutor]]:
-    """Who keeps the programs running, their output in a folder, and who spins our own nodes, made in its `context`.
+    """A supervisor of programs, whose output goes to a folder, and an executor for nodes made in its `context`.
 
-    In the end the nodes that it was given are destroyed, then the programs ended.
+    At the end the executor's nodes are destroyed, then the programs are ended.
     """
     environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
     with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:

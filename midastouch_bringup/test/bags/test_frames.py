@@ -122,7 +122,7 @@ def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
         ((_, frames[name], *_),) = read_bag(path)
     np.testing.assert_array_equal(frames["small"], frames["raw"])
     np.testing.assert_array_equal(frames["both"], frames["raw"])
-    with pytest.raises(InputError, match=r"has no /other; it has /image_raw/compressed"):
+    with pytest.raises(InputError, match=r"/other.* has /image_raw/compressed"):
         next(read_bag(tmp_path / "small.mcap", GelStream("/other")))
 
 
@@ -133,7 +133,7 @@ def test_compressed_images_that_are_none_are_refused(tmp_path, data):
         "/image_raw/compressed", COMPRESSED_TYPE, SECOND, bytes(STORE.serialize_cdr(content, COMPRESSED_TYPE))
     )
     path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
-    with pytest.raises(InputError, match=r"x\.mcap: image on /image_raw/compressed .* cannot be decompressed"):
+    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed"):
         next(read_bag(path))
 
 

@@ -50,7 +50,7 @@ def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):
     said = {1: {"mug": 0.75, "unknown": 0.25}, 3: {"mug": 1.0, "unknown": 0.0}}
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
-    assert not any(s.objects for s in record.told().snapshots)
+    assert not any(s.objects for s in record.of_known_object().snapshots)
 
 
 def test_without_contact_there_is_no_code(bag):

@@ -134,7 +134,7 @@ def test_topics_are_known_before_the_first_message(tmp_path, simulated_sequence)
     image = next(m for m in sequence_messages(sequence) if m.topic == "/image_raw")
     with BagWriter(tmp_path / "other.mcap") as bag:
         bag.write(dataclasses.replace(image, topic="/camera/color"))
-    with pytest.raises(InputError, match=r"other\.mcap: has no .*/image_raw.*; it has /camera/color"):
+    with pytest.raises(InputError, match=r"other\.mcap: .*/image_raw.*/camera/color"):
         ReplaySource(tmp_path / "other.mcap")
 
 
