@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.bags.snapshot import Hypothesis, Snapshot
+from midastouch_bringup.bags.run_record import Hypothesis, Snapshot
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook

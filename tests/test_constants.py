@@ -1,4 +1,4 @@
-"""docs/constants.md against the code: nothing missing, nothing gone, no other value."""
+"""docs/internals.md against the code: nothing missing, nothing gone, no other value."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_perception.codebook import YAWS
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "constants.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "internals.md"
 ORIGINS = {
     "paper",
     "literature",
@@ -37,8 +37,8 @@ def listed() -> dict[tuple[str, str], tuple[str, str]]:
 def test_every_constant_of_the_filter_is_listed_with_its_value():
     page, code = {key: value for key, (value, _) in listed().items()}, filter_constants.constants()
     assert len(code) > 100
-    assert set(code) - set(page) == set(), "list them in docs/constants.md, with where they come from"
-    assert set(page) - set(code) == set(), "gone from the code: take them out of docs/constants.md"
+    assert set(code) - set(page) == set(), "list them in docs/internals.md, with where they come from"
+    assert set(page) - set(code) == set(), "gone from the code: take them out of docs/internals.md"
     assert {key: value for key, value in page.items() if value != code[key]} == {}, "another value in the code"
 
 

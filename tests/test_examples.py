@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from midastouch_bringup.cli import main
-from midastouch_bringup.processes.program import find_executable
+from midastouch_bringup.processes.process import find_executable
 
 EXAMPLES = Path(__file__).resolve().parent.parent / "examples"
 POSES = "4000"

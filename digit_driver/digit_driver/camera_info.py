@@ -1,4 +1,4 @@
-"""Reads a camera calibration in the YAML format that ROS camera tools write."""
+"""Reads a camera's intrinsics in the YAML format that ROS camera tools write."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from urllib.parse import unquote, urlparse
 import yaml
 
 from midastouch_common.errors import InputError
-from midastouch_common.user_paths import expanded
+from midastouch_common.files import expanded
 
 _MATRICES = {"camera_matrix": 9, "rectification_matrix": 9, "projection_matrix": 12}
 
 
 @dataclass(frozen=True)
-class Calibration:
+class Intrinsics:
     """Intrinsics of the portrait image, named as in sensor_msgs/CameraInfo.
 
     Attributes:
@@ -35,7 +35,7 @@ class Calibration:
     p: tuple[float, ...] = (0.0,) * 12
 
 
-def load_calibration(url: str, size: tuple[int, int]) -> Calibration:
+def load_intrinsics(url: str, size: tuple[int, int]) -> Intrinsics:
     """Reads ``file:///path/to.yaml`` or a plain path; an empty ``url`` means uncalibrated.
 
     Args:
@@ -43,20 +43,20 @@ def load_calibration(url: str, size: tuple[int, int]) -> Calibration:
         size: width and height of the images it must be for, pixels.
 
     Raises:
-        InputError: it cannot be read, is not a camera calibration, or is one for images of another size.
+        InputError: it cannot be read, is not camera info, or is for images of another size.
     """
     if not url:
-        return Calibration(*size)
-    calibration = _read(url)
-    if (calibration.width, calibration.height) != size:
+        return Intrinsics(*size)
+    intrinsics = _read(url)
+    if (intrinsics.width, intrinsics.height) != size:
         raise InputError(
-            f"camera_info_url: {url} is for {calibration.width}x{calibration.height} images, "
+            f"camera_info_url: {url} is for {intrinsics.width}x{intrinsics.height} images, "
             f"the driver gives {size[0]}x{size[1]}; calibrate at this resolution"
         )
-    return calibration
+    return intrinsics
 
 
-def _read(url: str) -> Calibration:
+def _read(url: str) -> Intrinsics:
     parsed = urlparse(url)
     if parsed.scheme not in ("", "file"):
         raise InputError(f"camera_info_url: {url}: only file:// URLs and plain paths can be read")
@@ -67,7 +67,7 @@ def _read(url: str) -> Calibration:
         raise InputError(f"camera_info_url: {path} cannot be read: {error}") from error
     try:
         k, r, p = (_numbers(content[name]["data"], count) for name, count in _MATRICES.items())
-        return Calibration(
+        return Intrinsics(
             width=int(content["image_width"]),
             height=int(content["image_height"]),
             distortion_model=str(content["distortion_model"]),
@@ -78,7 +78,7 @@ def _read(url: str) -> Calibration:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"camera_info_url: {path} is not a camera calibration ({error!r}); "
+            f"camera_info_url: {path} is not camera info ({error!r}); "
             "write it with camera_calibration or camera_info_manager"
         ) from error
 

@@ -14,16 +14,24 @@ import numpy as np
 import yaml
 
 from midastouch_common.errors import InputError
-from midastouch_common.user_paths import expanded
+from midastouch_common.files import expanded
 
+from .frames import CorruptFrameError
 from .videodev2 import PIX_FMT_MJPEG, PIX_FMT_YUYV
 
 _FOLDER = Path(__file__).parent / "cameras"
-_MEND = f"compare with {_FOLDER / 'digit.yaml'}"
+_FIX = f"compare with {_FOLDER / 'digit.yaml'}"
 _FORMATS = {"YUYV": PIX_FMT_YUYV, "MJPG": PIX_FMT_MJPEG}
 _ROTATIONS = {0: None, 90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_CLOCKWISE}
+_JPEG_END = b"\xff\xd9"
+_REDUCTION_FLAGS = {
+    1: cv2.IMREAD_COLOR,
+    2: cv2.IMREAD_REDUCED_COLOR_2,
+    4: cv2.IMREAD_REDUCED_COLOR_4,
+    8: cv2.IMREAD_REDUCED_COLOR_8,
+}
 _KEYS = {"label", "usb_ids", "product", "rotation", "leds", "modes"}
-_SQUARE = 0.02  # by which a pixel's sides may differ: the sensor model's scale is one for both
+_ASPECT_TOLERANCE = 0.02  # by which a pixel's sides may differ: the sensor model's scale is one for both
 _MODE_KEYS = {"width", "height", "fps", "format", "crop", "output"}
 
 
@@ -58,7 +66,7 @@ class CameraModel:
     """Attributes:
     label: what to call such a sensor.
     usb_ids: (vendor, product) of its USB device, four hexadecimal digits each.
-    product: how the USB device's product name begins, for cameras that are told by it; empty: not by it.
+    product: how the USB device's product name begins; empty where ``usb_ids`` identify the camera.
     rotation: degrees counter-clockwise from the camera's image to the published one.
     leds: whether their brightness is set as on a DIGIT.
     modes: by name, the default first.
@@ -88,9 +96,9 @@ class CameraModel:
             content = yaml.safe_load(path.read_text(encoding="utf-8"))
             return _parsed(content)
         except KeyError as error:
-            raise InputError(f"camera_model: {path} has no {error.args[0]}; {_MEND}") from error
+            raise InputError(f"camera_model: {path} has no {error.args[0]}; {_FIX}") from error
         except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(f"camera_model: {path}: {error}; {_MEND}") from error
+            raise InputError(f"camera_model: {path}: {error}; {_FIX}") from error
 
     @property
     def usb(self) -> str:
@@ -117,6 +125,34 @@ class CameraModel:
         return cv2.resize(turned, mode.output, interpolation=cv2.INTER_AREA)
 
 
+def decode(data: bytes, pixel_format: int, width: int, height: int, reduction: int = 1) -> np.ndarray:
+    """(height, width, 3) uint8 RGB image of one buffer; a JPEG's sides divided by ``reduction`` (rounded up).
+
+    Args:
+        data: the used part of the buffer.
+        pixel_format: ``PIX_FMT_YUYV`` or ``PIX_FMT_MJPEG``.
+        width, height: size of the camera's image.
+        reduction: 1, 2, 4 or 8: a large JPEG is decoded several times faster at an eighth of its size.
+
+    Raises:
+        CorruptFrameError: the buffer does not hold one whole image.
+    """
+    if pixel_format == PIX_FMT_YUYV:
+        if len(data) != 2 * width * height:
+            raise CorruptFrameError(f"{len(data)} bytes instead of {2 * width * height}")
+        packed = np.frombuffer(data, np.uint8).reshape(height, width, 2)
+        return cv2.cvtColor(packed, cv2.COLOR_YUV2RGB_YUYV)
+    if pixel_format == PIX_FMT_MJPEG:
+        # The decoder fills the missing part of a cut-off JPEG with grey, which a net would take for a touch.
+        if not data.rstrip(b"\0").endswith(_JPEG_END):
+            raise CorruptFrameError(f"JPEG of {len(data)} bytes has no end")
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), _REDUCTION_FLAGS[reduction])
+        if image is None or image.shape != (-(-height // reduction), -(-width // reduction), 3):
+            raise CorruptFrameError(f"JPEG of {len(data)} bytes is not a {width}x{height} image")
+        return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    raise ValueError(f"pixel format {pixel_format:#x}")
+
+
 def _parsed(content: dict) -> CameraModel:
     _refuse_others(content, _KEYS)
     rotation = content.get("rotation", 0)
@@ -125,7 +161,7 @@ def _parsed(content: dict) -> CameraModel:
     ids = tuple(_usb_id(text) for text in _list(content.get("usb_ids") or [], "usb_ids"))
     product = str(content.get("product") or "")
     if not ids and not product:
-        raise ValueError("neither usb_ids nor product: nothing tells the sensor from other cameras")
+        raise ValueError("neither usb_ids nor product: nothing distinguishes the sensor from other cameras")
     modes = {str(name): _mode(mode, rotation) for name, mode in content["modes"].items()}
     if not modes:
         raise ValueError("modes is empty")
@@ -161,7 +197,7 @@ def _mode(values: dict, rotation: int) -> CameraMode:
     output = tuple(_whole(value, "output") for value in _list(values.get("output", [*turned]), "output"))
     if len(output) != 2:
         raise ValueError(f"output {list(output)} is not a width and a height")
-    if abs(output[0] * turned[1] / (output[1] * turned[0]) - 1) > _SQUARE:
+    if abs(output[0] * turned[1] / (output[1] * turned[0]) - 1) > _ASPECT_TOLERANCE:
         raise ValueError(
             f"output {list(output)} is of another shape than the crop, turned {turned[0]} x {turned[1]}: a pixel must "
             "stay square; change crop or output"

@@ -1,4 +1,4 @@
-"""Finds the sensors of one camera model plugged into this machine by reading sysfs, without udev and without opening.
+"""Finds the plugged-in sensors of one camera model by reading sysfs, without udev and without opening a device.
 
 ``python -m digit_driver.discovery [MODEL]`` lists them.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from .camera_model import CameraModel
-from .errors import DeviceError
+from .frames import DeviceError
 
 SYSFS_VIDEO = Path("/sys/class/video4linux")
 DEV = Path("/dev")
@@ -28,7 +28,7 @@ class UsbCamera:
         firmware: revision (``bcdDevice`` read as a decimal number, e.g. 212), None if unreadable.
         nodes: its ``/dev/video*`` nodes in numerical order. UVC cameras own several, of which only one gives
             images; which one is known after asking the driver (``VIDIOC_QUERYCAP``).
-        usb_path: the bus address, e.g. ``1-4.2``; tells sensors without a serial apart.
+        usb_path: the bus address, e.g. ``1-4.2``; distinguishes sensors without a serial.
     """
 
     serial: str

@@ -10,15 +10,13 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from . import videodev2 as v4l2
-from .camera_model import CameraMode, CameraModel
+from .camera_model import CameraMode, CameraModel, decode
 from .discovery import UsbCamera, find_by_node, find_cameras, select_camera
-from .errors import CorruptFrameError, DeviceError
-from .frame_source import Frame, MonotonicClock, SourceInfo
-from .leds import MAX_LEVEL, packed
-from .pixels import decode
-from .system_calls import SystemCalls
+from .frames import CorruptFrameError, DeviceError, Frame, MonotonicClock, SourceInfo
 from .v4l2_stream import FilledBuffer, V4l2Stream
 
+MAX_LED_LEVEL = 15
+"""The DIGIT's three LEDs have four bits each, packed into one control, which its firmware calls zoom."""
 FIRST_FIRMWARE_WITH_RGB = 200
 _OLDEST_CREDIBLE_STAMP_NS = 2_000_000_000
 
@@ -45,7 +43,7 @@ class V4l2Settings:
     video_device: str = ""
     resolution: str = ""
     fps: int = 0
-    leds: tuple[int, int, int] = (MAX_LEVEL, MAX_LEVEL, MAX_LEVEL)
+    leds: tuple[int, int, int] = (MAX_LED_LEVEL, MAX_LED_LEVEL, MAX_LED_LEVEL)
     use_buffer_timestamps: bool = True
 
     def __post_init__(self) -> None:
@@ -57,7 +55,7 @@ class V4l2Settings:
 
     @property
     def mode(self) -> CameraMode:
-        """The mode that is meant."""
+        """The mode of that resolution."""
         return self.camera.mode(self.resolution)
 
 
@@ -67,20 +65,20 @@ class V4l2Camera:
     Args:
         settings: see there.
         system: the kernel.
-        find: lists the sensors of a model present; asked anew at every ``open``: replugging renumbers the nodes.
+        find: lists the sensors of a model present. Every ``open`` calls it, since replugging renumbers the nodes.
         clock: the host's monotonic clock.
     """
 
     def __init__(
         self,
         settings: V4l2Settings,
-        system: SystemCalls | None = None,
+        system: v4l2.SystemCalls | None = None,
         find: Callable[[CameraModel], list[UsbCamera]] = find_cameras,
         clock: MonotonicClock | None = None,
     ) -> None:
         self._settings, self._camera, self._mode = settings, settings.camera, settings.mode
         self._rate = settings.fps or self._mode.fps[0]
-        self._system = system or SystemCalls()
+        self._system = system or v4l2.SystemCalls()
         self._find = find
         self._clock = clock or MonotonicClock()
         self._serial = settings.serial
@@ -96,7 +94,7 @@ class V4l2Camera:
         """Acquires the sensor; afterwards ``read`` gives frames.
 
         Raises:
-            InputError: it can never be opened as it was asked for.
+            InputError: it can never be opened with these settings.
             DeviceError: it cannot be opened now.
         """
         self.close()
@@ -159,14 +157,14 @@ class V4l2Camera:
             # While it is unplugged this does nothing: ``open`` lights it when it is back.
             if self._stream is not None:
                 # Old firmware knows one brightness for all three.
-                value = max(rgb) if self._has_old_firmware else packed(rgb)
+                value = max(rgb) if self._has_old_firmware else rgb[0] << 8 | rgb[1] << 4 | rgb[2]
                 self._stream.set_control(v4l2.CID_ZOOM_ABSOLUTE, value, "setting the LEDs")
 
     def _locate(self) -> tuple[UsbCamera | None, tuple[Path, ...]]:
         if self._settings.video_device:
             node = Path(self._settings.video_device)
             digit = find_by_node(node, self._find(self._camera))
-            # A name of udev's (a link) says what is meant. A number goes to another sensor once ours is unplugged.
+            # A link of udev's keeps naming the same sensor. A number goes to another one once ours is unplugged.
             if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
                 return digit, (node,)
         digit = select_camera(self._camera, self._find(self._camera), self._serial)

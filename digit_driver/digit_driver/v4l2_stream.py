@@ -1,7 +1,7 @@
 """An open capture node of Video4Linux2: its format and rate, and the buffers that the camera fills in turn.
 
-The kernel is spoken to directly, because a capture library hides what a robot needs: which node gives images,
-the acquisition time of a buffer, the flag of a damaged buffer, and a wait that ends when asked to.
+The driver calls the kernel directly, because capture libraries hide what a robot needs: which node gives images, the
+acquisition time of a buffer, the flag of a damaged buffer, and a wait with a time limit.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ from pathlib import Path
 
 from . import videodev2 as v4l2
 from .camera_model import CameraMode
-from .errors import DeviceError
-from .frame_source import MonotonicClock
-from .system_calls import SystemCalls
+from .frames import DeviceError, MonotonicClock
 
 _BUFFERS = 4
 
@@ -31,9 +29,9 @@ class FilledBuffer:
     Attributes:
         data: of the pixel format.
         sequence: number given by the camera.
-        damaged: whether the transfer was.
-        stamp_ns: the kernel's monotonic time of acquisition; None if its stamps are of another clock.
-        fetched_ns: monotonic time of fetching it.
+        damaged: whether the transfer damaged the frame.
+        stamp_ns: the kernel's monotonic time of acquisition; None if the kernel stamps with another clock.
+        fetched_ns: monotonic time at which the driver fetched it.
     """
 
     data: bytes
@@ -58,7 +56,7 @@ class V4l2Stream:
         DeviceError: none can be opened or gives images; from the methods: what failed and why.
     """
 
-    def __init__(self, nodes: Sequence[Path], system: SystemCalls, clock: MonotonicClock) -> None:
+    def __init__(self, nodes: Sequence[Path], system: v4l2.SystemCalls, clock: MonotonicClock) -> None:
         self._system, self._clock = system, clock
         self._buffers: list[mmap.mmap] = []
         refusals = []
@@ -160,7 +158,7 @@ class V4l2Stream:
         return DeviceError(f"{self.name}: {doing} failed: {reason}")
 
 
-def _refusal(system: SystemCalls, fd: int) -> str:
+def _refusal(system: v4l2.SystemCalls, fd: int) -> str:
     """Why an open node cannot be streamed from; empty if it can."""
     capability = v4l2.Capability()
     try:

@@ -1,4 +1,4 @@
-"""The part of the kernel's Video4Linux2 interface that capturing needs, as ctypes structures.
+"""The part of the kernel's Video4Linux2 interface that capturing needs: ctypes structures and system calls.
 
 Field order and numbers follow the kernel's documentation ("Video for Linux API", 64-bit systems); a test
 compares every size and request number with the system's own header where a compiler is at hand.
@@ -7,6 +7,10 @@ compares every size and request number with the system's own header where a comp
 from __future__ import annotations
 
 import ctypes as c
+import fcntl
+import mmap
+import os
+import select
 
 BUF_TYPE_VIDEO_CAPTURE = 1
 MEMORY_MMAP = 1
@@ -160,3 +164,30 @@ VIDIOC_STREAMON = _request(_WRITE, 18, c.c_int)
 VIDIOC_STREAMOFF = _request(_WRITE, 19, c.c_int)
 VIDIOC_S_PARM = _request(_READ | _WRITE, 22, StreamParm)
 VIDIOC_S_CTRL = _request(_READ | _WRITE, 28, Control)
+
+
+class SystemCalls:
+    """The system calls through which the driver touches a camera; here tests put a fake kernel.
+
+    All methods raise OSError as the calls they wrap.
+    """
+
+    def open(self, path: str) -> int:
+        """Opens a device for reading and writing without ever blocking on it; returns the descriptor."""
+        return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def close(self, fd: int) -> None:
+        os.close(fd)
+
+    def ioctl(self, fd: int, request: int, argument: c.Structure | c._SimpleCData) -> None:
+        """The kernel reads and fills ``argument`` in place."""
+        fcntl.ioctl(fd, request, argument)
+
+    def mmap(self, fd: int, length: int, offset: int) -> mmap.mmap:
+        return mmap.mmap(fd, length, mmap.MAP_SHARED, mmap.PROT_READ | mmap.PROT_WRITE, offset=offset)
+
+    def wait_readable(self, fd: int, timeout: float) -> bool:
+        """True when a buffer (or an error) is there to be fetched, False after ``timeout`` seconds."""
+        poller = select.poll()
+        poller.register(fd, select.POLLIN | select.POLLPRI)
+        return bool(poller.poll(max(0.0, timeout) * 1000.0))

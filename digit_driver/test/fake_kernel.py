@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from digit_driver import videodev2 as v4l2
-from digit_driver.system_calls import SystemCalls
+from digit_driver.videodev2 import SystemCalls
 
 CAP_META_CAPTURE = 0x00800000
 FRAME_PERIOD_S = 0.002

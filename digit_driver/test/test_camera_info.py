@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from digit_driver.camera_info import load_calibration
+from digit_driver.camera_info import load_intrinsics
 from midastouch_common.errors import InputError
 
 CONTENT = {
@@ -19,39 +19,39 @@ CONTENT = {
 
 
 def test_no_url_means_uncalibrated() -> None:
-    calibration = load_calibration("", (240, 320))
-    assert (calibration.width, calibration.height, calibration.k[0]) == (240, 320, 0.0)
+    intrinsics = load_intrinsics("", (240, 320))
+    assert (intrinsics.width, intrinsics.height, intrinsics.k[0]) == (240, 320, 0.0)
 
 
 @pytest.mark.parametrize("scheme", ["", "file://"])
 def test_reads_what_ros_tools_write(tmp_path: Path, scheme) -> None:
     path = tmp_path / "my calibration.yaml"
     path.write_text(yaml.safe_dump(CONTENT))
-    calibration = load_calibration(f"{scheme}{path}", (240, 320))
-    assert calibration.k[:3] == (277.0, 0.0, 120.0)
-    assert calibration.d[0] == 0.1
-    assert len(calibration.p) == 12
+    intrinsics = load_intrinsics(f"{scheme}{path}", (240, 320))
+    assert intrinsics.k[:3] == (277.0, 0.0, 120.0)
+    assert intrinsics.d[0] == 0.1
+    assert len(intrinsics.p) == 12
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("[1, 2", "cannot be read"),
-        ("just a string", "not a camera calibration"),
-        (yaml.safe_dump({**CONTENT, "camera_matrix": {"data": [1, 2]}}), "2 numbers instead of 9"),
+        ("[1, 2", ""),
+        ("just a string", "camera_info_manager"),
+        (yaml.safe_dump({**CONTENT, "camera_matrix": {"data": [1, 2]}}), "instead of 9"),
         (yaml.safe_dump({**CONTENT, "image_width": 640}), "640x320 images.*240x320"),
-        ("!!python/object/apply:os.system ['true']", "cannot be read"),
+        ("!!python/object/apply:os.system ['true']", "python/object"),
     ],
 )
 def test_bad_files_are_refused_with_a_reason(tmp_path: Path, content, words) -> None:
     path = tmp_path / "c.yaml"
     path.write_text(content)
-    with pytest.raises(InputError, match=words):
-        load_calibration(str(path), (240, 320))
+    with pytest.raises(InputError, match=rf"camera_info_url: .*c\.yaml[\s\S]*{words}"):
+        load_intrinsics(str(path), (240, 320))
 
 
 def test_missing_file_and_foreign_scheme(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read"):
-        load_calibration(f"{tmp_path}/absent.yaml", (240, 320))
-    with pytest.raises(InputError, match="only file://"):
-        load_calibration("http://somewhere/c.yaml", (240, 320))
+    with pytest.raises(InputError, match=r"camera_info_url: .*absent\.yaml"):
+        load_intrinsics(f"{tmp_path}/absent.yaml", (240, 320))
+    with pytest.raises(InputError, match=r"camera_info_url: .*file://"):
+        load_intrinsics("http://somewhere/c.yaml", (240, 320))

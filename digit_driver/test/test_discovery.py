@@ -7,7 +7,7 @@ from fake_kernel import FakeDigit
 
 from digit_driver.camera_model import CameraModel
 from digit_driver.discovery import find_by_node, find_cameras, select_camera
-from digit_driver.errors import DeviceError
+from digit_driver.frames import DeviceError
 from midastouch_common.errors import InputError
 
 DIGIT = CameraModel.load("digit")

@@ -9,13 +9,12 @@ import pytest
 from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
-from digit_driver.errors import DeviceError
-from digit_driver.frame_slot import ReaderState, ReaderStatus
+from digit_driver.frames import DeviceError, ReaderState, ReaderStatus
 from digit_driver.reader import FrameReader, ReaderTiming
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 
 FAST = ReaderTiming(reconnect=0.02, stall=0.1)
-PATIENCE = 120.0  # s; bounds a failing test only
+TIMEOUT_S = 120.0  # bounds a failing test only
 
 
 class Watched:
@@ -30,7 +29,7 @@ class Watched:
             self._changed.notify_all()
 
     def wait_for(self, predicate: Callable[[ReaderStatus], bool]) -> ReaderStatus:
-        deadline = time.monotonic() + PATIENCE
+        deadline = time.monotonic() + TIMEOUT_S
         with self._changed:
             while not predicate(status := self.reader.status()):
                 # Corrupt frames are counted without an event, hence the short wait.
@@ -51,7 +50,7 @@ def watch(kernel, find):
 
     yield start
     for item in watched:
-        assert item.reader.stop(PATIENCE)
+        assert item.reader.stop(TIMEOUT_S)
     assert kernel.descriptors == {}, "descriptors left open"
 
 
@@ -75,7 +74,7 @@ def test_keeps_the_newest_frame_and_counts_those_replaced(kernel, watch) -> None
 
 def test_device_may_come_late(kernel, watch) -> None:
     watched = watch()
-    assert watched.reader.wait_settled(PATIENCE)
+    assert watched.reader.wait_settled(TIMEOUT_S)
     status = watched.wait_for(lambda status: status.last_error)
     assert status.state is ReaderState.CONNECTING
     assert "no DIGIT" in status.last_error
@@ -83,7 +82,7 @@ def test_device_may_come_late(kernel, watch) -> None:
     assert watched.wait_for(streaming(3)).reconnects == 0
 
 
-def test_patience_at_the_start_has_an_end(watch) -> None:
+def test_the_wait_at_the_start_has_an_end(watch) -> None:
     watched = watch(ReaderTiming(wait_for_device=0.05, reconnect=0.02))
     status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
     assert "no DIGIT" in status.last_error
@@ -93,7 +92,7 @@ def test_unusable_request_fails_at_once(kernel, watch) -> None:
     kernel.plug(FakeDigit("D1", "1-1", number=0))
     kernel.plug(FakeDigit("D2", "1-2", number=2))
     watched = watch()
-    assert watched.reader.wait_settled(PATIENCE)
+    assert watched.reader.wait_settled(TIMEOUT_S)
     status = watched.reader.status()
     assert status.state is ReaderState.FAILED
     assert "Set `serial`" in status.last_error
@@ -143,7 +142,7 @@ def test_stalled_stream_is_opened_anew(kernel, watch) -> None:
 @pytest.mark.parametrize("fault", ["damaged", "short"])
 def test_some_corrupt_frames_are_counted_and_not_called_lost(kernel, watch, fault) -> None:
     camera = kernel.plug(FakeDigit())
-    watched = watch(ReaderTiming(reconnect=0.02, stall=PATIENCE))
+    watched = watch(ReaderTiming(reconnect=0.02, stall=TIMEOUT_S))
     before = watched.wait_for(streaming(3)).frames
     setattr(camera, fault, True)
     watched.wait_for(lambda status: status.corrupt >= 3)
@@ -192,7 +191,7 @@ def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:
     reader.start()
     watched.wait_for(streaming(1))
     camera.hanging = release
-    assert begun.wait(PATIENCE)
+    assert begun.wait(TIMEOUT_S)
     watched.wait_for(lambda status: status.silent_s > 0.2)
     assert not reader.stop(timeout=0.1)
     with pytest.raises(DeviceError, match="hangs"):
@@ -200,27 +199,27 @@ def test_stopping_never_waits_for_a_call_that_hangs(kernel, find) -> None:
     camera.hanging = None
     release.set()
     watched.wait_for(lambda status: status.state is ReaderState.STOPPED)
-    assert reader.stop(PATIENCE)
+    assert reader.stop(TIMEOUT_S)
     assert kernel.descriptors == {}
     reader.start()
     watched.wait_for(streaming(1))
-    assert reader.stop(PATIENCE)
+    assert reader.stop(TIMEOUT_S)
 
 
 def test_stopping_ends_the_wait_for_a_device(watch) -> None:
-    watched = watch(ReaderTiming(reconnect=10 * PATIENCE))
+    watched = watch(ReaderTiming(reconnect=10 * TIMEOUT_S))
     watched.wait_for(lambda status: status.last_error)
-    assert watched.reader.stop(PATIENCE)
+    assert watched.reader.stop(TIMEOUT_S)
     assert watched.reader.status().state is ReaderState.STOPPED
 
 
 def test_start_twice_and_start_again(kernel, watch) -> None:
     camera = kernel.plug(FakeDigit())
-    watched = watch(ReaderTiming(stall=PATIENCE))
+    watched = watch(ReaderTiming(stall=TIMEOUT_S))
     watched.wait_for(streaming(1))
     watched.reader.start()
     assert camera.opened == 1
-    assert watched.reader.stop(PATIENCE)
+    assert watched.reader.stop(TIMEOUT_S)
     camera.stalled = True
     watched.reader.start()
     assert watched.wait_for(streaming(0)).frames == 0
@@ -240,5 +239,5 @@ def test_an_error_nobody_expected_is_reported_and_closes_the_source(kernel, find
     watched.reader.start()
     status = watched.wait_for(lambda status: status.state is ReaderState.FAILED)
     assert "surprise" in status.last_error
-    assert watched.reader.stop(PATIENCE)
+    assert watched.reader.stop(TIMEOUT_S)
     assert kernel.descriptors == {}

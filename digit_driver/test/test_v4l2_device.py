@@ -8,7 +8,7 @@ from fake_kernel import FakeDigit
 
 from digit_driver import videodev2 as v4l2
 from digit_driver.camera_model import CameraModel
-from digit_driver.errors import CorruptFrameError, DeviceError
+from digit_driver.frames import CorruptFrameError, DeviceError
 from digit_driver.v4l2_device import V4l2Camera, V4l2Settings
 from midastouch_common.errors import InputError
 

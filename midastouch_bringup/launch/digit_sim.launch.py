@@ -1,10 +1,93 @@
 """A simulated DIGIT in place of the driver."""
 
-from launch import LaunchDescription
+from pathlib import Path
 
-from midastouch_bringup.ros.launch_parts import check, declare, start
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import LifecycleNode
+
+from midastouch_bringup.ros.launch_parts import (
+    MergedParameters,
+    bound_to_launch,
+    check_arguments,
+    end_launch_unless_respawned,
+)
+
+SHARE = Path(get_package_share_directory("midastouch_bringup"))
+ARGUMENTS = [
+    DeclareLaunchArgument(
+        "namespace", default_value="", description="Namespace of all nodes; one per sensor, e.g. digit_left"
+    ),
+    DeclareLaunchArgument(
+        "params_file", default_value=str(SHARE / "config" / "midastouch.yaml"), description="Parameters of all nodes"
+    ),
+    DeclareLaunchArgument(
+        "params_overlay",
+        default_value="",
+        description="Parameter file of yours laid over both; may hold only what differs",
+    ),
+    DeclareLaunchArgument(
+        "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
+    ),
+    DeclareLaunchArgument(
+        "use_respawn", default_value="false", choices=["true", "false"], description="Start a node again after it died"
+    ),
+    DeclareLaunchArgument(
+        "log_level",
+        default_value="info",
+        choices=["debug", "info", "warn", "error", "fatal"],
+        description="What the nodes log",
+    ),
+    DeclareLaunchArgument(
+        "autostart",
+        default_value="",
+        choices=["", "true", "false"],
+        description="Configure and activate the lifecycle nodes without a manager; empty: as in params_file",
+    ),
+    DeclareLaunchArgument(
+        "object",
+        default_value="",
+        description="Name of a bundled object: gives mesh, and codebook from out/codebooks (midastouch build-codebook)",
+    ),
+    DeclareLaunchArgument("mesh", default_value="", description="Mesh of the object, metres: a path or package://..."),
+    DeclareLaunchArgument(
+        "sensor_model",
+        default_value="",
+        description="Kind of the sensor: digit_real, digit_tacto (simulated), gelsight_mini, or a YAML file; "
+        "empty: as in the parameter files",
+    ),
+    DeclareLaunchArgument(
+        "sensor_prefix", default_value="", description="Put before the sensor's frames; for several sensors, e.g. left_"
+    ),
+]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Node `digit_sim`."""
-    return LaunchDescription([*declare("digit_sim"), check("digit_sim"), *start("digit_sim")])
+    """Node `digit_sim`, moved by TF."""
+    return LaunchDescription(
+        [
+            *ARGUMENTS,
+            OpaqueFunction(function=check_arguments),
+            LifecycleNode(
+                package="midastouch_bringup",
+                executable="digit_sim",
+                name="digit_sim",
+                namespace=LaunchConfiguration("namespace"),
+                # seed: an argument of explore.launch.py, which includes this file
+                parameters=[
+                    MergedParameters(
+                        "digit_sim",
+                        ["autostart", "use_sim_time", "object", "mesh", "sensor_model", "sensor_prefix", "seed"],
+                    )
+                ],
+                arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
+                prefix=bound_to_launch(),
+                output="screen",
+                respawn=LaunchConfiguration("use_respawn"),
+                respawn_delay=2.0,
+                on_exit=end_launch_unless_respawned,
+            ),
+        ]
+    )

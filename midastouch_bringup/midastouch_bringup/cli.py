@@ -62,6 +62,11 @@ EXIT_INTERRUPTED = 130
 
 PLUGINS = "midastouch.commands"
 """Group of the entry points by which other packages bring commands, each a module as those of `commands`."""
+OF_BENCHMARK = (
+    *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-presses"),
+    *("evaluate-start", "evaluate-tdn", "identify", "report", "single-touch"),
+)
+"""Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
 
 
 def commands_of_others() -> list[ModuleType]:
@@ -92,6 +97,13 @@ def add_commands(parser: argparse.ArgumentParser) -> Mapping[str, argparse.Argum
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit status: 0 success, 1 the command found a failure, 2 bad input."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments and arguments[0] in OF_BENCHMARK and not commands_of_others():
+        print(
+            f"midastouch: error: {arguments[0]}: comes with the package midastouch_benchmark, which is not installed; "
+            "install it: run make, or colcon build --packages-up-to midastouch_benchmark",
+            file=sys.stderr,
+        )
+        return EXIT_BAD_INPUT
     args = build_parser().parse_args(arguments)
     args.command_line = shlex.join(["midastouch", *_what(arguments)])  # for result files
     try:

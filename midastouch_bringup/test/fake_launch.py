@@ -58,8 +58,7 @@ class Command(Stub):
     ran = staticmethod(lambda line: f"output of {line}")
 
     def perform(self, given):
-        given = getattr(given, "launch_configurations", given)
-        return Command.ran(perform(self.args[0], given))
+        return Command.ran(perform(self.args[0], getattr(given, "launch_configurations", given)))
 
 
 class IfCondition(Stub):
@@ -67,7 +66,12 @@ class IfCondition(Stub):
         return {"true": True, "false": False}[perform(self.args[0], given)]
 
 
-_MEANT = LaunchConfiguration, EqualsSubstitution, PathJoinSubstitution, Command, IfCondition
+class UnlessCondition(IfCondition):
+    def holds(self, given):
+        return not super().holds(given)
+
+
+_MEANT = LaunchConfiguration, EqualsSubstitution, PathJoinSubstitution, Command, IfCondition, UnlessCondition
 _WITH_MEANING = {one.__name__: one for one in _MEANT}
 
 
@@ -110,8 +114,8 @@ def load(name):
 class Launched:
     """What a launch has done so far.
 
-    started: (package, executable) -> arguments of the node or launch file; kinds: executable -> class of its action;
-    ran: the command lines of other processes, which end well; said: what was logged.
+    started: (package, executable) -> performed arguments of the node or launch file; kinds: executable -> class of its
+    action; ran: the command lines of other processes, which end well; said: what was logged.
     """
 
     def __init__(self):
@@ -132,16 +136,18 @@ class Launched:
         given, kind, kwargs = context.launch_configurations, type(action).__name__, action.kwargs
         if kind == "DeclareLaunchArgument":
             given.setdefault(action.args[0], kwargs["default_value"])
-            choices = kwargs["choices"]
+            choices = kwargs.get("choices")
             assert not choices or given[action.args[0]] in choices
+        elif kind == "SetLaunchConfiguration":
+            given[action.args[0]] = action.args[1]
         elif kind == "OpaqueFunction":
-            return kwargs["function"](context) or []
+            return kwargs["function"](context, *kwargs.get("args", [])) or []
         elif kind in ("Node", "LifecycleNode"):
             key = kwargs["package"], kwargs["executable"]
-            self.started[key], self.kinds[key[1]] = kwargs, kind
+            self.started[key], self.kinds[key[1]] = _performed(kwargs, context), kind
         elif kind == "IncludeLaunchDescription":
             (location,) = action.args[0].args
-            arguments = {key: perform(value, given) for key, value in kwargs["launch_arguments"]}
+            arguments = {key: perform(value, given) for key, value in kwargs.get("launch_arguments", ())}
             if isinstance(location, str):
                 self.carry_out(Path(location).name.removesuffix(".launch.py"), **{**given, **arguments})
             else:
@@ -150,7 +156,7 @@ class Launched:
         elif kind == "ExecuteProcess":
             program, *arguments = kwargs["cmd"]
             assert (program.args[1], program.args[0]) in executables_of_setup_py()
-            self.ran.append(arguments)
+            self.ran.append([perform(one, given) for one in arguments])
             following = kwargs["on_exit"](ended(0), context) or []
             return following if isinstance(following, list) else [following]
         elif kind == "LogInfo":
@@ -161,6 +167,19 @@ class Launched:
         else:
             raise AssertionError(f"{kind} is not known to this test")
         return []
+
+
+def _performed(kwargs, context):
+    """The arguments of a node with what its substitutions stand for; respawn as a truth value."""
+    given = context.launch_configurations
+    done = {name: perform(kwargs[name], given) for name in ("namespace", "respawn") if name in kwargs}
+    return {
+        **kwargs,
+        **done,
+        "respawn": done.get("respawn") == "true",
+        "arguments": [perform(one, given) for one in kwargs["arguments"]],
+        "parameters": [one if isinstance(one, dict) else one.perform(context) for one in kwargs["parameters"]],
+    }
 
 
 def ended(returncode, name="node-1"):

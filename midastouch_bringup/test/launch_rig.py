@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import yaml
-from fake_launch import Launched
+from fake_launch import OURS, Launched
 
 AN_ARM = {"arm": "rtde", "robot_ip": "the.arm"}
 
@@ -17,6 +17,12 @@ def parameters(kwargs):
     """Parameters by full node name, of a node started by us."""
     (path,) = kwargs["parameters"]
     return {name: node["ros__parameters"] for name, node in yaml.safe_load(Path(path).read_text()).items()}
+
+
+def own_parameters(started):
+    """Node -> its parameters, of each process that is named like its only node, without a namespace."""
+    ours = {name: kwargs for (package, name), kwargs in started.items() if package in OURS and name != "all_in_one"}
+    return {name: parameters(kwargs)[f"/{name}"] for name, kwargs in ours.items()}
 
 
 def names(started):

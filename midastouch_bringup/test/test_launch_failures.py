@@ -1,5 +1,6 @@
 """What the launch files refuse before anything is started, and what ends a launch."""
 
+import os
 import re
 import shlex
 import signal
@@ -48,14 +49,13 @@ def test_an_object_that_is_not_bundled_is_refused():
 
 @pytest.mark.usefixtures("stand_ins")
 def test_a_failed_preparation_ends_the_launch():
-    (_, prepare) = (one for one in load("demo").args[0] if type(one).__name__ == "OpaqueFunction")
+    (process,) = (one for one in load("demo").args[0] if type(one).__name__ == "ExecuteProcess")
     context = types.SimpleNamespace(launch_configurations={"object": "handle_tool"}, is_shutdown=False)
-    (process,) = prepare.kwargs["function"](context)
     with pytest.raises(RuntimeError, match="midastouch-1 died with exit code 2"):
         process.kwargs["on_exit"](ended(2, "midastouch-1"), context)
     context.is_shutdown = True  # Ctrl-C
-    assert process.kwargs["on_exit"](ended(130), context) is None
-    assert process.kwargs["on_exit"](ended(0), context) is None
+    assert process.kwargs["on_exit"](ended(130), context) == []
+    assert process.kwargs["on_exit"](ended(0), context) == []
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -64,7 +64,7 @@ def test_a_misspelt_node_in_a_parameter_file_is_refused_a_strange_one_is_not(tmp
     for name, refused in (("partcile_filter", True), ("tdnn", True), ("amcl", False), ("ur_control", False)):
         overlay.write_text(f"{name}: {{ros__parameters: {{seed: 3}}}}")
         if refused:
-            with pytest.raises(InputError, match=f"mine.yaml: no node '{name}'; did you mean "):
+            with pytest.raises(InputError, match=f"mine.yaml: .*'{name}'.*did you mean "):
                 carry_out("filter", params_overlay=str(overlay))
         else:
             carry_out("filter", params_overlay=str(overlay))
@@ -119,10 +119,11 @@ def test_a_mount_that_cannot_be_described_is_refused_before_anything_is_started(
 @pytest.mark.parametrize("missing", OTHERS)
 def test_what_is_not_installed_is_named_before_anything_is_started(missing, tmp_path, monkeypatch):
     there = installation(tmp_path / "less", [package for package in OTHERS if package != missing])
-    monkeypatch.setenv("AMENT_PREFIX_PATH", there)
+    _with_all, *ours = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join([there, *ours]))
     launched = Launched()
-    mend = f"{missing} is not installed: sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
-    with pytest.raises(InputError, match=re.escape(mend)):
+    fix = f"sudo apt install ros-$ROS_DISTRO-{missing.replace('_', '-')}, or "
+    with pytest.raises(InputError, match=f"{missing} .*{re.escape(fix)}"):
         launched.carry_out("live_ur", arm="ur_driver", robot_ip="the.arm")
     assert launched.started == {}
 
@@ -133,7 +134,8 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
     behaviour = FACTS["behaviour"]
     assert behaviour["on_exit raises"] == {"exit": 1, "leaves": False}
     assert behaviour["on_exit returns Shutdown while launch is shutting down"]["exit"] == 1
-    running, ending = (types.SimpleNamespace(is_shutdown=done) for done in (False, True))
+    once = {"use_respawn": "false"}
+    running, ending = (types.SimpleNamespace(launch_configurations=once, is_shutdown=end) for end in (False, True))
     for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
         on_exit = kwargs["on_exit"]
         assert on_exit(ended(-2), ending) is None
@@ -142,11 +144,13 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
         else:
             with pytest.raises(RuntimeError, match="node-1 died with exit code 2: ending all"):
                 on_exit(ended(2), running)
+    again = types.SimpleNamespace(launch_configurations={"use_respawn": "true"}, is_shutdown=False)
     if name not in ("rviz", "demo"):
         for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
             # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
-            again = executable not in ("replay", "explorer", "rviz2")
-            assert (kwargs.get("respawn", False), kwargs["on_exit"] is None) == (again, again)
+            assert kwargs["respawn"] == (executable not in ("replay", "explorer", "rviz2"))
+            if kwargs["respawn"]:
+                assert kwargs["on_exit"](ended(2), again) is None
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -166,13 +170,14 @@ def test_nodes_end_with_a_launch_that_is_killed(tmp_path):
 def test_a_replay_that_has_finished_leaves_the_others_to_be_looked_at():
     on_exit = carry_out("replay")["midastouch_bringup", "replay"]["on_exit"]
     said = on_exit(ended(0, "replay-4"), types.SimpleNamespace(is_shutdown=False))
-    assert said.kwargs["msg"] == "replay-4 has finished; Ctrl-C ends the others"
+    assert "replay-4" in said.kwargs["msg"]
+    assert "Ctrl-C" in said.kwargs["msg"]
 
 
 @pytest.mark.usefixtures("stand_ins")
 def test_a_file_with_another_sensor_than_the_launch_is_refused(tmp_path):
     (tmp_path / "mini.yaml").write_text("tdn: {ros__parameters: {sensor_model: gelsight_mini}}")
     overlay = {"params_overlay": str(tmp_path / "mini.yaml")}
-    with pytest.raises(InputError, match=r"mini.yaml: tdn has the sensor_model gelsight_mini, .*digit_real"):
+    with pytest.raises(InputError, match=r"mini.yaml: tdn .*gelsight_mini.*digit_real.*sensor_model:=gelsight_mini"):
         carry_out("live_ur", **overlay)
     carry_out("live_ur", sensor_model="gelsight_mini", **overlay)

@@ -25,13 +25,22 @@ REAL_LAUNCH = importlib.util.find_spec("launch") is not None and importlib.util.
 
 @pytest.mark.usefixtures("stand_ins")
 @pytest.mark.parametrize("name", FILES)
-def test_every_argument_is_described(name):
+def test_the_arguments_are_those_of_run(name):
+    """Names, defaults, descriptions and choices."""
+    from midastouch_bringup.ros.launch_arguments import ARGUMENTS
+    from midastouch_bringup.ros.setups import SETUPS
+
     declared = [action for action in load(name).args[0] if type(action).__name__ == "DeclareLaunchArgument"]
     for action in declared:
-        assert len(action.kwargs["description"]) > 8
-        choices = action.kwargs["choices"]
-        assert not choices or action.kwargs["default_value"] in choices
-    assert len({action.args[0] for action in declared}) == len(declared)
+        argument = ARGUMENTS[action.args[0]]
+        assert action.kwargs["description"] == argument.description
+        assert tuple(action.kwargs.get("choices", ())) == argument.choices
+    defaults = {action.args[0]: action.kwargs["default_value"] for action in declared}
+    assert len(defaults) == len(declared)
+    if name in SETUPS:
+        assert defaults == SETUPS[name].values()
+    else:
+        assert defaults == {one: ARGUMENTS[one].default for one in defaults}
 
 
 @pytest.mark.usefixtures("stand_ins")
@@ -117,7 +126,7 @@ def test_launch_files_need_nothing_but_launch_and_the_standard_library(name, tmp
         allowed={*OURS, "launch", "launch_ros", "ament_index_python", "yaml", "fake_launch"},
         log=str(tmp_path),
         name=name,
-        given={key: value for key, value in wanted.items() if key in SETUPS[name].arguments},
+        given={key: value for key, value in wanted.items() if name in SETUPS and key in SETUPS[name].arguments},
     )
     prefixes = [installation(tmp_path / "prefix"), os.environ["AMENT_PREFIX_PATH"]]
     environment = {**os.environ, "AMENT_PREFIX_PATH": os.pathsep.join(prefixes)}

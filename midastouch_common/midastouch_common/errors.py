@@ -4,6 +4,6 @@
 class InputError(ValueError):
     """A file, topic or argument cannot be used.
 
-    The message names the input, says what is wrong with it and how to mend it, so that a command can print
+    The message names the input, says what is wrong with it and how to fix it, so that a command can print
     it as its only line and a node can put it into its diagnostics.
     """

@@ -1,4 +1,4 @@
-"""Executables of a package. Importing what a node needs takes a second, in which it may be told to stop, too."""
+"""Executables of a package. Importing what a node needs takes a second, in which a signal may already stop it."""
 
 from __future__ import annotations
 

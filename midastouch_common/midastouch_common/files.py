@@ -1,4 +1,4 @@
-"""File helpers: content hashes and writes that never leave half a file behind."""
+"""File helpers: paths as users write them, content hashes, writes that never leave half a file behind."""
 
 from __future__ import annotations
 
@@ -15,6 +15,14 @@ from typing import Any
 import yaml
 
 from .errors import InputError
+
+
+def expanded(path: str | Path, parameter: str) -> Path:
+    """The path with `~` as the home directory; InputError naming the parameter where there is none."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise InputError(f"{parameter}: {path}: {error}; give the whole path") from error
 
 
 def sha256(path: str | os.PathLike) -> str:
@@ -50,7 +58,7 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
 
 
 def require_new_folder(path: str | os.PathLike) -> Path:
-    """`path`, absolute, if a folder can be written there without anything being lost; InputError otherwise."""
+    """`path`, absolute, if a folder can be written there and nothing is lost by it; InputError otherwise."""
     path = Path(path).absolute()
     if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
         raise InputError(f"{path}: exists already; name another folder, or remove it")
@@ -74,7 +82,7 @@ def _holds_nothing(folder: Path) -> bool:
 
 
 def require_place(path: str | os.PathLike) -> Path:
-    """`path`, ~ expanded; InputError if no file can be written there, not even after its folders are made."""
+    """`path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
     path = Path(path).expanduser()
     above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
@@ -84,7 +92,7 @@ def require_place(path: str | os.PathLike) -> Path:
 
 @contextlib.contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
-    """Let an OSError raised inside that does not say which file it is about (a full disk) name `path`."""
+    """Make an OSError raised inside name `path` if it names no file, as that of a full disk."""
     try:
         yield
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Public names of a package that are imported when they are first asked for, so that importing it costs nothing."""
+"""Public names of a package that are imported when they are first used, so that importing it costs nothing."""
 
 from __future__ import annotations
 

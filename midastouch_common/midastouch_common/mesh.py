@@ -12,13 +12,17 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from pykdtree.kdtree import KDTree
+from scipy.spatial import cKDTree
 
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
-from .nearest_points import NearestPoints
 
 _LARGEST_EXTENT = 2.0  # m; a sensor of 19 x 25 mm does not localise on anything larger
 _SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smaller brings about
+FEWEST_THREADED_QUERIES = 8
+"""Fewer queries for nearest points are answered sooner than threads are woken, on a busy machine by milliseconds."""
+
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 
 
@@ -84,7 +88,7 @@ class ObjectMesh:
         if extent > _LARGEST_EXTENT:
             raise InputError(f"{source}: {extent:.0f} m across; it looks like millimetres, scale it by 0.001 to metres")
         if extent < _SMALLEST_EXTENT:
-            raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to be felt; export it in metres")
+            raise InputError(f"{source}: {1e3 * extent:.2g} mm across, too small to touch; export it in metres")
         return mesh
 
     def save(self, path: str | Path) -> None:
@@ -149,8 +153,8 @@ class ObjectMesh:
         return first, second, contrary
 
     @property
-    def contrary_share(self) -> float:
-        """Share of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
+    def contrary_fraction(self) -> float:
+        """Fraction of the edges of two faces whose faces face opposite sides of the surface; 0 of a sound mesh."""
         contrary = self._shared_edges[2]
         return float(contrary.mean()) if len(contrary) else 0.0
 
@@ -177,7 +181,7 @@ class ObjectMesh:
     def smooth_normals(self, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
         """Outward normals (N, 3) at surface points (N, 3), averaged with a Gaussian of `radius` m.
 
-        This is how a finger pad of finite size feels the surface: it turns gradually over an edge.
+        A finger pad of finite size turns as gradually over an edge.
         """
         tree, normals = self._normal_samples
         count = int(np.clip(8 * radius**2 * len(normals) / self.area, 8, 256))
@@ -198,6 +202,23 @@ class ObjectMesh:
         NaN, and face 0, for points that are not finite.
         """
         return self._search.query(np.ascontiguousarray(points, float))
+
+
+class NearestPoints:
+    """KD-tree of points (M, D), for many queries at once or one after another."""
+
+    def __init__(self, points: np.ndarray):
+        self._points = points
+        self._threaded = KDTree(points)
+
+    @cached_property
+    def _unthreaded(self) -> cKDTree:
+        return cKDTree(self._points)
+
+    def query(self, queries: np.ndarray, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """Distances and indices of the k nearest points of queries (N, D), nearest first: (N, k), or (N,) for k = 1."""
+        tree = self._unthreaded if len(queries) < FEWEST_THREADED_QUERIES else self._threaded
+        return tree.query(np.ascontiguousarray(queries, float), k=k)
 
 
 class _ClosestPointSearch:

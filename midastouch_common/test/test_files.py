@@ -44,7 +44,7 @@ def test_a_place_where_nothing_can_be_written_is_refused_before(tmp_path):
     require_place(tmp_path / "new" / "deep" / "page.html")
     (tmp_path / "file").touch()
     for path in (tmp_path, tmp_path / "file" / "page.html"):
-        with pytest.raises(InputError, match="no file can be written there"):
+        with pytest.raises(InputError, match=f"{path}.*name another"):
             require_place(path)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
@@ -75,12 +75,12 @@ def test_sha256(tmp_path):
 def test_yaml_that_is_none_is_bad_input(tmp_path, content):
     path = tmp_path / "settings.yaml"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"settings\.yaml: not YAML: .*; correct the parameter file"):
+    with pytest.raises(InputError, match=r"settings\.yaml.*correct the parameter file"):
         read_yaml(path, "parameter")
 
 
 def test_require_file_names_what_is_missing(tmp_path):
-    with pytest.raises(InputError, match=r"gone\.ply: no such mesh file"):
+    with pytest.raises(InputError, match=r"gone\.ply.*mesh.*check the path"):
         require_file(tmp_path / "gone.ply", "mesh")
 
 
@@ -108,5 +108,5 @@ def test_a_new_folder_takes_the_place_of_nothing(tmp_path, monkeypatch):
     assert require_new_folder(tmp_path / "empty") == tmp_path / "empty"
     monkeypatch.chdir(tmp_path)
     for taken in ("full", "link", "full/thesis.txt", "."):
-        with pytest.raises(InputError, match="exists already; name another folder"):
+        with pytest.raises(InputError, match="name another folder"):
             require_new_folder(taken)

@@ -3,7 +3,7 @@ import pytest
 import trimesh
 
 from midastouch_common.errors import InputError
-from midastouch_common.mesh import ObjectMesh
+from midastouch_common.mesh import FEWEST_THREADED_QUERIES, NearestPoints, ObjectMesh
 
 
 def brute_force_distance(mesh, points):
@@ -68,8 +68,8 @@ def test_surface_samples_are_uniform_by_area():
     box = trimesh.creation.box((0.1, 0.02, 0.04))
     mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
     points, normals, _ = mesh.sample_surface(20_000, np.random.default_rng(1))
-    share = (np.abs(normals[:, 1]) > 0.5).mean()
-    assert share == pytest.approx(0.1 * 0.04 / (0.1 * 0.04 + 0.1 * 0.02 + 0.02 * 0.04), abs=2e-3)
+    fraction = (np.abs(normals[:, 1]) > 0.5).mean()
+    assert fraction == pytest.approx(0.1 * 0.04 / (0.1 * 0.04 + 0.1 * 0.02 + 0.02 * 0.04), abs=2e-3)
     top = points[normals[:, 1] > 0.5]
     np.testing.assert_allclose(top[:, 1], 0.01)
     np.testing.assert_allclose(top[:, [0, 2]].std(axis=0), [0.1 / 12**0.5, 0.04 / 12**0.5], rtol=0.05)
@@ -83,12 +83,12 @@ def test_inverted_mesh_is_turned_outward(block):
 
 
 def test_faces_that_contradict_their_neighbours_are_counted_across_seams(block):
-    assert block.contrary_share == 0
+    assert block.contrary_fraction == 0
     apart = block.vertices[block.faces].reshape(-1, 3)  # as STL has them: no corner is shared
     faces = np.arange(len(apart)).reshape(-1, 3)
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_share == 0
+    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == 0
     faces[0] = faces[0, ::-1]
-    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_share == pytest.approx(3 / (1.5 * len(faces)))
+    assert ObjectMesh.from_arrays(apart, faces, "apart").contrary_fraction == pytest.approx(3 / (1.5 * len(faces)))
 
 
 def test_feature_edges_of_a_box():
@@ -141,42 +141,57 @@ def bad_meshes(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "fix"),
     [
-        ("gone.ply", "no such mesh file"),
-        ("text.ply", "cannot be read|without faces"),
-        ("empty.stl", "cannot be read|without faces"),
-        ("points.ply", "without faces|cannot be read"),
-        ("millimetres.stl", "100 m across; it looks like millimetres"),
-        ("part.STEP", "STEP holds surfaces, no triangles; export it from your CAD as STL, in metres"),
-        ("dust.stl", "0.1 mm across, too small to be felt"),
-        ("flat.ply", "zero area"),
+        ("gone.ply", "check the path"),
+        ("text.ply", "use PLY|export it"),
+        ("empty.stl", "use PLY|export it"),
+        ("points.ply", "use PLY|export it"),
+        ("millimetres.stl", "millimetres.*0.001"),
+        ("part.STEP", "export it.*STL, in metres"),
+        ("dust.stl", "0.1 mm.*in metres"),
+        ("flat.ply", "export the mesh again"),
     ],
 )
-def test_unusable_files_are_refused(tmp_path, name, said):
+def test_unusable_files_are_refused(tmp_path, name, fix):
     bad_meshes(tmp_path)
-    with pytest.raises(InputError, match=f"{name}: .*({said})"):
+    with pytest.raises(InputError, match=f"{name}: .*({fix})"):
         ObjectMesh.load(tmp_path / name)
 
 
 def test_non_finite_vertices_are_refused(block):
     vertices = block.vertices.copy()
     vertices[3, 1] = np.nan
-    with pytest.raises(InputError, match="non-finite"):
+    with pytest.raises(InputError, match=r"broken.*export it again"):
         ObjectMesh.from_arrays(vertices, block.faces, "broken")
 
 
 @pytest.mark.parametrize(
-    ("vertices", "faces", "said"),
+    ("vertices", "faces", "fix"),
     [
         (np.eye(3), np.array([[0, 1, 3]]), "vertex 3"),
         (np.eye(3), np.array([[0, 1, -1]]), "vertex -1"),
         (np.eye(3), np.array([[0, 1, 2, 0]]), "triangles"),
         (np.eye(4), np.array([[0, 1, 2]]), "triangles"),
-        (np.empty((0, 3)), np.empty((0, 3), int), "without faces"),
+        (np.empty((0, 3)), np.empty((0, 3), int), "export it"),
         (1000 * np.eye(3), np.array([[0, 1, 2]]), "millimetres"),
     ],
 )
-def test_unusable_meshes_are_named(vertices, faces, said):
-    with pytest.raises(InputError, match=f"thing: .*{said}"):
+def test_unusable_meshes_are_named(vertices, faces, fix):
+    with pytest.raises(InputError, match=f"thing: .*{fix}"):
         ObjectMesh.from_arrays(vertices, faces, "thing")
+
+
+@pytest.mark.parametrize("k", [1, 5])
+def test_few_queries_are_answered_as_many_are(k):
+    rng = np.random.default_rng(0)
+    points = rng.standard_normal((500, 3))
+    queries = rng.standard_normal((4 * FEWEST_THREADED_QUERIES, 3))
+    tree = NearestPoints(points)
+    distance, index = tree.query(queries, k)
+    expected = np.linalg.norm(queries[:, None] - points, axis=2)
+    np.testing.assert_array_equal(index.reshape(len(queries), k), np.argsort(expected, axis=1)[:, :k])
+    for i, query in enumerate(queries):
+        d, j = tree.query(query[None], k)
+        np.testing.assert_array_equal(j[0], index[i])
+        np.testing.assert_allclose(d[0], distance[i])

@@ -1,7 +1,7 @@
 """The particle filter over touch (paper section 4.3 and appendix C): from a start, by each touch, to an estimate.
 
-What a touch does to the belief is in `step.py`; that gives the answer. Once it is out, `reflect` does what only later
-ones need: compare places by the last touches, and learn about the arm.
+What a touch does to the belief is in `step.py`; that gives the answer. Once it is out, `deferred_update` does what only
+later ones need: compare hypotheses by the last touches, and learn about the arm.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .core.keyframes import KeyframeWindow
 from .core.noise_model import NoiseModel
 from .core.object_model import ObjectModel
 from .core.particles import Particles
-from .core.places import Place, Prior
+from .core.pose_hypothesis import PoseHypothesis, Prior
 from .core.state import CONVERGED
 from .core.touch import Measurement
 from .core.workers import Workers
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 
 
 class _Answered(NamedTuple):
-    """What fingers felt in a step, the first one's touch, and whether the answer can be trusted."""
+    """What fingers measured in a step, the first one's touch, and whether the answer can be trusted."""
 
-    felt: list[Finger]
+    measured: list[Finger]
     touch: Measurement
     trusted: bool
 
@@ -71,9 +71,9 @@ class ParticleFilter:
     def reset(self, seed: int) -> None:
         """Forget everything but object and settings: the filter is then as if made anew with this seed."""
         rng, gates, watch = np.random.default_rng(seed), Gates(self._open_gates), self._watch
-        self._do = self._make_policies(self.config, self._noise, self._object, rng, gates, watch, self._workers)
-        self._step = Step(self._do, self.config.max_particles, gates, watch)
-        self._reporter = Reporter(self.config, self._do, gates, watch)
+        self._policies = self._make_policies(self.config, self._noise, self._object, rng, gates, watch, self._workers)
+        self._step = Step(self._policies, self.config.max_particles, gates, watch)
+        self._reporter = Reporter(self.config, self._policies, gates, watch)
         self._belief: Belief | None = None
         self._answered: _Answered | None = None
 
@@ -81,7 +81,7 @@ class ParticleFilter:
 
     def initialise_uniform(self) -> None:
         """Start over the whole surface, with uniform yaw: nothing is known."""
-        self._start(self._do.source.uniform(self.config.max_particles), None)
+        self._start(self._policies.source.uniform(self.config.max_particles), None)
 
     def initialise_gaussian(self, prior: np.ndarray, sigma_t: float, sigma_r: float) -> None:
         """Start around a prior `T_obj_gel` (4, 4): sigma_t [m], sigma_r [rad] per axis, projected to the surface.
@@ -89,33 +89,35 @@ class ParticleFilter:
         Raises InputError as `initialisation.checked_prior`.
         """
         prior = checked_prior(prior, sigma_t, sigma_r)
-        particles = self._do.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
+        particles = self._policies.source.gaussian(prior, sigma_t, sigma_r, self.config.max_particles)
         self._start(particles, Prior(prior, max(sigma_t, 1e-4), max(sigma_r, 1e-3)))
 
-    def initialise_places(self, places: Sequence[Place], felt: KeyframeWindow | None = None) -> None:
-        """Start half at these places, each by its probability, half over the whole surface; at least one of them.
+    def initialise_hypotheses(
+        self, hypotheses: Sequence[PoseHypothesis], measured: KeyframeWindow | None = None
+    ) -> None:
+        """Start half at these hypotheses, each by its probability, half over the whole surface; at least one of them.
 
-        felt: what the first finger has felt on the way to the present frame, if anything.
+        measured: what the first finger has measured on the way to the present frame, if anything.
         """
-        self._start(self._do.source.places_and_uniform(places, self.config.max_particles), None)
-        if felt is not None:
-            self._do.refine.recall(felt, self._object.measurement.log_ratio_of)
+        self._start(self._policies.source.hypotheses_and_uniform(hypotheses, self.config.max_particles), None)
+        if measured is not None:
+            self._policies.refine.recall(measured, self._object.measurement.log_ratio_of)
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None
         self._belief = Belief(particles, self._object.lookup, self._object.mode_finder)
-        self._do.restart(prior)
+        self._policies.restart(prior)
 
     def force_update(self) -> None:
         """Count the next touch in full, even if the arm rests or the code is the last one again."""
-        self._do.fingers.force_update()
+        self._policies.fingers.force_update()
 
     def take(self, prepared: ObjectModel) -> None:
         """Go on by another codebook of the object, between two steps: belief and kept touches stay."""
         now = prepared.lookup.exact(self._object.lookup.poses)
         self._object.take(prepared)
-        self._do.fingers.use(self._object.measurement_of)
-        self._do.refine.score_anew(self._object.measurement.log_ratio_of, len(self._object.regions))
+        self._policies.fingers.use(self._object.measurement_of)
+        self._policies.refine.score_anew(self._object.measurement.log_ratio_of, len(self._object.regions))
         if self._belief is not None:
             self._belief.follow_entries(now)
 
@@ -131,39 +133,40 @@ class ParticleFilter:
         """One step of the filter; returns its estimate.
 
         odometry: motion of the sensor since the last step, `inv(p_prev) p_now` (4, 4); None on the first frame.
-        others: what further fingers on the same object feel, by name, also while this one is in the air; any of them
+        others: what further fingers on the same object measure, by name, also while this one is in the air; any of them
         may be missing in any frame.
         elapsed: seconds since the last step; None: unknown, and nothing is learnt about the arm's clock.
         Unusable odometry, codes or finger poses (not finite, wrong size, zero) are refused: the reason is in the
         status, the number of times in `Status.skipped`. Raises InputError if a code comes from another network than
         the codebook's. Without a start the state stays `uninitialised`.
-        What the last step left to `reflect` is done first, if nobody has: the estimates are the same.
+        Calling `deferred_update` in between is optional: a step first runs the deferred work, so the estimates are the
+        same.
         """
         touches = by_name(measurement, others or {})
         self._object.require_same_network(touches.values())
-        self.reflect()
+        self.deferred_update()
         if self._belief is None:
             return self._reporter.nothing()
         outcome = self._step(self._belief, odometry, touches, elapsed)
         estimate = self._reporter.estimate(self._belief, outcome)
         self._watch.restart()
-        self._answered = _Answered(outcome.felt, measurement, estimate.status.state == CONVERGED)
+        self._answered = _Answered(outcome.measured, measurement, estimate.status.state == CONVERGED)
         return estimate
 
-    def reflect(self) -> None:
-        """Do what the last step left, because only later answers need it: best between an answer and the next touch."""
+    def deferred_update(self) -> None:
+        """Run the work that only later estimates need: best called between an answer and the next touch."""
         if self._answered is None:
             return
         last, self._answered = self._answered, None
-        self._do.refine.reflect(self._belief, last.felt)
-        self._do.correct.observe(self._belief, last.touch, last.trusted)
+        self._policies.refine.deferred_update(self._belief, last.measured)
+        self._policies.correct.observe(self._belief, last.touch, last.trusted)
 
     # ------------------------------------------------------------------ answers
 
     @property
     def poses(self) -> np.ndarray:
         """Particles `T_obj_gel` (N, 4, 4) at this very frame, as `Estimate.modes`; N = 0 while uninitialised."""
-        return self._do.refine.sharpened(self._belief).poses if self._belief else np.empty((0, 4, 4))
+        return self._policies.refine.sharpened(self._belief).poses if self._belief else np.empty((0, 4, 4))
 
     @property
     def weights(self) -> np.ndarray:
@@ -181,9 +184,9 @@ class ParticleFilter:
         return self._belief
 
     @property
-    def felt(self) -> np.ndarray:
+    def measured_gels(self) -> np.ndarray:
         """(F, 4, 4) of the gels of the last touches that are kept, in the frame of the present first one."""
-        return self._do.refine.felt
+        return self._policies.refine.measured_gels
 
     @property
     def codebook_indices(self) -> np.ndarray:

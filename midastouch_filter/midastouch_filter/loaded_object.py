@@ -38,14 +38,14 @@ _NICENESS = 10
 
 
 class _Stopped(Exception):
-    """Nobody wants the codebook any more."""
+    """`Growth.close` was called."""
 
 
 class Growth:
     """Makes codebooks and what a filter needs of them, in a thread of low priority.
 
     Args: codebooks(pause): makes one after the other; prepare: as `ObjectModel.with_codebook`. Attributes: failure: why
-    it grows no more, in words.
+    it stopped growing, in words.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Growth:
     ):
         self._codebooks, self._prepare = codebooks, prepare
         self._stop = threading.Event()
-        self._ready: ObjectModel | None = None  # the newest; an older one that nobody took is forgotten
+        self._ready: ObjectModel | None = None  # the newest; it replaces one that was not taken
         self._exchange = threading.Lock()
         self._thread = threading.Thread(target=self._run, name="codebook growth")
         self.failure = ""
@@ -104,7 +104,7 @@ class Growth:
 class LoadedObject:
     """The filter on one object, the object's size [m] and name, and the sensor (at map resolution) of its
     codebook; None: unknown. network_id: of the codebook's codes; "": unknown. advisor: says where to touch next.
-    growth: makes the codebook denser meanwhile, None: nobody does."""
+    growth: makes the codebook denser meanwhile; None: it is whole."""
 
     filter: ParticleFilter
     diagonal: float

@@ -89,7 +89,7 @@ class Localiser:
         return self._object.sensor if self._object is not None else None
 
     def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was felt."""
+        """Where to touch next; None before something was measured."""
         return self._object.advisor.advise(wanted) if self.filter is not None else None
 
     @property
@@ -120,7 +120,7 @@ class Localiser:
         self.restart()
 
     def close(self) -> None:
-        """End what goes on beside the filter."""
+        """End the growth of the codebook."""
         if self._object is not None:
             self._object.close()
 
@@ -167,7 +167,8 @@ class Localiser:
         others: Mapping[str, Measurement] | None = None,
         stamp: int | None = None,
     ) -> Estimate | None:
-        """One frame: the sensor's pose (4, 4), what it felt, and what further fingers did; stamp [ns], None if unknown.
+        """One frame: the sensor's pose (4, 4), what it measured, and what further fingers did; stamp [ns], None if
+        unknown.
 
         None while no filter runs.
         Raises InputError on a measurement that cannot be used; the motion then counts at the next frame.
@@ -181,17 +182,17 @@ class Localiser:
             return None
         self._object.take_growth()
         moved = None if self._T_base_gel is None else se3.inverse(self._T_base_gel) @ T_base_gel
-        told = moved is not None and stamp is not None and self._stamp is not None
+        timed = moved is not None and stamp is not None and self._stamp is not None
         # not where the last stamp was far ahead by mistake
-        elapsed = 1e-9 * (stamp - self._stamp) if told and stamp > self._stamp else None
+        elapsed = 1e-9 * (stamp - self._stamp) if timed and stamp > self._stamp else None
         self.estimate = self.filter.step(moved, measurement, others or {}, elapsed)
         self._T_base_gel, self._stamp = T_base_gel, stamp
         return self.estimate
 
-    def reflect(self) -> None:
-        """Once the answer to a frame is out: `ParticleFilter.reflect`."""
+    def deferred_update(self) -> None:
+        """As `ParticleFilter.deferred_update`; best called once the answer to a frame is out."""
         if self.filter is not None:
-            self.filter.reflect()
+            self.filter.deferred_update()
 
 
 def spread_of(covariance: np.ndarray, diagonal: float) -> tuple[float, float]:

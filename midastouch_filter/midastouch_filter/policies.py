@@ -14,21 +14,21 @@ from .core.initialisation import ParticleSource
 from .core.motion_model import MotionModel, Propagation
 from .core.noise_model import Effort, NoiseModel
 from .core.object_model import ObjectModel
-from .core.places import Prior
+from .core.pose_hypothesis import Prior
 from .core.resampling import Resampler
 from .core.reweighting import Recovery, Reweighting
 from .core.workers import Workers
 from .refinement.fine_stage import CoarseOnly, FineStage
 from .refinement.refinement import Refinement
-from .smoothing.hindsight import Hindsight
+from .smoothing.fixed_lag_smoother import FixedLagSmoother
 from .smoothing.reevaluation import Reevaluation
 
 
 @dataclass
 class Policies:
-    """correct: the odometry; propagate: equation 1; fingers: what is felt that is new; reweigh: equation 2, normalised;
-    resample: when, and to how many; recover: after a collapse of the likelihood; refine: the fine stage; source: of new
-    particles."""
+    """correct: the odometry; propagate: equation 1; fingers: what is measured that is new; reweigh: equation 2,
+    normalised; resample: when, and to how many; recover: after a collapse of the likelihood; refine: the fine stage;
+    source: of new particles."""
 
     correct: AsMeasured
     propagate: Propagation
@@ -40,7 +40,7 @@ class Policies:
     source: ParticleSource
 
     def restart(self, prior: Prior | None = None) -> None:
-        """Forget what was felt: the particles were drawn anew; `prior` as `CoarseOnly.restart`."""
+        """Forget what was measured: the particles were drawn anew; `prior` as `CoarseOnly.restart`."""
         for policy in (self.correct, self.propagate, self.fingers, self.reweigh):
             policy.restart()
         self.refine.restart(prior)
@@ -65,9 +65,9 @@ def default_policies(
         refinement = Refinement(model.alignment, config, noise, effort, workers)
         refine = FineStage(refinement, config, gates, watch)
         if config.smoothing:
-            places = len(model.regions)
-            reevaluation = Reevaluation(model.lookup, model.alignment, places, config, noise, effort)
-            refine = Hindsight(refinement, reevaluation, config, noise, source, resample, gates, watch)
+            n_poses = len(model.regions)
+            reevaluation = Reevaluation(model.lookup, model.alignment, n_poses, config, noise, effort)
+            refine = FixedLagSmoother(refinement, reevaluation, config, noise, source, resample, gates, watch)
         if config.calibration or config.object_motion:
             correct = OdometryCorrection(model.alignment, config, noise, watch)
     return Policies(

@@ -28,9 +28,9 @@ from .policies import Policies
 
 
 class Outcome(NamedTuple):
-    """The fingers that felt something new; whether any touches; why the step started again, in words, "" if not."""
+    """The fingers that measured something new; whether any touches; why the step started again, in words, "" if not."""
 
-    felt: list[Finger]
+    measured: list[Finger]
     in_contact: bool
     restarted: str
 
@@ -42,7 +42,7 @@ class Step:
     """
 
     def __init__(self, policies: Policies, particles: int, gates: Gates, watch: Stopwatch):
-        self._do, self._particles, self._gates, self._watch = policies, particles, gates, watch
+        self._policies, self._particles, self._gates, self._watch = policies, particles, gates, watch
 
     def __call__(
         self,
@@ -53,62 +53,62 @@ class Step:
     ) -> Outcome:
         """Change the belief; touches: of all fingers, by name, the first one's among them; else as
         `ParticleFilter.step`."""
-        do, in_contact = self._do, any(touch.in_contact for touch in touches.values())
+        policies, in_contact = self._policies, any(touch.in_contact for touch in touches.values())
         self._gates.note = self._restarted = ""
         self._gates.skips("no_contact", not in_contact)
         better = self._correct(belief, odometry, touches[FIRST], elapsed)
         motion = self._propagate(belief, better, in_contact)
-        felt = do.fingers.feel(touches, motion)
-        do.refine.moved(motion, do.fingers.path, in_contact)
-        touching = [finger for finger in felt if finger.touch.in_contact]
-        tempering = self._update(belief, felt, touching[0]) if touching else 0.0
+        measured = policies.fingers.measure(touches, motion)
+        policies.refine.moved(motion, policies.fingers.path, in_contact)
+        touching = [finger for finger in measured if finger.touch.in_contact]
+        tempering = self._update(belief, measured, touching[0]) if touching else 0.0
         self._cluster(belief, changed=bool(touching) or motion is not None)
-        if do.refine(belief, felt, tempering):
-            do.reweigh.trend.explained()
-        return Outcome(felt, in_contact, self._restarted)
+        if policies.refine(belief, measured, tempering):
+            policies.reweigh.trend.explained()
+        return Outcome(measured, in_contact, self._restarted)
 
     def _correct(
         self, belief: Belief, odometry: np.ndarray | None, touch: Measurement, elapsed: float | None
     ) -> np.ndarray | None:
         """The odometry without what is known to be wrong with it; says so when the object moved."""
-        better, jump = self._do.correct(odometry, touch, elapsed), self._do.correct.jump
+        better, jump = self._policies.correct(odometry, touch, elapsed), self._policies.correct.jump
         if jump is not None:
             distance, angle = np.linalg.norm(jump.moved[:3, 3]), se3.rotation_angle(jump.moved[:3, :3])
-            said = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"
-            self._gates.refuse("object_moved", said)
-            self._do.propagate.blur(belief.particles, jump.covariance)
+            reason = f"the object moved by {1e3 * distance:.1f} mm, {math.degrees(angle):.1f} deg"
+            self._gates.refuse("object_moved", reason)
+            self._policies.propagate.blur(belief.particles, jump.covariance)
         return better
 
     def _propagate(self, belief: Belief, odometry: np.ndarray | None, in_contact: bool) -> Odometry | None:
         """Equation 1; starts again after a jump. The motion, None if nothing moved."""
         with self._watch.stage("motion"):
             try:
-                motion = self._do.propagate(belief.particles, odometry, in_contact)
+                motion = self._policies.propagate(belief.particles, odometry, in_contact)
             except OdometryJump as jump:
-                self._restart(belief, self._do.source.uniform(self._particles), "odometry_jump", str(jump))
+                self._restart(belief, self._policies.source.uniform(self._particles), "odometry_jump", str(jump))
                 return None
             if motion is not None:
                 belief.moved(motion.path)
             return motion
 
-    def _update(self, belief: Belief, felt: list[Finger], touching: Finger) -> float:
+    def _update(self, belief: Belief, measured: list[Finger], touching: Finger) -> float:
         """Equation 2 and resampling; the largest tempering exponent of the fingers that touch, `touching` the first."""
-        do = self._do
+        policies = self._policies
         with self._watch.stage("lookup"):
             codebook_distance = belief.look_up()
         with self._watch.stage("weights"):
-            alive = do.reweigh(belief, felt, codebook_distance)
-            tempering = count(felt)
-            do.propagate.explore(belief.dominant_mass, tempering)
+            alive = policies.reweigh(belief, measured, codebook_distance)
+            tempering = count(measured)
+            policies.propagate.explore(belief.dominant_mass, tempering)
         with self._watch.stage("resampling"):
             if alive:
-                collapse = do.reweigh.trend.injection
-                do.resample(belief, needed=collapse > 0)
-                do.recover(belief, touching, collapse)
+                collapse = policies.reweigh.trend.injection
+                policies.resample(belief, needed=collapse > 0)
+                policies.recover(belief, touching, collapse)
             else:
-                particles = do.source.matches_and_uniform(touching, self._particles)
-                said = "no particle can explain the touch; started again over the surface"
-                self._restart(belief, particles, "restarted", said)
+                particles = policies.source.matches_and_uniform(touching, self._particles)
+                reason = "no particle can explain the touch; started again over the surface"
+                self._restart(belief, particles, "restarted", reason)
         return tempering
 
     def _restart(self, belief: Belief, particles: Particles, kind: str, reason: str) -> None:
@@ -116,7 +116,7 @@ class Step:
         self._restarted = reason
         self._gates.refuse(kind, reason)
         belief.restart(particles)
-        self._do.restart()
+        self._policies.restart()
 
     def _cluster(self, belief: Belief, changed: bool) -> None:
         """Find the modes, unless the particles are those of the last step."""
@@ -129,30 +129,30 @@ class Reporter:
     """Turns the belief, and what the policies know besides, into an estimate and its status."""
 
     def __init__(self, config: FilterConfig, policies: Policies, gates: Gates, watch: Stopwatch):
-        self._state, self._do, self._gates, self._watch = StateMachine(config), policies, gates, watch
+        self._state, self._policies, self._gates, self._watch = StateMachine(config), policies, gates, watch
 
     def nothing(self) -> Estimate:
-        """No start was given yet."""
+        """The estimate before a start was given."""
         self._state.update(Evidence())
         return Estimate([], self._status(None))
 
     def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
-        """Answer of a step."""
+        """The estimate after a step."""
         dominant = belief.modes[0]
         self._state.update(
             Evidence(
                 initialised=True,
                 in_contact=outcome.in_contact,
-                support=self._do.reweigh.trend.support,
+                support=self._policies.reweigh.trend.support,
                 restarted=outcome.restarted,
-                checked=self._do.refine.checked,
+                checked=self._policies.refine.checked,
                 mode_mass=dominant.weight,
                 spread_t=dominant.spread_translation,
                 spread_r=dominant.spread_rotation,
                 error=belief.answers[0].spread_translation,
             )
         )
-        return Estimate(belief.answers, self._status(belief), belief.covariance, self._do.correct.calibration)
+        return Estimate(belief.answers, self._status(belief), belief.covariance, self._policies.correct.calibration)
 
     def _status(self, belief: Belief | None) -> Status:
         skipped, note = dict(self._gates.counts), self._gates.note
@@ -169,7 +169,7 @@ class Reporter:
             mode_mass=dominant.weight if dominant else 0.0,
             spread_t=dominant.spread_translation if dominant else 0.0,
             spread_r=dominant.spread_rotation if dominant else 0.0,
-            likelihood_trend=self._do.reweigh.trend.short,
+            likelihood_trend=self._policies.reweigh.trend.short,
             skipped=skipped,
             ms=self._watch.ms,
         )

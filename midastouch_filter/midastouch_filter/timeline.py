@@ -1,4 +1,5 @@
-"""Codes in time: jumps, as of a looped bag, told from wrong stamps and from a second source; codes of further fingers.
+"""Codes in time: jumps, as of a looped bag, distinguished from wrong stamps and from a second source; codes of further
+fingers.
 
 Cameras run free, so that no two images have the same stamp. That costs nothing: the object rests, and each finger is
 where TF says at the stamp of its own image. So the codes of a further finger are kept until frames of the reference ask
@@ -24,11 +25,11 @@ from .transforms.queue import Wait
 # Stamps that run back by more than this may be a new run; by less, a message out of order.
 JUMP_NS = 500_000_000
 # While the time that is followed was heard of this lately [s], one that was left or dropped before is another source's.
-_SPEAKS_S = 0.5
-# Live the next image comes within some 30 ms; a finger that is slower than this holds nobody up.
-_PATIENCE = 0.25
-_BEHIND_NS = round(1e9 * _PATIENCE)
-_KEPT = 100  # codes
+_SECOND_SOURCE_S = 0.5
+# Live the next image comes within some 30 ms; a slower finger does not hold up the frame.
+_CODE_TIMEOUT = 0.25
+_CODE_TIMEOUT_NS = round(1e9 * _CODE_TIMEOUT)
+_KEPT_CODES = 100  # codes
 
 
 class Judgement(NamedTuple):
@@ -87,8 +88,8 @@ class Timeline:
         """Whether the transforms tell of the jump that a code waits with."""
         if self._held is None:
             return Judgement()
-        told = self._transforms()
-        if told is None or abs(told - self._held[0]) > abs(told - self._newest):
+        newest = self._transforms()
+        if newest is None or abs(newest - self._held[0]) > abs(newest - self._newest):
             return Judgement(held=True)
         return self._jump((self._held,))
 
@@ -102,7 +103,7 @@ class Timeline:
         if self._other is None or not 0 < stamp - self._other <= JUMP_NS:
             return False
         apart = abs(stamp - self._newest) > JUMP_NS
-        return apart and self._now() - self._heard < _SPEAKS_S
+        return apart and self._now() - self._heard < _SECOND_SOURCE_S
 
     def _go_on(self, stamp: int, payload: Any) -> Judgement:
         leaps = self._newest is not None and stamp > self._newest + JUMP_NS
@@ -147,20 +148,20 @@ class Maps(Protocol):
 class FingerMemory:
     """The last codes of one finger.
 
-    place: T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: how far the
+    pose_at: T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: how far the
     stamp of a code may be from the frame's. maps: None if they are not asked for. now: seconds by which the finger
-    falls silent. on_foreign: told of the network of a code that the codebook does not know.
+    falls silent. on_foreign: gets the network of a code that the codebook does not know.
     """
 
     def __init__(
         self,
-        place: Callable[[int], np.ndarray | Wait | None],
+        pose_at: Callable[[int], np.ndarray | Wait | None],
         tolerance: int,
         maps: Maps | None,
         now: Callable[[], float],
         on_foreign: Callable[[str], None],
     ):
-        self._place, self._tolerance, self._maps = place, tolerance, maps
+        self._pose_at, self._tolerance, self._maps = pose_at, tolerance, maps
         self._now, self._on_foreign = now, on_foreign
         self._heard: float | None = None  # when its last code came, or its first one was asked for
         self._codes: OrderedDict[int, Measurement] = OrderedDict()
@@ -175,13 +176,14 @@ class FingerMemory:
         return 0.0 if self._heard is None else self._now() - self._heard
 
     def clear(self) -> None:
-        """Forget what was felt, and since when nothing was."""
+        """Forget what was measured, and since when nothing was."""
         self._codes.clear()
         self._newest = self._heard = self._unplaced = None
         self._asked, self._given_up = 0, False
 
     def rewind(self, stamp: int) -> None:
-        """The reference's time ran back to `stamp` [ns]: forget what was felt before, but not what was felt since."""
+        """The reference's time ran back to `stamp` [ns]: forget what was measured before, but not what was measured
+        since."""
         if self._newest is not None and self._newest > stamp + JUMP_NS:
             self.clear()
         self._asked = min(self._asked, stamp)
@@ -194,23 +196,23 @@ class FingerMemory:
         if self._newest is not None and stamp <= self._newest:
             return False
         self._newest = stamp
-        self._given_up &= stamp < self._asked - _BEHIND_NS
+        self._given_up &= stamp < self._asked - _CODE_TIMEOUT_NS
         self._codes[stamp] = measurement
-        while len(self._codes) > _KEPT:
+        while len(self._codes) > _KEPT_CODES:
             self._codes.popitem(last=False)
         return True
 
     def awaited(self, stamp: int, waited: float) -> bool:
         """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.
 
-        When it or its transform was waited for in vain, nobody waits again before it has caught up.
+        After a wait in vain, for it or its transform, the next frames do not wait before it has caught up.
         """
         self._asked = stamp
-        patient = waited < _PATIENCE
-        if self._newest is None or stamp - self._newest > _BEHIND_NS:
+        in_time = waited < _CODE_TIMEOUT
+        if self._newest is None or stamp - self._newest > _CODE_TIMEOUT_NS:
             return False
         if self._newest < stamp:
-            self._given_up |= not patient
+            self._given_up |= not in_time
             return not self._given_up
         found = self._nearest(stamp)
         return found is not None and self._lacks(found, waited)
@@ -219,14 +221,15 @@ class FingerMemory:
         """Whether the map or the transform of its code at `found` [ns] is still to come."""
         if self._codes[found].in_contact and self._maps is not None and self._maps.awaited(found, waited):
             return True
-        if self._unplaced is not None and isinstance(self._place(self._unplaced), Wait):
+        if self._unplaced is not None and isinstance(self._pose_at(self._unplaced), Wait):
             return False
-        lacks = isinstance(self._place(found), Wait)
-        self._unplaced = found if lacks and waited >= _PATIENCE else None
-        return lacks and waited < _PATIENCE
+        lacks = isinstance(self._pose_at(found), Wait)
+        self._unplaced = found if lacks and waited >= _CODE_TIMEOUT else None
+        return lacks and waited < _CODE_TIMEOUT
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> Measurement | str:
-        """What it felt about `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or in a word what is missing.
+        """What it measured about `stamp` [ns], with the reference's gel at T_base_gel (4, 4), or in a word what is
+        missing.
 
         Each of its codes is given out once.
         """
@@ -241,7 +244,7 @@ class FingerMemory:
         if on is not None and on.network_id and measurement.network_id not in ("", on.network_id):
             self._on_foreign(f"from network {measurement.network_id}, not the codebook's {on.network_id}")
             return "foreign_code"
-        T_base_finger = self._place(found)
+        T_base_finger = self._pose_at(found)
         if not isinstance(T_base_finger, np.ndarray):
             return "missing_transform"
         if self._maps is not None and measurement.in_contact and on is not None and on.sensor is not None:

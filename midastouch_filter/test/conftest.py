@@ -46,8 +46,8 @@ def bumpy_mesh(twofold: bool = False, handed_below: bool = False) -> ObjectMesh:
     directions = np.random.default_rng(3).standard_normal((12, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     if twofold:
-        twins = directions[directions[:, 2] > -0.4] if handed_below else directions
-        directions = np.concatenate([directions, twins * [-1, -1, 1]])
+        copies = directions[directions[:, 2] > -0.4] if handed_below else directions
+        directions = np.concatenate([directions, copies * [-1, -1, 1]])
     bumps = np.exp(15 * (sphere.vertices @ directions.T - 1)).sum(axis=1)
     vertices = sphere.vertices * (1 + 0.12 * bumps[:, None]) * [0.05, 0.035, 0.025]
     return ObjectMesh.from_arrays(vertices, sphere.faces, "bumpy")
@@ -150,7 +150,7 @@ def world() -> SimpleNamespace:
 
 @pytest.fixture(scope="session")
 def coded_slide(world) -> SimpleNamespace:
-    """A slide on which codes are felt: poses (100, 4, 4); odometry between measured poses (0.5 mm, 1 deg, as
+    """A slide on which codes are measured: poses (100, 4, 4); odometry between measured poses (0.5 mm, 1 deg, as
     YCB-Slide's) and touches along them; config; make_filter(config, seed), as if made anew with the seed."""
     rng = np.random.default_rng(12)
     poses = make_slide(world.mesh, 100, rng)
@@ -175,7 +175,8 @@ def coded_slide(world) -> SimpleNamespace:
 
 @pytest.fixture(scope="session")
 def mapped_slide(world) -> SimpleNamespace:
-    """A slide on which maps are felt: poses (120, 4, 4); odometry and touches along them; make_filter(**settings)."""
+    """A slide on which maps are measured: poses (120, 4, 4); odometry and touches along them;
+    make_filter(**settings)."""
     book = make_codebook(world.poses, world.codebook.codes, world.codebook.derived)
     book.meta["sensor"] = "digit_tacto"
     poses = make_slide(world.mesh, 120, np.random.default_rng(12))
@@ -247,7 +248,7 @@ def shelf(world):
     renderers = [PenetrationRenderer(mesh, sensor) for mesh in meshes]
 
     def encode(k: int, poses: np.ndarray) -> np.ndarray:
-        """What is felt, coarsely: a code that is much alike where maps are, on whichever object."""
+        """What is measured, coarsely: a code that is much alike where maps are, on whichever object."""
         maps = np.maximum(renderers[k].render(poses), 0)
         coarse = maps.reshape(len(poses), 8, 10, 6, 10).mean(axis=(2, 4)).reshape(len(poses), -1)
         return (coarse / np.linalg.norm(coarse, axis=1, keepdims=True)).astype(np.float32)
@@ -264,8 +265,8 @@ def shelf(world):
     def touches(k: int, steps: int = 130):
         truth = world.make_slide(meshes[k], steps, np.random.default_rng(5 + k))
         maps = np.maximum(renderers[k].render(truth), 0)
-        felt = [Measurement(True, code, network_id=NETWORK, penetration=each) for code, each in
+        measured = [Measurement(True, code, network_id=NETWORK, penetration=each) for code, each in
                 zip(encode(k, truth), maps, strict=True)]  # fmt: skip
-        return truth, list(zip(world.odometry_of(truth), felt, strict=True))
+        return truth, list(zip(world.odometry_of(truth), measured, strict=True))
 
     return SimpleNamespace(catalogue=Catalogue.of(objects, noise), touches=touches)

@@ -53,14 +53,14 @@ def test_further_fingers_are_handed_on():
     assert running.others == [others, {}]
 
 
-def test_only_a_running_filter_reflects():
+def test_only_a_running_filter_has_a_deferred_update():
     subject, running = localiser(wait=True)
-    subject.reflect()
-    assert running.reflections == []
+    subject.deferred_update()
+    assert running.deferred_updates == []
     subject.start_at(START)
     subject.process(np.eye(4), TOUCH)
-    subject.reflect()
-    assert running.reflections == [1]
+    subject.deferred_update()
+    assert running.deferred_updates == [1]
 
 
 def test_motion_during_a_refused_measurement_is_not_lost():
@@ -183,7 +183,7 @@ def test_time_that_runs_back_starts_where_the_sensor_is_then_on_the_object_that_
     np.testing.assert_allclose([start[0] for start in running.starts], [translation(0.03), translation(0.01)])
 
 
-def test_object_pose_is_told_only_while_converged():
+def test_object_pose_is_reported_only_while_converged():
     subject, running = localiser(first_start=START)
     T_base_obj = translation(0.4, 0.2)
     subject.process(T_base_obj @ START.pose, TOUCH)

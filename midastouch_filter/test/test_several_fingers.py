@@ -73,7 +73,7 @@ def test_refused_fingers_change_nothing_but_the_count(filter_, pair):
     assert "finger" in refused[0].status.reason
 
 
-PLACES = {
+POSES = {
     "here": np.eye(4),
     "opposite": se3.exp(np.array([0, 0, -0.05, np.pi, 0, 0])),
     "far": se3.make(np.eye(3), np.array([9.0, 0, 0])),
@@ -84,13 +84,13 @@ PLACES = {
 
 
 @settings(max_examples=25)
-@given(st.lists(st.tuples(st.sampled_from(sorted(PLACES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
-def test_whatever_fingers_feel_the_belief_stays_finite(filter_, pair, frames):
+@given(st.lists(st.tuples(st.sampled_from(sorted(POSES)), st.integers(0, 5), st.booleans()), min_size=1, max_size=12))
+def test_whatever_fingers_measure_the_belief_stays_finite(filter_, pair, frames):
     codes = [pair[3][0].code, np.zeros(64), np.full(64, np.inf), np.ones(3), None, -np.ones(64)]
     filter_.initialise_uniform()
-    for k, (place, code, reference) in enumerate(frames):
+    for k, (pose, code, reference) in enumerate(frames):
         others = {
-            "a": Measurement(code != 4, codes[code], penetration=np.ones(3), T_gel_finger=PLACES[place]),
+            "a": Measurement(code != 4, codes[code], penetration=np.ones(3), T_gel_finger=POSES[pose]),
             "b": pair[3][k],
         }
         estimate = filter_.step(pair[1][k], pair[2][k] if reference else Measurement(False), others)
@@ -165,8 +165,8 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
         others = {"below": replace(below, T_gel_finger=gripper.between[k])} if two else {}
         estimate = filter_.step(motion, above, others)
     distances = [
-        min(np.linalg.norm(mode.pose[:3, 3] - place[:3, 3]) for mode in estimate.modes)
-        for place in (truth[-1], gripper.half_turn @ truth[-1])
+        min(np.linalg.norm(mode.pose[:3, 3] - pose[:3, 3]) for mode in estimate.modes)
+        for pose in (truth[-1], gripper.half_turn @ truth[-1])
     ]
     if two:
         assert estimate.status.state == state.CONVERGED, estimate.status.reason
@@ -180,7 +180,7 @@ def test_two_fingers_tell_what_one_cannot(gripper, two):
 
 @pytest.mark.slow
 def test_a_finger_explores_while_the_first_one_rests(gripper):
-    """As a thumb that holds the object; the first finger's one touch fits two places."""
+    """As a thumb that holds the object; the first finger's one touch fits two poses."""
     filter_, truth = gripper.make_filter(CONFIG), gripper.above[0]
     resting = Measurement(True, gripper.codes[0][0], penetration=reduced_penetration(gripper.penetrations[0][0]))
     below = gripper.above @ gripper.between

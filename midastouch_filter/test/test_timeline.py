@@ -69,7 +69,7 @@ def test_a_second_code_tells_of_the_same_jump(told):
     assert told.odd == []
 
 
-def test_a_loop_that_is_told_once_per_round(told):
+def test_a_loop_that_is_reported_once_per_round(told):
     told.tell(*3 * [*range(1000, 6000, 500)])
     assert told.taken.count(None) == 2
     assert len(told.taken) == 2 + 30
@@ -120,7 +120,7 @@ def test_a_wrong_stamp_that_nobody_follows_is_given_up(told):
 @pytest.mark.parametrize("pattern", ["ab", "aab", "abb", "aabb"])
 @pytest.mark.parametrize("behind", [False, True])
 def test_of_two_sources_one_is_followed(told, pattern, behind):
-    """A bag is replayed beside a live camera, or the other way round: no more than one restart."""
+    """A bag is followed beside a live camera, or the other way round: no more than one restart."""
     clocks = {"a": iter(range(500_000, 600_000, 30)), "b": iter(range(100_000, 200_000, 30))}
     if behind:
         clocks = {"a": clocks["b"], "b": clocks["a"]}

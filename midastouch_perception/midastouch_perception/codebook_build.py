@@ -152,7 +152,7 @@ def build_codebook(
 
 def _require_one_outside(mesh: ObjectMesh) -> None:
     """InputError for a mesh whose faces do not agree where outside is: poses would lie within the object."""
-    if (contrary := mesh.contrary_share) > _MOST_CONTRARY:
+    if (contrary := mesh.contrary_fraction) > _MOST_CONTRARY:
         raise InputError(
             f"{mesh.path or mesh.name}: at {contrary:.0%} of the edges one face looks outward and the next inward; "
             "let your modelling program recalculate the normals outward, and export it again"

@@ -1,4 +1,4 @@
-"""Mend the CMake exports of the ROS wheels so that interface packages can be built against them.
+"""Fix the CMake exports of the ROS wheels so that interface packages can be built against them.
 
 The ``*__rosidl_generator_pyExport.cmake`` files in the wheels name the Python and NumPy headers of the
 machine they were built on (``/opt/python/cp*/...``), and CMake refuses a target whose include directory
@@ -18,12 +18,12 @@ def fix_exports(prefix: Path) -> int:
     changed = 0
     for path in sorted(prefix.glob("share/*/cmake/*Export.cmake")):
         text = path.read_text()
-        mended = _BUILD_IMAGE_PATH.sub(_REPLACEMENT, text)
-        if mended != text:
-            path.write_text(mended)
+        fixed = _BUILD_IMAGE_PATH.sub(_REPLACEMENT, text)
+        if fixed != text:
+            path.write_text(fixed)
             changed += 1
     return changed
 
 
 if __name__ == "__main__":
-    print(f"{fix_exports(Path(sys.prefix))} CMake exports mended")
+    print(f"{fix_exports(Path(sys.prefix))} CMake exports fixed")

@@ -15,11 +15,10 @@ from midastouch_common.ros import spin
 from midastouch_common.ros.conversions import stamp_from_ns
 from midastouch_common.ros.managed_node import ManagedNode
 
-from ..camera_info import Calibration, load_calibration
-from ..errors import DeviceError
-from ..frame_slot import ReaderState, ReaderStatus
+from ..camera_info import Intrinsics, load_intrinsics
+from ..frames import DeviceError, ReaderState, ReaderStatus
 from ..reader import FrameReader
-from ..stream_monitor import StreamMonitor
+from ..stream_health import StreamMonitor
 from ..v4l2_device import V4l2Camera, V4l2Settings
 from .image_publisher import ImagePublisher
 from .parameters import PARAMETERS, camera_settings, led_levels, reader_timing
@@ -37,7 +36,7 @@ class DigitDriver(ManagedNode):
     Configuring checks the settings, activating opens the camera; ``autostart`` does both on construction.
 
     Args:
-        make_camera: of its settings; tests put one on a fake kernel in its place.
+        make_camera: makes the camera of its settings; tests give one on a fake kernel.
         node_options: passed on to rclpy's node, e.g. ``parameter_overrides``, ``namespace``, ``context``.
 
     Attributes:
@@ -53,7 +52,7 @@ class DigitDriver(ManagedNode):
         self._make_camera = make_camera
         self._camera: V4l2Camera | None = None
         self._reader: FrameReader | None = None
-        self._calibration: Calibration | None = None
+        self._intrinsics: Intrinsics | None = None
         self._monitor = StreamMonitor()
         self._logged = ReaderStatus()
         self.diagnostics.set_period(self.parameters["diagnostics_period"])
@@ -69,7 +68,7 @@ class DigitDriver(ManagedNode):
         if self.get_parameter("use_sim_time").value:
             raise InputError(_SIM_TIME)
         settings = camera_settings(self.parameters)
-        self._calibration = load_calibration(self.parameters["camera_info_url"], settings.mode.output)
+        self._intrinsics = load_intrinsics(self.parameters["camera_info_url"], settings.mode.output)
         self._camera = self._make_camera(settings)
         self._reader = FrameReader(self._camera, self._wake.trigger, reader_timing(self.parameters))
         self.diagnostics.hardware_id = settings.serial
@@ -100,7 +99,7 @@ class DigitDriver(ManagedNode):
         return bytes([report.level]), report.message, report.values
 
     def _begin_capture(self) -> None:
-        """Raises DeviceError or InputError if the camera can be said at once not to work."""
+        """Raises DeviceError or InputError if it is known at once that the camera cannot work."""
         self._logged = ReaderStatus()
         self._reader.start()
         self._reader.wait_settled(_FIRST_OPEN_S)
@@ -118,7 +117,7 @@ class DigitDriver(ManagedNode):
         if frame is not None:
             stamp = stamp_from_ns(self._monitor.stamp(frame) + self.parameters["timestamp_offset"])
             header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])
-            self._images.publish(frame.image, header, self._calibration, self.parameters["jpeg_quality"])
+            self._images.publish(frame.image, header, self._intrinsics, self.parameters["jpeg_quality"])
 
     def _log_changes(self, status: ReaderStatus) -> None:
         """Logs, once, what has happened to the camera since the last call; gives up when that has failed for good."""
@@ -164,7 +163,7 @@ class DigitDriver(ManagedNode):
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Runs the node until it is told to stop. Exit code 2: unusable input, 1: the sensor never came."""
+    """Runs the node until a signal stops it. Exit code 2: unusable input, 1: the sensor never came."""
     return spin.run(lambda: [DigitDriver()], args)
 
 

@@ -13,7 +13,7 @@ from std_msgs.msg import Header
 from midastouch_common.ros.conversions import image_to_msg
 from midastouch_common.ros.node import PipelineNode
 
-from ..camera_info import Calibration
+from ..camera_info import Intrinsics
 
 IMAGE_QOS = QoSProfile(depth=2)
 """Reliable, volatile: serves best-effort subscribers as well (REP 2003)."""
@@ -27,13 +27,13 @@ class ImagePublisher:
         self._jpeg = node.create_publisher(CompressedImage, "image_raw/compressed", IMAGE_QOS)
         self._info = node.create_publisher(CameraInfo, "camera_info", IMAGE_QOS)
 
-    def publish(self, image: np.ndarray, header: Header, calibration: Calibration, jpeg_quality: int) -> None:
+    def publish(self, image: np.ndarray, header: Header, intrinsics: Intrinsics, jpeg_quality: int) -> None:
         """Publishes an (H, W, 3) uint8 RGB image; ``jpeg_quality`` is 1...100."""
         if self._image.get_subscription_count():
             self._image.publish(image_to_msg(image, "rgb8", header))
         if self._jpeg.get_subscription_count():
             self._jpeg.publish(compressed_message(image, header, jpeg_quality))
-        self._info.publish(_camera_info_message(calibration, header))
+        self._info.publish(_camera_info_message(intrinsics, header))
 
 
 def compressed_message(image: np.ndarray, header: Header, quality: int) -> CompressedImage:
@@ -46,14 +46,14 @@ def compressed_message(image: np.ndarray, header: Header, quality: int) -> Compr
     return message
 
 
-def _camera_info_message(calibration: Calibration, header: Header) -> CameraInfo:
+def _camera_info_message(intrinsics: Intrinsics, header: Header) -> CameraInfo:
     return CameraInfo(
         header=header,
-        width=calibration.width,
-        height=calibration.height,
-        distortion_model=calibration.distortion_model,
-        d=list(calibration.d),
-        k=list(calibration.k),
-        r=list(calibration.r),
-        p=list(calibration.p),
+        width=intrinsics.width,
+        height=intrinsics.height,
+        distortion_model=intrinsics.distortion_model,
+        d=list(intrinsics.d),
+        k=list(intrinsics.k),
+        r=list(intrinsics.r),
+        p=list(intrinsics.p),
     )

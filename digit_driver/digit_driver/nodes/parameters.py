@@ -6,9 +6,8 @@ from midastouch_common.ros.managed_node import AUTOSTART
 from midastouch_common.ros.parameters import Parameter, Parameters
 
 from ..camera_model import CameraModel
-from ..leds import MAX_LEVEL, scaled_levels
 from ..reader import ReaderTiming
-from ..v4l2_device import V4l2Settings
+from ..v4l2_device import MAX_LED_LEVEL, V4l2Settings
 
 _DAY_S = 86400.0
 _SECOND_NS = 1_000_000_000
@@ -25,13 +24,15 @@ PARAMETERS = (
         minimum=0,
         maximum=240,
     ),
-    Parameter("intensity", MAX_LEVEL, "Overall brightness of the LEDs", minimum=0, maximum=MAX_LEVEL, read_only=False),
+    Parameter(
+        "intensity", MAX_LED_LEVEL, "Overall brightness of the LEDs", minimum=0, maximum=MAX_LED_LEVEL, read_only=False
+    ),
     Parameter(
         "intensity_rgb",
-        [MAX_LEVEL] * 3,
+        [MAX_LED_LEVEL] * 3,
         "Red, green, blue LED at full intensity",
         minimum=0,
-        maximum=MAX_LEVEL,
+        maximum=MAX_LED_LEVEL,
         read_only=False,
     ),
     Parameter("frame_id", "digit_optical_frame", "Frame of the images: z forward, x right, y down (REP 103)"),
@@ -77,7 +78,8 @@ PARAMETERS = (
 
 def led_levels(parameters: Parameters) -> tuple[int, int, int]:
     """Brightness of the red, green and blue LED, 0...15."""
-    return scaled_levels(parameters["intensity"], parameters["intensity_rgb"])
+    red, green, blue = (round(level * parameters["intensity"] / MAX_LED_LEVEL) for level in parameters["intensity_rgb"])
+    return red, green, blue
 
 
 def camera_settings(parameters: Parameters) -> V4l2Settings:

@@ -19,7 +19,7 @@ from digit_driver.nodes.digit_driver import DigitDriver
 from digit_driver.v4l2_device import V4l2Camera
 from midastouch_common.errors import InputError
 
-PATIENCE = 120.0  # s; bounds a failing test only
+TIMEOUT_S = 120.0  # bounds a failing test only
 
 
 class Peer:
@@ -72,16 +72,16 @@ class Peer:
         """The messages of a topic, once ``predicate`` holds for them."""
         with self._changed:
             inbox = self.received[topic]
-            assert self._changed.wait_for(lambda: predicate(inbox), timeout=PATIENCE), f"{topic}: {inbox[-1:]}"
+            assert self._changed.wait_for(lambda: predicate(inbox), timeout=TIMEOUT_S), f"{topic}: {inbox[-1:]}"
             return list(inbox)
 
     def call(self, kind: type, name: str, request):
         client = self.node.create_client(kind, name)
-        assert client.wait_for_service(PATIENCE)
+        assert client.wait_for_service(TIMEOUT_S)
         answered = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        assert answered.wait(PATIENCE), name
+        assert answered.wait(TIMEOUT_S), name
         return future.result()
 
     def set_parameter(self, name: str, value):
@@ -92,14 +92,14 @@ class Peer:
 @pytest.fixture
 def peer(kernel, find):
     """Starts drivers on the fake machine, with the given parameters, and ends them."""
-    peers = []
+    started = []
 
     def start(**parameters) -> Peer:
-        peers.append(Peer(functools.partial(V4l2Camera, system=kernel, find=find), **parameters))
-        return peers[-1]
+        started.append(Peer(functools.partial(V4l2Camera, system=kernel, find=find), **parameters))
+        return started[-1]
 
     yield start
-    for item in peers:
+    for item in started:
         item.close()
 
 

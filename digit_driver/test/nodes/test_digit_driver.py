@@ -108,10 +108,10 @@ def test_unplugging_is_an_error_until_it_is_plugged_in_again(peer, camera, kerne
     it.subscribe(DiagnosticArray, "/diagnostics")
 
     def wait_for(words: str, level: bytes):
-        def told(status) -> bool:
+        def matches(status) -> bool:
             return words in status.message and status.level == level
 
-        return it.wait("/diagnostics", lambda got: got and told(got[-1].status[0]))[-1].status[0]
+        return it.wait("/diagnostics", lambda got: got and matches(got[-1].status[0]))[-1].status[0]
 
     status = wait_for("streaming", b"\x00")
     assert status.name == "digit_driver: /digit_test/digit_driver"

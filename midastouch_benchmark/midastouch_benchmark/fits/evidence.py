@@ -5,7 +5,7 @@
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
 replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
 often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
-mathematics: docs/evidence.md. No test object is seen.
+mathematics: docs/internals.md. No test object is seen.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.keyframes import KeyframeWindow
+from midastouch_filter.core.keyframes import KeyframeWindow, WeighedWindow
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import Effort, NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
-from midastouch_filter.core.places import APART, pose_distance
+from midastouch_filter.core.pose_hypothesis import APART, pose_distance
 from midastouch_filter.core.touch import Measurement, reduced_penetration
 from midastouch_filter.core.workers import Workers
-from midastouch_filter.smoothing.replay import Followed, Race, Replay
-from midastouch_filter.smoothing.rival_search import RivalSearch, Scored
+from midastouch_filter.smoothing.competitor_search import CompetitorSearch
+from midastouch_filter.smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_probe, random_shape
 from midastouch_perception.simulation.slide import measure_poses, simulate_slide
@@ -63,7 +63,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
     noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
     model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
     simulator = TouchSimulator(mesh, networks, Lighting("random"))
-    search = RivalSearch(model.lookup, noise, Effort())
+    search = CompetitorSearch(model.lookup, noise, Effort())
     for _ in range(count):
         try:
             slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)
@@ -76,17 +76,17 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
         rivals = [beside, *_exhaust(search.find(window, taken)).poses]
-        replay = Replay(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
+        likelihood = WindowLikelihood(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
         for start in taken + rivals[: RIVALS + 1]:
-            _exhaust(replay.follow(start))
-        own, *others = [(each.misfit, _distance(each, truth)) for each in replay.followed]
+            _exhaust(likelihood.follow(start))
+        own, *others = [(each.residual_ratio, _distance(each, truth)) for each in likelihood.followed]
         if own[1] < 0.5 * APART:
             for misfit, distance in others:
                 if not 0.5 * APART <= distance <= APART:
                     yield Pair(mesh.name, own[0], misfit, distance < APART)
 
 
-def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.ndarray]]:
+def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
     """A window of touches along the slide, and the true poses of its keyframes."""
     measured = measure_poses(slide, rng)
     window, chosen, path = KeyframeWindow(TOUCHES, SPACING, CONFIG.correlation_length, Effort().shortlist), [0], 0.0
@@ -110,7 +110,7 @@ def _touched(slide, model, simulator, networks, rng) -> tuple[Scored, list[np.nd
             true_pose[id(window.keyframes[-1])] = slide[i]
     keyframes = list(window.keyframes)
     weights = np.full(len(keyframes), SPACING / CONFIG.correlation_length)
-    return Scored(keyframes, weights, np.full(len(keyframes), 1e-9)), [
+    return WeighedWindow(keyframes, weights, np.full(len(keyframes), 1e-9)), [
         true_pose[id(keyframe)] for keyframe in keyframes
     ]
 
@@ -134,7 +134,7 @@ def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...]
 
     Of a twin either answer is right, so that sure odds surprise.
 
-    parameters: logarithms of `map_patches` and `misfit_floor`, and the logit of a touch's weight `SPACING` after the
+    parameters: logarithms of `map_patches` and `residual_floor`, and the logit of a touch's weight `SPACING` after the
     last one.
     """
     patches, floor, weight = np.exp(parameters[0]), np.exp(parameters[1]), 1 / (1 + np.exp(-parameters[2]))
@@ -166,7 +166,7 @@ def main() -> None:
         print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of places", file=sys.stderr, flush=True)
     found = minimize(surprise, [1.0, -6.5, -0.5], args=(pairs,), method="Nelder-Mead", options={"maxiter": 300}).x
     weight = 1 / (1 + np.exp(-found[2]))
-    print(f"map_patches {np.exp(found[0]):.2f}, misfit_floor {np.exp(found[1]):.2g}")
+    print(f"map_patches {np.exp(found[0]):.2f}, residual_floor {np.exp(found[1]):.2g}")
     print(f"correlation length {1e3 * SPACING / weight:.0f} mm")
     for length in LENGTHS:
         if any(len(pair.true) >= length for pair in pairs):

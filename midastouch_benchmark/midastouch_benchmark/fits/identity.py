@@ -5,7 +5,7 @@
 Training scans are shared out at random to catalogues of each size. Each object is slid over, once with its catalogue,
 once with the catalogue without it. What makes the probabilities of the object, or of `unknown`, say the truth as often
 as they claim, after every comparison on the way, is printed: constants of `midastouch_filter/core/noise_model.py`. The
-mathematics: docs/evidence.md. No test object is seen, nor any of the ten further ones for judging.
+mathematics: docs/internals.md. No test object is seen, nor any of the ten further ones for judging.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.identification.catalogue import Catalogue
-from midastouch_filter.identification.identity import Contest, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import Contest
 
 from .training_scans import parser_of, scans_of, stock_of
 
@@ -31,7 +32,7 @@ CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
 FIRST = 100  # number of the first slide: `midastouch identify` judges by those from 0 on
 HALF = 0.5  # of the slides are over an object that is not in the catalogue
-FITTED = ("between_objects", "foreign_misfit", "strain_cost")
+FITTED = ("between_objects", "foreign_residual", "innovation_cost")
 _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, final_error_figure, save
+from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save
 from midastouch_bringup.drawing.page import Page
 
 from ..statistics.accuracy_tables import (
@@ -23,6 +23,7 @@ from ..statistics.comparison import comparison_table, front_text, rows_by_init
 from ..statistics.coverage import observed_shares
 from ..trials.variants import DEFAULT
 from .front import front_figure
+from .trial_figures import final_error_figure
 
 _KIND_STYLES = {
     "one_mode": {"color": MODE_COLOUR},

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from midastouch_bringup.drawing.figures import final_error_figure, save, stage_figure, trial_error_figure
+from midastouch_bringup.drawing.figures import save
 from midastouch_bringup.drawing.object_view import ObjectView
 from midastouch_bringup.drawing.page import Page
 from midastouch_bringup.text_table import number
@@ -26,6 +26,7 @@ from .identification import identification_section
 from .presses import press_section
 from .scaling import scaling_section
 from .single_touch import single_touch_section
+from .trial_figures import final_error_figure, stage_figure, trial_error_figure
 
 
 def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLike) -> Path:

@@ -11,8 +11,7 @@ import numpy as np
 
 from midastouch_bringup.processes.local_domain import local_environment, own_domain
 from midastouch_bringup.processes.parameter_files import written
-from midastouch_bringup.processes.process import resident_mb
-from midastouch_bringup.processes.program import node_program
+from midastouch_bringup.processes.process import node_program, resident_mb
 from midastouch_bringup.processes.supervisor import Supervisor
 from midastouch_common.errors import InputError
 

@@ -14,7 +14,7 @@ from midastouch_bringup.datasets.slide_simulation import no_contact_image
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.refinement.refinement import is_narrow
@@ -90,8 +90,8 @@ class SpeedMeasurement:
         config = FilterConfig()
         particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0)
         spread = np.diag(np.repeat(np.square(_GATHERED), 3))
-        particle_filter.initialise_places(
-            [Place(pose, spread, 1 / _MODES) for pose in twins.on_every_copy(self._truth[0])]
+        particle_filter.initialise_hypotheses(
+            [PoseHypothesis(pose, spread, 1 / _MODES) for pose in twins.on_every_copy(self._truth[0])]
         )
         stopwatch, narrow = Stopwatch(), []
         for i, touch in enumerate(self._felt):
@@ -171,7 +171,7 @@ class SpeedMeasurement:
                 with answers:
                     touch = pipeline.process(image, self._background)
                     estimate = particle_filter.step(self._odometry(i), measurement_of(touch))
-                particle_filter.reflect()
+                particle_filter.deferred_update()
             states.append(estimate.status.state)
         answers.drop(2)
         frames.drop(2)

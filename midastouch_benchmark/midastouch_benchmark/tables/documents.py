@@ -1,4 +1,4 @@
-"""The tables of README.md, docs/evaluation.md and docs/trust.md from the committed reports.
+"""The tables of README.md, docs/evaluation.md, docs/trust.md and reports/README.md from the committed reports.
 
 .venv/bin/python -m midastouch_benchmark.tables.documents
 
@@ -10,15 +10,21 @@ from __future__ import annotations
 
 import re
 
-from . import accuracy, exploring, perception, speed, trust
+from . import accuracy, exploring, figures, perception, speed, trust
 from .reports import COMMANDS, ROOT, Table, report, report_path, reported
 
-DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md")
+DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md", "reports/README.md")
 
 
 def commands() -> Table:
     """What made each report."""
     return ["report", "made by"], [[f"[{name}]", f"`{_made_by(name)}`"] for name in reported()]
+
+
+def figure_commands() -> Table:
+    """What made those that the figures of docs/evaluation.md come from."""
+    header, rows = commands()
+    return header, [row for row in rows if row[0].strip("[]") in figures.reports()]
 
 
 def _made_by(name: str) -> str:
@@ -31,7 +37,7 @@ TABLES = {
     for table in (
         accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas,
         accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.front,
-        accuracy.slides,
+        accuracy.slides, figures.figures, figure_commands,
         trust.converged, trust.weights, trust.regions, trust.events,
         exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
         perception.real, perception.depth, perception.labels, perception.presses, perception.wanted, perception.checks,

@@ -181,7 +181,7 @@ class _Trial:
 
     def _has_rival(self) -> bool:
         """Whether the true place and another one are probable."""
-        likely = [each for each in self._advisor.hypotheses if each.place and each.probability >= _RIVAL]
+        likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _RIVAL]
         return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
 
     def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:

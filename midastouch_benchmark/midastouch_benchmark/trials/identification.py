@@ -21,7 +21,8 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
-from midastouch_filter.identification.identity import UNKNOWN, Identification, Identity
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN, Identity
 
 from .open_trials import Workforce, make_books, run_open
 from .stock import Stock
@@ -90,7 +91,7 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
     catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
-    entry = catalogue.entries[catalogue.number(catalogue.twins.get(name, name))]
+    entry = catalogue.entries[catalogue.number(catalogue.duplicates.get(name, name))]
     sequence, touches = plan.stock.touches(entry.mesh, slide)
     frames = touches.frames(sequence, 1)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
@@ -180,7 +181,7 @@ class Answers:
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
     """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
-    name = catalogue.twins.get(name, name)
+    name = catalogue.duplicates.get(name, name)
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
 

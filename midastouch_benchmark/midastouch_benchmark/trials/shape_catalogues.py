@@ -18,7 +18,8 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.identification.catalogue import ROOM, Catalogue, read_catalogue
-from midastouch_filter.identification.identity import UNKNOWN, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_shape

@@ -1,20 +1,36 @@
-"""A bag frame by frame: each image with the poses at its stamp."""
+"""A bag frame by frame: its images with the poses at their stamps, and slides with known poses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from midastouch_common.errors import InputError
+from midastouch_common.message_arrays import rgb_from_msg
 from midastouch_filter.transforms import TransformBuffer, TransformError
+from midastouch_perception.tdn import estimate_background
+from midastouch_perception.tdn.background import MOST_DOUBTFUL, doubtful_fraction
 
-from .images import decode_image, image_messages
-from .messages import BASE_FRAME, GEL_FRAME, IMAGE_TOPIC, TRUTH_FRAME, TRUTH_GEL_FRAME, header_stamp_ns
-from .reader import readable
+from ..datasets import load_sequence
+from .messages import (
+    BASE_FRAME,
+    COMPRESSED_TYPE,
+    GEL_FRAME,
+    IMAGE_TOPIC,
+    IMAGE_TYPE,
+    TRUTH_FRAME,
+    TRUTH_GEL_FRAME,
+    Message,
+    header_stamp_ns,
+    typestore,
+)
+from .reader import bag_messages, bag_topics, is_bag, readable
 from .transforms import recorded_transforms
 
 
@@ -76,3 +92,86 @@ def _true_pose(transforms: TransformBuffer, stamp: int) -> np.ndarray | None:
         return transforms.lookup(TRUTH_FRAME, TRUTH_GEL_FRAME, stamp)
     except TransformError:
         return None
+
+
+def image_messages(path: str | Path, topic: str) -> Iterator[Message]:
+    """The images of a bag on a topic; where there are none, the compressed ones beside it.
+
+    Raises InputError as `bag_messages`.
+    """
+    present, compressed = {each.name for each in bag_topics(path)}, f"{topic}/compressed"
+    return bag_messages(path, {compressed if topic not in present and compressed in present else topic})
+
+
+def decode_image(message: Message, path: Path) -> np.ndarray:
+    """Pixels (320, 240, 3) uint8 RGB of an Image (rgb8, bgr8) or a CompressedImage from the bag at `path`.
+
+    Raises InputError if it holds no such image.
+    """
+    with readable(path):
+        content = typestore().deserialize_cdr(message.data, message.type_name)
+    what = f"{path}: image on {message.topic} at {message.stamp_ns / 1e9:.3f} s"
+    if message.type_name not in (IMAGE_TYPE, COMPRESSED_TYPE):
+        raise InputError(f"{what} is {message.type_name}; record images")
+    try:
+        return _rgb(content, 320, 240) if message.type_name == COMPRESSED_TYPE else rgb_from_msg(content, 320, 240)
+    except InputError as error:
+        raise InputError(f"{what}: {error}; record it again") from error
+
+
+def _rgb(compressed: object, height: int, width: int) -> np.ndarray:
+    data = np.asarray(compressed.data)
+    pixels = cv2.imdecode(data, cv2.IMREAD_COLOR_RGB) if data.size else None
+    if pixels is None:
+        raise InputError("it cannot be decompressed")
+    if pixels.shape != (height, width, 3):
+        raise InputError(f"image is {pixels.shape[1]} x {pixels.shape[0]} pixels, expected {width} x {height}")
+    return pixels
+
+
+_ON_OBJECT = GelStream(base_frame=TRUTH_FRAME)
+_BACKGROUND_FRAMES = 60
+
+
+class PosedSlide:
+    """The slide at `path`. Attribute: poses, T_obj_gel (N, 4, 4), as the robot or a tracker measured them.
+
+    Of a bag, those of the stream, whose base frame is the object's. Raises InputError if there are none, or `path` is
+    no sequence and no bag.
+    """
+
+    def __init__(self, path: str | Path, stream: GelStream = _ON_OBJECT):
+        self._path = Path(path)
+        self._frames = partial(read_bag, self._path, stream)
+        self._sequence = None if is_bag(self._path) else load_sequence(self._path)
+        if self._sequence is not None:
+            self.poses = self._sequence.poses_measured
+        else:
+            self.poses = np.array([frame.base_from_gel for frame in self._frames()])
+
+    def images(self, chosen: Collection[int]) -> list[np.ndarray]:
+        """Images (320, 240, 3) uint8 RGB of some frames, in order. Raises InputError if one cannot be read."""
+        if self._sequence is not None:
+            return [self._sequence.image(i) for i in sorted(chosen)]
+        wanted = set(chosen)
+        return [frame.image for i, frame in enumerate(self._frames()) if i in wanted]
+
+    def background(self, kept: np.ndarray | None = None) -> np.ndarray:
+        """The no-contact image (320, 240, 3) uint8 RGB: the sequence's own, else the sensor's `kept` one, else what the
+        images have in common.
+
+        Raises InputError if they do not show the gel untouched.
+        """
+        if self._sequence is not None and (own := self._sequence.background) is not None:
+            return own
+        if kept is not None:
+            return kept
+        chosen = np.unique(np.linspace(0, len(self.poses) - 1, _BACKGROUND_FRAMES).round().astype(int))
+        images = self.images(chosen.tolist())
+        background = estimate_background(images)
+        if doubtful_fraction(images, background) > MOST_DOUBTFUL:
+            raise InputError(
+                f"{self._path}: the images do not show all of the gel untouched; capture the sensor's no-contact image "
+                "(capture_background) and name its --serial"
+            )
+        return background

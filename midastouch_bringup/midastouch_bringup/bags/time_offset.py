@@ -20,8 +20,8 @@ from .frames import BagFrame
 _BLOCKS = (12, 16)  # columns and rows: noise averages out, what moves does not
 _LEVER = 0.01  # m; turning by an angle changes the image about as moving its edge by so much
 _STEP = 0.005  # s
-_SHORTEST = 5.0  # s
-_LARGEST = 0.5  # s, either way
+_SHORTEST_SLIDE_S = 5.0
+_LARGEST_OFFSET_S = 0.5  # either way
 _CLEAR = 0.5  # of a correlation
 
 
@@ -39,18 +39,19 @@ def estimate_time_offset(frames: Iterable[BagFrame]) -> TimeOffset:
     nothing.
     """
     times, changes, speeds = _activity(frames)
-    if len(times) < 2 or times[-1] - times[0] < _SHORTEST + 2 * _LARGEST:
-        raise InputError(f"needs {_SHORTEST + 2 * _LARGEST:g} s of images with poses; record a longer slide")
+    if len(times) < 2 or times[-1] - times[0] < _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S:
+        needed = _SHORTEST_SLIDE_S + 2 * _LARGEST_OFFSET_S
+        raise InputError(f"needs {needed:g} s of images with poses; record a longer slide")
     grid = np.arange(times[0], times[-1], _STEP)
     # roots: neither grows in proportion to the other when it is large
     change, speed = (np.sqrt(np.interp(grid, times, values)) for values in (changes, speeds))
-    lags = np.arange(-round(_LARGEST / _STEP), round(_LARGEST / _STEP) + 1)
+    lags = np.arange(-round(_LARGEST_OFFSET_S / _STEP), round(_LARGEST_OFFSET_S / _STEP) + 1)
     agreement = np.array([_correlation(change, speed, lag) for lag in lags])
     best = int(agreement.argmax())
     if agreement[best] < _CLEAR or best in (0, len(lags) - 1):
         raise InputError(
-            f"images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST:g} s): slide over "
-            "something that can be felt, and start and stop several times"
+            f"images and arm do not tell (correlation {agreement[best]:.2f} within {_LARGEST_OFFSET_S:g} s): "
+            "slide over edges of an object, and start and stop several times"
         )
     before, at, after = agreement[best - 1 : best + 2]
     vertex = 0.5 * (before - after) / (before - 2 * at + after)

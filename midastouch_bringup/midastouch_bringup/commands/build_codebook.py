@@ -14,7 +14,7 @@ def add_parser(subparsers) -> None:
         subparsers,
         "build-codebook",
         run,
-        "build the codebook of an object, or of many: poses all over it and what each would feel like",
+        "build the codebook of an object, or of many: poses all over it and what the sensor would measure there",
         "midastouch build-codebook meshes/035_power_drill.ply --size 50000",
         "When it is interrupted, the same command goes on where it stopped. Of several meshes, codebooks that are\n"
         "there are kept; a worker takes one mesh at a time.",

@@ -126,7 +126,7 @@ def _of_presses(args: argparse.Namespace, store, sensor):
 def _of_object(args: argparse.Namespace, store, sensor):
     from midastouch_perception.sensor_calibration.object_fit import calibrate_on_object, choose_touches
 
-    from ..bags.posed_slide import PosedSlide
+    from ..bags.frames import PosedSlide
 
     mesh, slide = arguments.load_mesh(args.object), PosedSlide(args.source, arguments.gel_stream(args))
     chosen = choose_touches(slide.poses, mesh, sensor)

@@ -23,7 +23,7 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command; 1 if the images are refused."""
-    from ..ros.trigger import trigger
+    from ..ros.local_context import trigger
 
     answer = trigger("capture_background", args.namespace)
     print(answer.message)

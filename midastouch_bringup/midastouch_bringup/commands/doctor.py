@@ -1,4 +1,4 @@
-"""`midastouch doctor`: what is installed, what is missing, which command mends it."""
+"""`midastouch doctor`: what is installed, what is missing, which command fixes it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _OPEN3D = ".venv/bin/pip install -r tools/requirements/open3d.txt; sudo apt inst
 _VIEW = ".venv/bin/pip install -r tools/requirements/view.txt"
 _EXPORT = ".venv/bin/pip install -r tools/requirements/export.txt"
 
-# module, distribution, what it is for, required, the command that mends it
+# module, distribution, what it is for, required, the command that fixes it
 MODULES = (
     ("numpy", "numpy", "arrays", True, _SET_UP),
     ("scipy", "scipy", "rotations, search", True, _SET_UP),
@@ -53,7 +53,7 @@ def add_parser(subparsers) -> None:
         subparsers,
         "doctor",
         run,
-        "say what is installed, what is missing, and which command mends it",
+        "say what is installed, what is missing, and which command fixes it",
         "midastouch doctor",
         "Exits with 1 when something is missing that the demo needs.",
     )
@@ -67,22 +67,22 @@ def run(args: argparse.Namespace) -> int:
     info = machine_info()
     print(f"{info['cpu']}, {info['cores']} cores, {info['memory_gib']} GiB, {info['system']}")
     print(f"Python {info['python']}\n")
-    rows, mends = [], []
-    for module, distribution, purpose, required, mend in MODULES:
+    rows, fixes = [], []
+    for module, distribution, purpose, required, fix in MODULES:
         version, problem = _module_state(module, distribution)
         rows.append([distribution, purpose, version if not problem else _missing(required)])
         if problem:
-            mends.append((distribution, problem, mend, required))
-    for program, mend in _PROGRAMS:
+            fixes.append((distribution, problem, fix, required))
+    for program, fix in _PROGRAMS:
         found = _has_executable(program)
         rows.append([program, "executable", "found" if found else _missing(True)])
         if not found:
-            mends.append((program, "no such executable beside this Python or on PATH", mend, True))
-    rows.append(_network_row(mends))
+            fixes.append((program, "no such executable beside this Python or on PATH", fix, True))
+    rows.append(_network_row(fixes))
     print(text_table(["part", "for", "state"], rows, left=2))
-    for name, problem, mend, required in mends:
-        print(f"\n{name}: {problem}\n  {'mend' if required else 'if wanted'}: {mend}")
-    broken = any(required for *_, required in mends)
+    for name, problem, fix, required in fixes:
+        print(f"\n{name}: {problem}\n  {'fix' if required else 'if wanted'}: {fix}")
+    broken = any(required for *_, required in fixes)
     print("\nsomething the demo needs is missing" if broken else "\nready: midastouch demo")
     return int(broken)
 
@@ -105,7 +105,7 @@ def _module_state(module: str, distribution: str) -> tuple[str, str]:
 def _has_executable(name: str) -> bool:
     from midastouch_common.errors import InputError
 
-    from ..processes.program import find_executable
+    from ..processes.process import find_executable
 
     try:
         find_executable(name)
@@ -114,7 +114,7 @@ def _has_executable(name: str) -> bool:
     return True
 
 
-def _network_row(mends: list) -> list[str]:
+def _network_row(fixes: list) -> list[str]:
     """Whether the shipped networks load."""
     try:
         from midastouch_perception.tcn import load_tcn
@@ -124,5 +124,5 @@ def _network_row(mends: list) -> list[str]:
         return ["weights", "shipped networks", networks]
     except Exception as error:  # as above: whatever keeps them from loading is the finding
         problem = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        mends.append(("weights", problem, "git checkout -- midastouch_perception", True))
+        fixes.append(("weights", problem, "git checkout -- midastouch_perception", True))
         return ["weights", "shipped networks", _missing(True)]

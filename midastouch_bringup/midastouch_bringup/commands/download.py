@@ -69,7 +69,7 @@ def _meshes(args: argparse.Namespace) -> int:
 def _slides(args: argparse.Namespace) -> int:
     from midastouch_common.errors import InputError
 
-    from ..download.ycb_slide import FOLDERS, download_part
+    from ..download.ycb import FOLDERS, download_part
 
     if unknown := set(args.names) - FOLDERS.keys():
         raise InputError(f"ycb-slide {', '.join(sorted(unknown))}: no such part; there are {', '.join(FOLDERS)}")

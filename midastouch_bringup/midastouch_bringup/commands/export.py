@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _writer(name: str) -> Callable[[Sequence[Recording], Path], int]:
-    """What writes recordings in that format into a folder; InputError with the mend without its library."""
+    """What writes recordings in that format into a folder; InputError with the fix without its library."""
     from midastouch_common.errors import InputError
 
     try:

@@ -27,8 +27,22 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from ..ros.launch_arguments import SHARE
-    from ..view.foxglove_layout import in_namespace
+    from .foxglove import in_namespace
 
     layout = json.loads((SHARE / "foxglove" / "midastouch.json").read_text())
     Path(args.out).write_text(json.dumps(in_namespace(layout, args.namespace), indent=2) + "\n")
     return 0
+
+
+def in_namespace(layout: object, namespace: str) -> object:
+    """A layout, or a part of one, whose topics are those of the nodes in `namespace`.
+
+    Every text and key that begins with a slash is a topic, or a field of one.
+    """
+    if isinstance(layout, dict):
+        return {in_namespace(key, namespace): in_namespace(value, namespace) for key, value in layout.items()}
+    if isinstance(layout, list):
+        return [in_namespace(value, namespace) for value in layout]
+    if isinstance(layout, str) and layout.startswith("/") and (inside := namespace.strip("/")):
+        return f"/{inside}{layout}"
+    return layout

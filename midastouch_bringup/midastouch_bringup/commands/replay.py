@@ -25,7 +25,6 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--rate", type=float, default=1.0, help="recorded seconds per second; 0: at once (default 1)")
     parser.add_argument("--loop", action="store_true", help="start again at the end")
-    parser.add_argument("--start", type=float, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--paused", action="store_true", help="wait for the service replay/resume or replay/step")
     parser.add_argument("--no-clock", action="store_true", help="do not publish /clock")
 
@@ -48,7 +47,6 @@ def run(args: argparse.Namespace) -> int:
         "source": args.source,
         "rate": float(args.rate),
         "loop": args.loop,
-        "start_offset": float(args.start),
         "start_paused": args.paused,
         "clock": not args.no_clock,
     }

@@ -38,22 +38,22 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.errors import InputError
     from midastouch_common.message_arrays import pose_from_msg
 
-    from ..arm.mount_correction import correct_mount
+    from ..arm.mount import correct_mount
     from ..ros.launch_arguments import SHARE
-    from ..ros.learnt_calibration import learnt_calibration
+    from ..ros.local_context import learnt_calibration
 
     if not args.frames and Path(args.out).exists():  # what is learnt is relative to the file of the last launch
         raise InputError(
             f"{args.out}: exists; say which file the filter was started with: --frames {args.out}, or --frames "
             f"{SHARE / 'config' / 'frames.yaml'}"
         )
-    told = learnt_calibration(args.namespace)
-    known = list(told.known)
+    learnt = learnt_calibration(args.namespace)
+    known = list(learnt.known)
     if not any(known):
         raise InputError("calibration: nothing is known yet; slide over edges, and turn the sensor while it touches")
     frames = args.frames or SHARE / "config" / "frames.yaml"
     if any(known[:6]):
-        change = correct_mount(frames, args.out, pose_from_msg(told.mount.pose))
+        change = correct_mount(frames, args.out, pose_from_msg(learnt.mount.pose))
         distance, angle = 1e3 * np.linalg.norm(change[:3, 3]), np.degrees(se3.rotation_angle(change[:3, :3]))
         print(f"{args.out}: the sensor is mounted {distance:.1f} mm, {angle:.1f} deg off what {frames} says")
     axes = ("x", "y", "z", "rotation about x", "rotation about y", "rotation about z", "clock")
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"not known yet, of the gel frame: {', '.join(missing)}")
     if known[6]:
         print(
-            f"the arm's poses are {1e3 * told.clock_offset:.0f} ms late; "
-            f"add {round(1e9 * told.clock_offset)} to the parameter timestamp_offset of digit_driver"
+            f"the arm's poses are {1e3 * learnt.clock_offset:.0f} ms late; "
+            f"add {round(1e9 * learnt.clock_offset)} to the parameter timestamp_offset of digit_driver"
         )
     return 0

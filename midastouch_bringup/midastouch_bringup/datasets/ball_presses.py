@@ -19,12 +19,12 @@ from .sequence import read_image
 
 BACKGROUND, CIRCLES = "background.png", "circles.csv"
 LABELS, IMAGES, OUTLINE = "labels", "images", "felt outline"
-"""What can tell where a press is."""
+"""What can say where a press is."""
 _COLUMNS = ("frame", "center_x_px", "center_y_px", "radius_px")
-_RADII = 3, 320  # px of a label: less is a slip of the mouse, more is wider than the image
-_AROUND = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
-_VISIBLE = 15.0  # grey levels: a change the eye sees too
-_NEVER_FREE = 0.02  # of the image: so little is filled in from around it
+_LABEL_RADII = 3, 320  # px of a label: less is a slip of the mouse, more is wider than the image
+_SHADOW_RADIUS_RATIO = 1.7  # times the radius of a contact: the gel around it is still bent, and its shadow falls there
+_VISIBLE_CHANGE = 15.0  # grey levels: a change the eye sees too
+_LARGEST_FILLED_FRACTION = 0.02  # of the image: so little is filled in from around it
 
 Circle = tuple[float, float, float]
 """Column and row of the centre, radius [px]."""
@@ -45,7 +45,7 @@ class BallPresses:
 
     @property
     def truth(self) -> str:
-        """Where a press is said to be: by `LABELS`, by `IMAGES`, or by its felt `OUTLINE` if there are no circles."""
+        """What gives the position of a press: `LABELS`, `IMAGES`, or its measured `OUTLINE` if there are no circles."""
         return OUTLINE if self.circles is None else self.circles_from
 
     def only(self, names: list[str]) -> BallPresses:
@@ -127,7 +127,7 @@ def _parse_circles(file: Path, names: dict[str, str]) -> dict[str, Circle]:
             if circle is None:
                 raise InputError(
                     f"{file}, line {reader.line_num}: not a circle: a frame and three numbers, the radius from "
-                    f"{_RADII[0]} to {_RADII[1]} px"
+                    f"{_LABEL_RADII[0]} to {_LABEL_RADII[1]} px"
                 )
             name = names.get(Path(row["frame"]).stem)
             if name is None:
@@ -142,7 +142,7 @@ def _circle(row: dict) -> Circle | None:
         column, line, radius = (float(row[key]) for key in _COLUMNS[1:])
     except (TypeError, ValueError):
         return None
-    known = row["frame"] and np.isfinite([column, line]).all() and _RADII[0] <= radius <= _RADII[1]
+    known = row["frame"] and np.isfinite([column, line]).all() and _LABEL_RADII[0] <= radius <= _LABEL_RADII[1]
     return (column, line, radius) if known else None
 
 
@@ -151,7 +151,7 @@ def _labelled(images: dict[str, np.ndarray], circles: dict[str, Circle]) -> list
     for name, image in images.items():
         column, row, radius = circles[name]
         rows, columns = np.mgrid[: image.shape[0], : image.shape[1]]
-        contacts.append(np.hypot(columns - column, rows - row) < _AROUND * radius)
+        contacts.append(np.hypot(columns - column, rows - row) < _SHADOW_RADIUS_RATIO * radius)
     return contacts
 
 
@@ -160,7 +160,7 @@ def _visible(images: dict[str, np.ndarray]) -> list[np.ndarray]:
     median = estimate_background(list(images.values())).astype(np.float32)
     contacts = []
     for image in images.values():
-        change = np.abs(cv2.GaussianBlur(image - median, (0, 0), 3)).max(axis=2) > _VISIBLE
+        change = np.abs(cv2.GaussianBlur(image - median, (0, 0), 3)).max(axis=2) > _VISIBLE_CHANGE
         contacts.append(cv2.dilate(change.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=10) > 0)
     return contacts
 
@@ -171,9 +171,9 @@ def _masked_median(folder: Path, images: dict[str, np.ndarray], contacts: list[n
     stack.mask = np.broadcast_to(np.stack(contacts)[..., None], stack.shape)
     median = np.ma.median(stack, axis=0)
     never = np.ma.getmaskarray(median).any(axis=2)
-    if never.mean() > _NEVER_FREE:
+    if never.mean() > _LARGEST_FILLED_FRACTION:
         raise InputError(
             f"{folder}: {100 * never.mean():.0f} % of the gel is pressed in every image, so the no-contact image "
-            f"cannot be told from them; put one there as {BACKGROUND}"
+            f"cannot be estimated from them; put one there as {BACKGROUND}"
         )
     return cv2.inpaint(np.rint(median.filled(0)).astype(np.uint8), never.astype(np.uint8), 3, cv2.INPAINT_TELEA)

@@ -1,4 +1,4 @@
-"""Which recording a folder holds, told by its files."""
+"""Which recording a folder holds, recognised by its files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LOADERS = {SIMULATED_FILE: load_simulated, REAL_FILE: load_real, POSE_FILE: loa
 
 
 def is_sequence(path: str | Path) -> bool:
-    """Whether `path` is a folder with the file that tells one of the layouts."""
+    """Whether `path` is a folder with the file by which one of the layouts is recognised."""
     return any((Path(path) / file).is_file() for file in _LOADERS)
 
 

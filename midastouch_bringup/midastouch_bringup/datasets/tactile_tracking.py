@@ -24,10 +24,10 @@ from .sequence import VideoSequence, portrait
 
 VIDEO_FILE, POSE_FILE, BACKGROUND_FILE = "gelsight.avi", "true_start_T_currs.npy", "background.png"
 _SECOND = 1_000_000_000
-_RATES = (1.0, 240.0)  # Hz a recording can have
-_ROTATION_ERROR = 1e-3
-_FURTHEST = 1.0  # m from the start: objects are some centimetres
-_START = 1e-3, 1e-2  # m and share by which the first pose may differ from none
+_RATE_RANGE = (1.0, 240.0)  # Hz a recording can have
+_ROTATION_TOLERANCE = 1e-3
+_LARGEST_DISTANCE = 1.0  # m from the start: objects are some centimetres
+_START_ERRORS = 1e-3, 1e-2  # m, and entries of the rotation, by which the first pose may differ from the identity
 
 # The authors' sensor frame lies in the gel: x right and y down in the landscape image, z into the object. Ours is that
 # of the image turned to portrait, counter-clockwise: right is what was down, up what was right, z towards the camera.
@@ -69,7 +69,7 @@ def _video(path: Path) -> tuple[tuple[np.ndarray, ...], float]:
     capture.release()
     if not images:
         raise InputError(f"{path}: no readable image in it; get the file again")
-    if not _RATES[0] <= rate <= _RATES[1]:
+    if not _RATE_RANGE[0] <= rate <= _RATE_RANGE[1]:
         raise InputError(f"{path}: {rate:g} images a second cannot be; get the file again")
     return tuple(images), rate
 
@@ -86,18 +86,19 @@ def _poses(file: Path) -> np.ndarray:
 
 
 def _pose_problem(poses: np.ndarray) -> str:
-    """Why poses (N, 4, 4) are not the sensor's in its own first frame, and the mend; empty if they can be."""
+    """Why poses (N, 4, 4) are not the sensor's in its own first frame, and the fix; empty if they can be."""
     if not np.isfinite(poses).all():
         return "holds what is no pose; get the file again"
-    if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_ERROR:
+    if np.abs(poses[:, 3] - [0, 0, 0, 1]).max() > _ROTATION_TOLERANCE:
         return "the last row of a pose is not 0 0 0 1, so it is no pose; were the matrices transposed?"
     rotations = poses[:, :3, :3]
-    if np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_ERROR:
+    if np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max() > _ROTATION_TOLERANCE:
         return "holds what is no pose: no rotation without scale; get the file again"
     if np.linalg.det(rotations).min() < 0:
         return "a rotation mirrors, which no sensor can do; give poses of right-handed frames"
-    if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _FURTHEST:
+    if (furthest := np.linalg.norm(poses[:, :3, 3], axis=1).max()) > _LARGEST_DISTANCE:
         return f"{furthest:.0f} m from the start; are these millimetres? Scale translations by 0.001 to metres"
-    if np.linalg.norm(poses[0, :3, 3]) > _START[0] or np.abs(poses[0, :3, :3] - np.eye(3)).max() > _START[1]:
+    distance, turn = np.linalg.norm(poses[0, :3, 3]), np.abs(poses[0, :3, :3] - np.eye(3)).max()
+    if distance > _START_ERRORS[0] or turn > _START_ERRORS[1]:
         return "the first pose is not the identity; give all poses in the frame of the first, inv(first) @ pose"
     return ""

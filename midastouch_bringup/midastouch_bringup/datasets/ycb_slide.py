@@ -43,7 +43,7 @@ BACKGROUND_FILE = "background.png"
 
 
 SIMULATED_FILE, REAL_FILE = "tactile_data.pkl", "synced_data.npy"
-"""The file by which each layout is told."""
+"""The file by which each layout is recognised."""
 
 
 def load_simulated(path: Path) -> Sequence:

@@ -2,7 +2,7 @@
 
 SLIDE_LENGTH = 0.3  # m
 SEED = 3
-"""Of a slide over the jaws of the tool: long and varied enough to know the place for sure."""
+"""Of a slide over the jaws of the tool: long and varied enough to know the pose for sure."""
 
 NODES = ("tdn", "tcn", "particle_filter")
 """What a recording goes through, in this order."""

@@ -1,25 +1,35 @@
-"""What `midastouch run demo` and the demo's launch file play: made once in the present folder, and kept."""
+"""What demo and exploration need: made once in the present folder, and kept."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.nodes.object_source import resolve
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tcn import load_tcn
 
 from ..codebooks import ensure_codebook
 from ..datasets.slide_simulation import simulate_sequence
-from ..output_paths import codebook_path, demo_slide
+from ..output_paths import QUICK_POSES, codebook_path, demo_slide
 from . import SEED, SLIDE_LENGTH
 
 CODEBOOK_SIZE = 50_000  # as of `midastouch build-codebook`
 
 
-def prepare(object_name: str, mesh_path: str | Path) -> None:
+def prepare_slide(object_name: str, mesh_path: str | Path) -> None:
     """Simulate the slide and build the codebook of an object, each unless it is there."""
     mesh, sensor = ObjectMesh.load(mesh_path), SensorModel.load("digit_tacto")
     slide = demo_slide(object_name)
     if not slide.is_dir():
         simulate_sequence(mesh, sensor, SLIDE_LENGTH, SEED, slide, progress=True)
     ensure_codebook(codebook_path(object_name), mesh, load_tcn("fast", sensor), sensor, CODEBOOK_SIZE)
+
+
+def prepare_codebooks(codebooks: Mapping[str, str]) -> None:
+    """Build the codebooks at these paths unless they are there; of the mesh that each names, a path or package://..."""
+    sensor = SensorModel.load("digit_tacto")
+    tcn = load_tcn("fast", sensor)
+    for codebook, mesh in codebooks.items():
+        ensure_codebook(codebook, ObjectMesh.load(resolve(mesh, "mesh")), tcn, sensor, QUICK_POSES)

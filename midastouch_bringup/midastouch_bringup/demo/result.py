@@ -1,14 +1,79 @@
-"""What a run of the demo came to: final errors, rates, particles and state."""
+"""What a run of the demo came to, and its page with the calibration of a simulated sensor."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import closest_mode_error, particle_rmse, pose_errors
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.fit import Result, calibrate
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_perception.tdn import load_tdn
 
-from ..bags.run_record import RunRecord
+from ..bags.run_record import RunRecord, Snapshot
+from ..datasets.slide_simulation import no_contact_image
+from ..drawing.calibration import TITLES, PenetrationRow, figure_rows, measured_with, penetration_figure
+from ..drawing.figures import save
+from ..drawing.page import Page
+from ..drawing.run_pictures import add_run
 from ..text_table import number
 from . import NODES
+
+_RADIUS = 3e-3  # m
+_SEED = 6  # of a sensor on which the network alone measures too deep
+_PRESSES, _TOUCHES = 10, 6
+_FIRM = ContactSampling(press=(0.6e-3, 1.4e-3), free_fraction=0.0)
+
+
+def calibrated_touches(mesh: ObjectMesh) -> tuple[Result, list[PenetrationRow]]:
+    """A calibration, and touches of the mesh as that sensor measures them: before, after, and in truth."""
+    rng = np.random.default_rng(_SEED)
+    sensor = SensorModel.load("digit_real")
+    digit = PressedSensor(sensor, no_contact_image(sensor, rng)[None], _RADIUS, rng)
+    result = calibrate(digit.presses(_PRESSES), digit.background, 2 * _RADIUS, sensor, diameter_is_right=True)
+    tdn = load_tdn("fast", sensor)
+    rows = []
+    for truth in PenetrationRenderer(mesh, sensor).render(sample_contact_poses(mesh, _TOUCHES, rng, sensor, _FIRM)):
+        image = digit.image_of(truth)
+        measured = [measured_with(tdn, each, image, digit.background) for each in (None, result.calibration)]
+        tdn.calibration = None
+        change = tdn.difference(image, digit.background)
+        rows.append(PenetrationRow("image", image, change, (*measured, truth)))
+    return result, rows
+
+
+def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
+    """Draw the frames of a run into the folder `out`; returns its `index.html`."""
+    page = Page(f"MidasTouch demo: {mesh.name}")
+    page.table(*result_rows(result))
+    add_run(page, run, mesh, codebook, out)
+    _add_calibration(page, mesh, out)
+    page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
+    page.heading("Next: a finger that explores by itself")
+    page.note("This slide was made beforehand. Here a simulated finger decides itself where to touch, until it knows:")
+    page.code("midastouch run explore")
+    page.note("Its tutorial: docs/tutorials/without_hardware.md")
+    return page.write(out / "index.html")
+
+
+def _add_calibration(page: Page, mesh: ObjectMesh, out: Path) -> None:
+    """Touches of the same object on a simulated sensor that is not the network's, before and after."""
+    calibration, rows = calibrated_touches(mesh)
+    page.heading("A sensor that is calibrated")
+    page.note(
+        "Every DIGIT shows a touch in other colours. A simulated one, whose touches the network alone takes for too "
+        "deep, touches the object before and after ten presses of a ball (midastouch calibrate)."
+    )
+    page.table(["on presses not calibrated with, median", "before", "after", "truth"], figure_rows(calibration))
+    figure = save(penetration_figure(rows, TITLES), out / "calibration.png")
+    page.picture(figure, "Touches before and after calibration")
+
 
 _FOUND_MM, _FOUND_DEG = 10, 15
 
@@ -38,7 +103,7 @@ def demo_result(record: RunRecord, object_name: str, seconds: float) -> dict:
 
 
 def is_found(error: dict) -> bool:
-    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right place."""
+    """Whether an error of a result, `trans_mm` and `rot_deg`, is that of the right pose."""
     return error["trans_mm"] <= _FOUND_MM and error["rot_deg"] <= _FOUND_DEG
 
 

@@ -1,20 +1,65 @@
-"""The page of a calibration: every press before and after, felt with a calibration that has not seen it."""
+"""Touches before and after a calibration beside each other, and the page that shows every press of it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
 from midastouch_perception.sensor_calibration.fit import Result
 from midastouch_perception.sensor_model import SensorModel
-from midastouch_perception.tdn import load_tdn
+from midastouch_perception.tdn import DepthNet, load_tdn
 
-from .figures import save
+from .figures import PENETRATION_COLOURS, save
 from .page import Page
-from .relief_rows import ReliefRow, felt_with, relief_figure
 
-TITLES = "felt before", "felt after", "pressed"
+_ACROSS = 2  # touches side by side
+_SHALLOW = 1e-4  # m: the scale ends there at least
+
+
+class PenetrationRow(NamedTuple):
+    """One touch: name; image (H, W, 3) uint8 RGB; change (h, w, 3) grey levels; penetrations (h, w) m."""
+
+    name: str
+    image: np.ndarray
+    change: np.ndarray
+    penetrations: tuple[np.ndarray, ...]
+
+
+def measured_with(
+    tdn: DepthNet, calibration: SensorCalibration | None, image: np.ndarray, background: np.ndarray
+) -> np.ndarray:
+    """Penetration (h, w) m that the network measures in an image (H, W, 3) uint8 RGB with that calibration, or none."""
+    tdn.calibration = calibration
+    return tdn.predict(image, background)
+
+
+def penetration_figure(rows: Sequence[PenetrationRow], titles: Sequence[str]) -> Figure:
+    """All touches, two a line; titles: of the penetration maps."""
+    deepest = max(_SHALLOW, *(float(penetration.max()) for row in rows for penetration in row.penetrations))
+    cells_each, lines = 2 + len(titles), -(-len(rows) // _ACROSS)
+    figure = Figure(figsize=(1.4 * cells_each * _ACROSS, 2.1 * lines + 0.4), layout="constrained")
+    axes = figure.subplots(lines, cells_each * _ACROSS, squeeze=False)
+    for one in axes.ravel():
+        one.set_axis_off()
+    for k, row in enumerate(rows):
+        cells = axes[k // _ACROSS, cells_each * (k % _ACROSS) :][:cells_each]
+        cells[0].imshow(row.image)
+        cells[1].imshow(np.clip(128 + row.change, 0, 255).astype(np.uint8))
+        for cell, penetration in zip(cells[2:], row.penetrations, strict=True):
+            mapped = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+        for cell, title in zip(cells, (row.name, "difference", *titles), strict=True):
+            cell.set_title(title, fontsize=8, loc="left")
+    bar = figure.colorbar(mapped, ax=axes, location="right", fraction=0.012, pad=0.01)
+    bar.set_label("penetration [mm]", fontsize=9)
+    return figure
+
+
+TITLES = "measured before", "measured after", "pressed"
 """What is shown of a touch beside its image."""
 _MOST_SHOWN = 20
 
@@ -28,13 +73,13 @@ def calibration_page(result: Result, images: dict[str, np.ndarray], sensor: Sens
     calibration = result.calibration
     page = Page(f"Calibration of {calibration.serial or 'a DIGIT'}")
     page.note(
-        f"{calibration.touched}, of {len(result.presses)} images, {calibration.date}. Each is felt with a calibration "
-        "that was made without it."
+        f"{calibration.touched}, of {len(result.presses)} images, {calibration.date}. Each is measured with a "
+        "calibration that was made without it."
     )
     for warning in result.warnings:
         page.note(f"Warning: {warning}.")
     page.table(["median", "before", "after", "truth"], figure_rows(result))
-    figure = relief_figure(_rows(result, images, sensor), TITLES)
+    figure = penetration_figure(_rows(result, images, sensor), TITLES)
     page.picture(save(figure, folder / "presses.png"), "Presses before and after")
     if calibration.presses > _MOST_SHOWN:
         page.note(f"The first {_MOST_SHOWN} of {calibration.presses} are shown.")
@@ -51,8 +96,8 @@ def figure_rows(result: Result) -> list[list[str]]:
     lengths = {name: 1e3 * value for name, value in figures.items()}
     rows = [
         _row(figures, "steepness", "steepness of the slopes, of the true ones", 1.0),
-        _row(figures, "explained", "share of the slopes explained", 1.0),
-        _row(lengths, "felt_error", "error of the felt depth, mm", 0.0),
+        _row(figures, "explained", "fraction of the slopes explained", 1.0),
+        _row(lengths, "felt_error", "error of the measured depth, mm", 0.0),
     ]
     if diameter:
         rows.insert(0, _row(lengths, "felt_radius", "radius of the ball by the colours, mm", 500 * diameter))
@@ -63,13 +108,13 @@ def _row(figures: dict[str, float], name: str, title: str, truth: float) -> list
     return [title, f"{figures[f'{name}_before']:.2f}", f"{figures[f'{name}_after']:.2f}", f"{truth:.2f}"]
 
 
-def _rows(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> list[ReliefRow]:
+def _rows(result: Result, images: dict[str, np.ndarray], sensor: SensorModel) -> list[PenetrationRow]:
     """Each touch before and after, and what pressed."""
     tdn, rows = load_tdn("fast", sensor), []
     for press, calibration, penetration in zip(result.presses, result.held_out, result.penetrations, strict=True):
         if calibration is None:
             continue
         image = images[press.name]
-        felt = (felt_with(tdn, each, image, result.background) for each in (None, calibration))
-        rows.append(ReliefRow(press.name, image, press.change, (*felt, np.maximum(penetration, 0))))
+        measured = (measured_with(tdn, each, image, result.background) for each in (None, calibration))
+        rows.append(PenetrationRow(press.name, image, press.change, (*measured, np.maximum(penetration, 0))))
     return rows[:_MOST_SHOWN]

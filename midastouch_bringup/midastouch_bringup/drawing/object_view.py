@@ -7,15 +7,35 @@ from functools import cached_property
 
 import numpy as np
 from matplotlib import colormaps
+from scipy.spatial import cKDTree
 
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
 from midastouch_perception.codebook import Codebook
 
-from ..bags.snapshot import Snapshot
-from .camera import Camera, best_direction
-from .canvas import Canvas
-from .place_blend import PlaceBlend
+from ..bags.run_record import Snapshot
+from .canvas import Camera, Canvas, best_direction
+
+_NEIGHBOURS = 12
+
+
+class PositionBlend:
+    """Blends between the nearest of the places (C, 3) m for surface points (P, 3) m.
+
+    Which those are, and with what weight, is found once for any number of values.
+    """
+
+    def __init__(self, places: np.ndarray, points: np.ndarray):
+        distance, index = cKDTree(places).query(points, min(_NEIGHBOURS, len(places)), workers=-1)
+        self._index = index.reshape(len(points), -1)
+        distance = distance.reshape(len(points), -1)
+        weight = np.exp(-4 * (distance / np.maximum(distance[:, -1:], 1e-9)) ** 2)
+        self._weight = weight / weight.sum(axis=1, keepdims=True)
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """Values (P, ...) at the points for those at the places, (C, ...)."""
+        return np.einsum("pk,pk...->p...", self._weight, values[self._index])
+
 
 ANGLE_COLOURS = colormaps["turbo"]
 HEAT_COLOURS = colormaps["YlOrRd"]
@@ -85,7 +105,7 @@ class ObjectView:
         """
         canvas = self._bare.copy()
         facing = outward @ self.camera.rotation[2] > 0
-        canvas.paint(colouring(PlaceBlend(places[facing], canvas.surface_points())(values[facing])))
+        canvas.paint(colouring(PositionBlend(places[facing], canvas.surface_points())(values[facing])))
         return canvas.image()
 
     def paths(self, truth: np.ndarray, estimates: list[np.ndarray]) -> np.ndarray:
@@ -123,7 +143,7 @@ class _LikelihoodField:
         self.codebook = codebook
         positions = codebook.poses[:, :3, 3]
         cells, self._place = np.unique(np.round(positions / _CELL), axis=0, return_inverse=True)
-        self._blend = PlaceBlend(cells * _CELL, points)
+        self._blend = PositionBlend(cells * _CELL, points)
 
     def colours(self, code: np.ndarray) -> np.ndarray:
         """RGB (P, 3) for a code (D,): the square root of the calibrated likelihood, relative to the best place's.

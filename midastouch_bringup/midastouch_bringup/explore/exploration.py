@@ -1,4 +1,4 @@
-"""What the exploring finger does next, and when it is over."""
+"""How a simulated finger explores: the world that it touches, and which motion it makes next."""
 
 from __future__ import annotations
 
@@ -7,11 +7,57 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .world import World
+from midastouch_common import se3
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.simulation.finger import SimulatedFinger
+
+from ..bags.messages import BASE_FROM_OBJECT
+
+PUSH = 6e-3, np.radians(5.0)
+"""m, rad: about what the filter's test of a moved object is made for."""
+
+
+class World:
+    """Attributes: mesh; finger; base_from_object, T_base_obj (4, 4).
+
+    Args: step [m], way of the finger between two images. Raises InputError if nothing of the object can be touched.
+    """
+
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, rng: np.random.Generator, step: float):
+        self._sensor, self._rng, self._step = sensor, rng, step
+        self.base_from_object = BASE_FROM_OBJECT
+        self.put(mesh)
+
+    @property
+    def base_from_gel(self) -> np.ndarray:
+        """T_base_gel (4, 4)."""
+        return self.base_from_object @ self.finger.pose
+
+    def put(self, mesh: ObjectMesh) -> None:
+        """Another object instead of the present one, the finger over a random point of it."""
+        self.finger = SimulatedFinger(mesh, self._sensor, self._rng, self._step)
+        self.mesh = mesh
+
+    def push(self) -> Iterator[np.ndarray]:
+        """Move the object, 6 mm in a random direction of the gel's plane and 5 deg about its axis; the finger stays.
+
+        Yields T_obj_gel (4, 4), one per image.
+        """
+        distance, angle = PUSH
+        count = int(np.ceil(distance / self._step))
+        direction = self._rng.uniform(0, 2 * np.pi)
+        about_gel = np.array([np.cos(direction) * distance, np.sin(direction) * distance, 0, 0, 0, angle]) / count
+        gel = self.finger.pose.copy()
+        moved = gel @ se3.exp(about_gel) @ se3.inverse(gel)  # T_old_new of the object's frame
+        for _ in range(count):
+            self.base_from_object = self.base_from_object @ moved
+            yield self.finger.stay_in_place(moved)
+
 
 _TRIES = 8  # random slides, and as many leaps, before the finger counts as stuck
-_LEAPS = 0.25  # share of the motions at random: slides alone stay for long where they began
-_PATIENCE = 3  # motions that feel nothing, refused or hopeless suggestions: so many in a row are too many
+_LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long where they began
+_MOST_FRUITLESS = 3  # motions in a row in which nothing is measured, or refused or hopeless suggestions
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
 _SHARES = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
@@ -30,7 +76,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How an exploration ended: whether the place is `known`, and why in words."""
+    """How an exploration ended: whether the pose is `known`, and why in words."""
 
     known: bool
     words: str
@@ -51,7 +97,7 @@ class Exploration:
         """From the beginning, as after a change of the object."""
         self.path, self.slides, self.lifts = 0.0, 0, 0
         self.verdict: Verdict | None = None
-        self._unfelt = self._refused = self._hopeless = self._sure = 0
+        self._unmeasured = self._refused = self._hopeless = self._sure = 0
         self._blocked = False
 
     def touch(self) -> Poses:
@@ -84,14 +130,17 @@ class Exploration:
         slide = self.random_slide()
         return Motion(slide.heading, 2 * slide.length, lift=True)
 
-    def judge(self, state: str, felt: bool) -> None:
-        """Look at the filter's state after a motion, and whether it has `felt` what the finger touches."""
-        self._unfelt = 0 if felt or not self.world.finger.touching else self._unfelt + 1
+    def judge(self, state: str, measured: bool) -> None:
+        """Look at the filter's state after a motion, and whether it has `measured` what the finger touches."""
+        self._unmeasured = 0 if measured or not self.world.finger.touching else self._unmeasured + 1
         self._sure = self._sure + 1 if state == "converged" else 0
         if self._sure >= _SURE:
-            self.verdict = Verdict(True, "the filter knows the place")
-        elif self._unfelt >= _PATIENCE:
-            words = f"the filter has felt nothing for {_PATIENCE} motions: has it the simulator's images and object?"
+            self.verdict = Verdict(True, "the filter knows the pose")
+        elif self._unmeasured >= _MOST_FRUITLESS:
+            words = (
+                f"the filter has measured nothing for {_MOST_FRUITLESS} motions: "
+                "has it the simulator's images and object?"
+            )
             self.verdict = Verdict(False, words)
         elif self.path > self._max_path:
             self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m")
@@ -99,14 +148,14 @@ class Exploration:
     def refused(self, why: str) -> None:
         """There is no suggestion, for this reason."""
         self._refused += 1
-        if self._refused >= _PATIENCE:
+        if self._refused >= _MOST_FRUITLESS:
             self.verdict = Verdict(False, f"no suggestion where to touch next: {why}")
 
     def hopeless(self, why: str) -> Sequence[Motion]:
-        """Nothing within reach tells the places apart, for this reason. Motions to where something else is in reach."""
+        """Nothing within reach tells the poses apart, for this reason. Motions to where something else is in reach."""
         self._hopeless += 1
-        if self._hopeless >= _PATIENCE:
-            self.verdict = Verdict(False, f"nothing tells the places apart: {why}")
+        if self._hopeless >= _MOST_FRUITLESS:
+            self.verdict = Verdict(False, f"nothing tells the poses apart: {why}")
         return [self.random_leap() for _ in range(_TRIES)]
 
     def accepted(self) -> None:
@@ -117,13 +166,13 @@ class Exploration:
         """This very motion, as far as it can be carried out."""
         yield from self._carry_out(motion)
 
-    def visit(self, place: np.ndarray) -> Generator[np.ndarray, None, bool]:
+    def visit(self, point: np.ndarray) -> Generator[np.ndarray, None, bool]:
         """Touch the surface next to a point (3,) of the object's frame: slide there if that leads there, else lift.
 
         Whether it touches there then, and not only as near as it can.
         """
         finger = self.world.finger
-        (goal,), _, _ = self.world.mesh.closest_points(place[None])
+        (goal,), _, _ = self.world.mesh.closest_points(point[None])
         for move, lift in (finger.slide_to, False), (finger.leap_to, True):
             if not finger.touches(goal):
                 yield from self._count(move(goal), lift)

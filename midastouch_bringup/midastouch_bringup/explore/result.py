@@ -1,13 +1,50 @@
-"""What an exploration came to."""
+"""What an exploration came to, and its page."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from ..bags.run_record import RunRecord
+from midastouch_common.mesh import ObjectMesh
+from midastouch_perception.codebook import Codebook
+
+from ..bags.run_record import RunRecord, Snapshot
 from ..demo.result import demo_result, is_found
 from ..demo.result import result_rows as rows_of_run
+from ..drawing.figures import identity_figure, save
+from ..drawing.page import Page
+from ..drawing.run_pictures import add_run
+
+
+def write_page(run: list[Snapshot], mesh: ObjectMesh, codebook: Codebook, result: dict, out: Path) -> Path:
+    """Draw the frames of a run into the folder `out`; returns its `index.html`.
+
+    Frames whose penetration was not recorded, as the first may not be, are left out.
+    """
+    run = [one for one in run if one.penetration is not None]
+    if not run:
+        return write_words(result, "no frame was recorded with its penetration map", out)
+    page = _begun(result)
+    if any(one.objects for one in run):
+        page.picture(save(identity_figure(run), out / "objects.png"), "Which object it is, for the filter")
+        page.note("While another object leads, the particles below are poses on that one.")
+    add_run(page, run, mesh, codebook, out)
+    page.note("Recorded in run.mcap: inputs, ground truth and all results. Play it with: midastouch replay run.mcap")
+    return page.write(out / "index.html")
+
+
+def write_words(result: dict, why: str, out: Path) -> Path:
+    """Write the page of a run without pictures, with the reason `why`; returns its `index.html`."""
+    page = _begun(result)
+    page.note(f"There is nothing to draw: {why}")
+    return page.write(out / "index.html")
+
+
+def _begun(result: dict) -> Page:
+    page = Page(f"A finger explores: {result['object']}")
+    page.table(*result_rows(result))
+    return page
 
 
 @dataclass(frozen=True)

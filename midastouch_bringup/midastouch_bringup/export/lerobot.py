@@ -31,7 +31,7 @@ _DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _EPISODES_PATH = "meta/episodes/chunk-000/file-000.parquet"
 _FILES_PER_CHUNK = 1000
 _ROWS_AT_A_TIME = 64
-_MOST_UNLIKE = 0.1  # share by which the rates of episodes may differ: the format has one for all
+_MOST_UNLIKE = 0.1  # fraction by which the rates of episodes may differ: the format has one for all
 
 
 def write_lerobot(recordings: Sequence[Recording], folder: Path) -> int:

@@ -14,8 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import image_from_msg, pose_from_msg
 from midastouch_filter.core.state import STATES
 
-from ..bags.frames import OWN, BagFrame, GelStream, read_bag
-from ..bags.images import image_messages
+from ..bags.frames import OWN, BagFrame, GelStream, image_messages, read_bag
 from ..bags.messages import header_stamp_ns
 from ..bags.reader import bag_metadata, bag_topics, readable
 from ..bags.run_record import PENETRATION, POSE, STATUS, answers, by_stamp
@@ -31,7 +30,7 @@ _NOWHERE = np.array([0, 0, 0, 0, 0, 0, 1.0])
 class Frame:
     """One image with what belongs to its stamp; None, or the state "none", where the bag has nothing of it.
 
-    estimate T_obj_gel (4, 4); penetration (H, W) float32 m, as felt.
+    estimate T_obj_gel (4, 4); penetration (H, W) float32 m, as measured.
     """
 
     posed: BagFrame
@@ -84,14 +83,14 @@ class Recording:
         """Frame by frame; an image that was recorded twice comes once."""
         estimates = dict(by_stamp(self.path, POSE)) if POSE in self._topics else {}
         states = answers(self.path) if STATUS in self._topics else {}
-        felt = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
+        measured = _InOrder(by_stamp(self.path, PENETRATION) if PENETRATION in self._topics else iter(()))
         newest = -1
         for posed in self._posed_frames():
             stamp = posed.stamp_ns
             if stamp <= newest:
                 continue
             newest = stamp
-            pose, status, penetration = estimates.get(stamp), states.get(stamp), felt.at(stamp)
+            pose, status, penetration = estimates.get(stamp), states.get(stamp), measured.at(stamp)
             yield Frame(
                 posed,
                 None if penetration is None else image_from_msg(penetration).astype(np.float32),
@@ -114,9 +113,9 @@ class Recording:
         yield Column("image", "uint8", first.posed.image.shape, "tactile image, RGB", lambda f: f.posed.image)
         yield _pose("base_from_gel", "gel frame in the base of the arm", lambda f: f.posed.base_from_gel)
         # a bag may name a topic on which nothing ever came
-        if PENETRATION in self._topics and (felt := next(by_stamp(self.path, PENETRATION), None)):
-            nothing = np.zeros_like(image_from_msg(felt[1]), np.float32)
-            what = "how far the object is in the gel, as the depth network feels it [m]"
+        if PENETRATION in self._topics and (measured := next(by_stamp(self.path, PENETRATION), None)):
+            nothing = np.zeros_like(image_from_msg(measured[1]), np.float32)
+            what = "how far the object is in the gel, as the depth network measures it [m]"
             whole = Column("penetration", "float32", nothing.shape, what, lambda f: f.penetration)
             yield from _where_known(whole, nothing)
         if POSE in self._topics:

@@ -12,7 +12,7 @@ SYSTEM = "libgl1, libegl1, libx11-6 and libusb-1.0-0 (the last also from PyPI: l
 
 
 def require_open3d() -> ModuleType:
-    """The module `open3d`; InputError with the mend when it, or a system library that it wants, is missing."""
+    """The module `open3d`; InputError with the fix when it, or a system library that it wants, is missing."""
     try:
         from .library import open3d
     except ImportError as error:

@@ -1,18 +1,42 @@
-"""Shapes and meshes as Open3D's geometry, and as files of it."""
+"""What is drawn and exported of a run: points, lines and meshes in the object's frame, and from where they are seen."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
 
+from ..bags.run_record import Hypothesis
+from ..drawing.object_view import ANGLE_COLOURS, ObjectView
+from ..view.appearance import Trail, ellipsoids
 from . import require_open3d
-from .run import Run
-from .shapes import Shape, shapes
+from .run import Moment, Run
+
+
+@dataclasses.dataclass(frozen=True)
+class Viewpoint:
+    """centre (3,) m, looked at; right, up and towards_viewer (3,), unit directions in the object's frame."""
+
+    centre: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    towards_viewer: np.ndarray
+
+    @classmethod
+    def of(cls, run: Run, mesh: ObjectMesh) -> Viewpoint:
+        """The side of the object that the run touches, as the demo's pictures have it: by the truth, else by the
+        estimates."""
+        true = [m.truth for m in run.moments if m.truth is not None]
+        poses = true or [e for m in run.moments for e in m.estimates if e is not None] or [np.eye(4)]
+        return cls(mesh.bounds.mean(axis=0), *ObjectView(mesh, np.array(poses), 100).camera.rotation)
+
 
 MESH_COLOUR = (0.78, 0.78, 0.82)
 
@@ -64,3 +88,90 @@ def export(run: Run, mesh: ObjectMesh, indices: Sequence[int], folder: Path, clo
 def _written(write, path: Path, geometry) -> None:
     if not write(str(path), geometry):
         raise InputError(f"{path}: could not be written; is the disk full?")
+
+
+LAYERS = ("particles", "modes", "contact", "estimate", "truth")
+_PARTICLE, _MODE, _CONTACT = (0.9, 0.45, 0.1), (0.15, 0.15, 0.15), (0.85, 0.1, 0.65)
+_ESTIMATE, _TRUTH = (0.85, 0.1, 0.2), (0.05, 0.55, 0.25)
+_AXIS = 0.012  # m
+_RING = 48  # points
+_MOST_MODES = 6
+
+
+@dataclasses.dataclass(frozen=True)
+class Shape:
+    """points (P, 3) m with colours (P, 3) in [0, 1]; lines (L, 2), indices of points, None for points alone."""
+
+    points: np.ndarray
+    colours: np.ndarray
+    lines: np.ndarray | None = None
+
+
+def shapes(moments: list[Moment], index: int) -> dict[str, Shape]:
+    """The layers at a moment that are not empty, by name: particles, modes as two-sigma ellipsoids with the gel's axes,
+    the measured contact, and the paths so far of the estimates and of the truth."""
+    now, past = moments[index], moments[: index + 1]
+    trials = range(len(now.estimates))
+    layers = {
+        "particles": _cloud(now.particles[:, :3, 3], _particle_colours(now)),
+        "modes": _joined([line for mode in now.modes[:_MOST_MODES] for line in _mode_lines(mode)]),
+        "contact": _cloud(now.contact, np.tile(_CONTACT, (len(now.contact), 1))),
+        "estimate": _joined([line for k in trials for line in _path([m.estimates[k] for m in past], _ESTIMATE)]),
+        "truth": _joined(_path([m.truth for m in past], _TRUTH)),
+    }
+    return {name: shape for name, shape in layers.items() if len(shape.points)}
+
+
+def _particle_colours(moment: Moment) -> np.ndarray:
+    """Blue to red with the angle to the truth, as in the demo's pictures; one colour where no truth is known."""
+    if moment.truth is None or not len(moment.particles):
+        return np.tile(_PARTICLE, (len(moment.particles), 1))
+    angle = pose_errors(moment.particles, moment.truth)[1]
+    return ANGLE_COLOURS(0.1 + 0.8 * angle / np.pi)[:, :3]
+
+
+def _mode_lines(mode: Hypothesis) -> list[Shape]:
+    half, quaternions = ellipsoids(mode.covariance[None, :3, :3])
+    turn = np.linspace(0, 2 * np.pi, _RING)
+    flat = np.stack([np.cos(turn), np.sin(turn), np.zeros(_RING)], axis=1)
+    placed = se3.from_xyzquat(np.concatenate([mode.pose[:3, 3], quaternions[0]]))
+    rings = [_line(half[0] * np.roll(flat, k, axis=1) @ placed[:3, :3].T + placed[:3, 3], _MODE) for k in range(3)]
+    return rings + _axes(mode.pose)
+
+
+def _axes(pose: np.ndarray) -> list[Shape]:
+    """The gel's x, y and z as red, green and blue lines."""
+    tips = pose[:3, 3] + _AXIS * pose[:3, :3].T
+    return [_line(np.stack([pose[:3, 3], tip]), colour) for tip, colour in zip(tips, np.eye(3) * 0.8, strict=True)]
+
+
+def _path(poses: list[np.ndarray | None], colour: tuple[float, float, float]) -> list[Shape]:
+    """Where poses have been, and the axes of the last."""
+    trail = Trail(length=len(poses))
+    for pose in poses:
+        if pose is not None:
+            trail.add(pose[:3, 3])
+    lines = [_line(strip, colour) for strip in trail.strips]
+    return lines if poses[-1] is None else lines + _axes(poses[-1])
+
+
+def _cloud(points: np.ndarray, colours: np.ndarray) -> Shape:
+    return Shape(np.asarray(points, float).reshape(-1, 3), np.asarray(colours, float).reshape(-1, 3))
+
+
+def _line(points: np.ndarray, colour: np.ndarray | tuple[float, float, float]) -> Shape:
+    steps = np.arange(len(points) - 1)
+    return Shape(points, np.tile(colour, (len(points), 1)), np.stack([steps, steps + 1], axis=1))
+
+
+def _joined(lines: list[Shape]) -> Shape:
+    """Several lines as one shape."""
+    if not lines:
+        return Shape(np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 2), int))
+    starts = np.cumsum([0, *(len(line.points) for line in lines[:-1])])
+    indices = [line.lines + start for line, start in zip(lines, starts, strict=True)]
+    return Shape(
+        np.concatenate([line.points for line in lines]),
+        np.concatenate([line.colours for line in lines]),
+        np.concatenate(indices),
+    )

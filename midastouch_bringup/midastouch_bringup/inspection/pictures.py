@@ -14,10 +14,8 @@ from midastouch_common.mesh import ObjectMesh
 
 from ..progress import progress_bar
 from . import require_open3d
-from .geometry import geometry_of, mesh_geometry
+from .geometry import Viewpoint, geometry_of, mesh_geometry, shapes
 from .run import Run
-from .shapes import shapes
-from .viewpoint import Viewpoint
 
 _WIDTH, _HEIGHT = 1280, 960
 _SAMPLES = 2  # drawn along each side of a pixel

@@ -13,8 +13,7 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.reader import bag_metadata, is_bag
-from ..bags.run_record import read_run
-from ..bags.snapshot import Hypothesis, Snapshot
+from ..bags.run_record import Hypothesis, Snapshot, read_run
 from ..result_file import read_json
 
 _NO_POSES = np.empty((0, 4, 4))
@@ -25,7 +24,7 @@ class Moment:
     """What is known at one time of a run; poses are `T_obj_gel` (4, 4).
 
     label: time and state in words; particles (N, 4, 4); modes, heaviest first; estimates, the published pose of each
-    trial, None where it had none; truth, None where the run has none; contact (K, 3) m, felt points in the object's
+    trial, None where it had none; truth, None where the run has none; contact (K, 3) m, measured points in the object's
     frame, at the estimate.
     """
 
@@ -79,8 +78,8 @@ def _of_snapshot(snapshot: Snapshot, sensor: SensorModel) -> Moment:
             raise InputError(
                 f"penetration maps of {snapshot.penetration.shape} are not of {sensor.name}; give --sensor"
             )
-        felt = cloud_from_penetration(snapshot.penetration, snapshot.penetration > 0, sensor)
-        contact = felt @ pose[:3, :3].T + pose[:3, 3]
+        measured = cloud_from_penetration(snapshot.penetration, snapshot.penetration > 0, sensor)
+        contact = measured @ pose[:3, :3].T + pose[:3, 3]
     label = f"{snapshot.time:.1f} s, {snapshot.state}"
     return Moment(label, snapshot.particles, snapshot.modes, [pose], snapshot.truth, contact)
 

@@ -9,10 +9,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
 from . import require_open3d
-from .geometry import geometry_of, mesh_geometry
+from .geometry import LAYERS, Viewpoint, geometry_of, mesh_geometry, shapes
 from .run import Run
-from .shapes import LAYERS, shapes
-from .viewpoint import Viewpoint
 
 _FIELD_OF_VIEW = 20.0  # deg
 _PLAYED_S = 0.05  # from one moment to the next

@@ -1,8 +1,8 @@
 """Node `detection_prior`: where a camera sees the object, as a start for the filter.
 
 Detectors of 6-DoF poses (Isaac ROS FoundationPose, for one) publish `vision_msgs/Detection3DArray` many times a
-second, and a start makes the filter forget what it has felt. So detections are passed on only while the filter knows
-nothing, or when somebody asks for it.
+second, and a start makes the filter forget what it has measured. So detections are passed on only while the filter
+knows nothing, or when somebody asks for it.
 """
 
 from __future__ import annotations

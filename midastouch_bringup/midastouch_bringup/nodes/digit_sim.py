@@ -9,7 +9,7 @@ from rclpy.clock import Clock, ClockType
 from sensor_msgs.msg import Image
 from std_msgs.msg import Header
 
-from digit_driver.camera_info import Calibration
+from digit_driver.camera_info import Intrinsics
 from digit_driver.nodes.image_publisher import ImagePublisher
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -189,10 +189,10 @@ class DigitSim(ManagedNode):
         self.diagnostics.problem("time_jumps", back)
 
 
-def _calibration(sensor: SensorModel) -> Calibration:
+def _calibration(sensor: SensorModel) -> Intrinsics:
     """The pin-hole camera that the images are rendered with."""
     f, x, y = sensor.focal, sensor.width / 2, sensor.height / 2
-    return Calibration(
+    return Intrinsics(
         sensor.width,
         sensor.height,
         distortion_model="plumb_bob",

@@ -1,4 +1,4 @@
-"""Node `explorer`: a simulated arm whose finger explores an object until the filter knows the place."""
+"""Node `explorer`: a simulated arm whose finger explores an object until the filter knows its pose."""
 
 from __future__ import annotations
 
@@ -21,19 +21,15 @@ from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject, SuggestMotion
 from midastouch_perception.sensor_model import SensorModel
 
-from ..explore.exploration import Exploration, Motion, Poses
-from ..explore.world import World
-from .explorer_control import ExplorerControl, Order, motion_of
+from ..explore.exploration import Exploration, Motion, Poses, World
+from .explorer_control import ExplorerControl, FingerGoals, Order, motion_of
 from .explorer_parameters import PARAMETERS
 from .explorer_report import ExplorerReport
-from .finger_goals import FingerGoals
-from .finger_marker import FingerMarker
-from .finger_tf import FingerTf
-from .object_change import ObjectChange
-from .suggestion_client import SuggestionClient
+from .explorer_services import ObjectChange, SuggestionClient
+from .finger import FingerMarker, FingerTf
 
 _IN_FLIGHT = 3  # images that are not answered yet; digit_sim leaves some out when more are due at once
-_AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
+AT_REST_S = 1.0  # between images while nothing moves: the last may have been lost, and the filter calls silence stale
 _SUGGESTIONS = 24  # asked for: all that are offered
 
 
@@ -41,8 +37,8 @@ class Explorer(PipelineNode):
     """Moves a simulated finger, one image's time after the other, as fast as the filter follows.
 
     It asks `suggest_motion` where to touch next, and moves at random while nobody offers that. `on_end` is called once
-    the exploration is over; `gave_up` is set if it ended without knowing the place. A person who calls one of its
-    services, or shows it a place, has the finger from then on, until `~/resume`.
+    the exploration is over; `gave_up` is set if it ended without knowing the pose. A person who calls one of its
+    services, or shows it a point, has the finger from then on, until `~/resume`.
     """
 
     def __init__(self, on_end: Callable[[], None] = lambda: None, **kwargs) -> None:
@@ -55,7 +51,7 @@ class Explorer(PipelineNode):
 
         self._on_end, self.gave_up = on_end, False
         self._heard_at = time.monotonic()
-        self._filter_state, self._felt = "", False
+        self._filter_state, self._measured = "", False
         self._untouched = 0
         self._begun = False
         self._poses: Poses | None = None
@@ -84,7 +80,7 @@ class Explorer(PipelineNode):
             whose = "of set_object" if self._change.pending else "on filter_status"
             self._end(False, f"no answer {whose} for {silent:.0f} s: do digit_sim and the localisation run?")
             return
-        at_rest = self._report.state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > _AT_REST_S
+        at_rest = self._report.state == ExplorerStatus.STATE_WAITING or now - self._tf.moved_at > AT_REST_S
         if at_rest and not self._change.pending:
             self._tf.publish()
         self._suggestions.look()
@@ -96,13 +92,13 @@ class Explorer(PipelineNode):
         self._heard_at = time.monotonic()
         # one that does not know yet which object it is says nothing of contact
         touches = status.state != FilterStatus.STATE_NO_CONTACT
-        self._filter_state, self._felt = status.state, self._felt or touches
+        self._filter_state, self._measured = status.state, self._measured or touches
         if self._report.state == ExplorerStatus.STATE_WAITING:
             if touches and status.state != FilterStatus.STATE_UNINITIALISED:
                 return
             self._untouched += 1
             if self._untouched < self._settings["untouched_frames"]:
-                return  # a contact would become part of what `tdn` takes for the sensor untouched, and be felt for ever
+                return  # `tdn` would take a contact for part of the untouched sensor, and measure it for ever
             if self._settings["start_paused"]:
                 self._report.say(ExplorerStatus.STATE_PAUSED, "~/resume lets it touch")
             else:
@@ -135,8 +131,8 @@ class Explorer(PipelineNode):
             self._poses = self._orders.popleft()()
             self._go_on()
         elif self._report.state == ExplorerStatus.STATE_EXPLORING:
-            self._exploration.judge(self._filter_state, self._felt)
-            self._felt = False
+            self._exploration.judge(self._filter_state, self._measured)
+            self._measured = False
             if self._ended():
                 return
             if self._suggestions.ready and self._filter_state != FilterStatus.STATE_UNINITIALISED:
@@ -231,7 +227,7 @@ def _load(mesh: str) -> ObjectMesh:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Entry point of the executable; exit code 1: the exploration ended without knowing the place."""
+    """Entry point of the executable; exit code 1: the exploration ended without knowing the pose."""
     return spin.run(lambda: [Explorer(on_end=spin.stop)], args)
 
 

@@ -1,15 +1,18 @@
-"""How a person takes the finger from an explorer: services, and a topic for single motions."""
+"""How a person takes the finger from an explorer: services, single motions, and points to touch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
+from geometry_msgs.msg import PointStamped
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
+from midastouch_common.message_arrays import point_from_msg
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import Suggestion
 from midastouch_msgs.srv import SetObject
@@ -17,7 +20,7 @@ from midastouch_msgs.srv import SetObject
 from ..explore.exploration import Exploration, Motion, Poses
 
 Order = Callable[[], Poses]
-_LONGEST = 1.0  # m
+_LONGEST_MOTION_M = 1.0
 
 
 class ExplorerControl:
@@ -61,10 +64,10 @@ class ExplorerControl:
 
     def _on_move(self, order: Suggestion) -> None:
         numbers = order.heading, order.length
-        if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST:
+        if np.isfinite(numbers).all() and 0 <= order.length <= _LONGEST_MOTION_M:
             self._take(lambda: self._did.obey(motion_of(order)), "a person moves the finger")
         else:
-            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST:g} m")
+            self._log.warning(f"~/move: heading and length are {numbers}; give rad, and 0 to {_LONGEST_MOTION_M:g} m")
 
     def _on_set_object(self, request: SetObject.Request, response: SetObject.Response) -> SetObject.Response:
         try:
@@ -82,3 +85,55 @@ def motion_of(suggestion: Suggestion) -> Motion:
 def _answer(response: Trigger.Response | SetObject.Response, why_not: str) -> Trigger.Response | SetObject.Response:
     response.success, response.message = not why_not, why_not
     return response
+
+
+_FARTHEST_POINT_M = 3.0  # from a frame's origin: beyond what an arm reaches, and the largest object
+
+
+class FingerGoals:
+    """Adds `clicked_point` to a node, the topic of RViz's tool *Publish Point*.
+
+    take(order, reason): as for `ExplorerControl`. problem(kind, words): called with what is not possible.
+    Args: frames, the names of `base` and `object`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        exploration: Exploration,
+        frames: Mapping[str, str],
+        take: Callable[[Order | None, str], str],
+        problem: Callable[[str, str], None],
+    ):
+        self._did, self._frames, self._take, self._problem = exploration, frames, take, problem
+        node.create_subscription(PointStamped, "clicked_point", self._on_click, qos.COMMAND)
+
+    def send(self, point: np.ndarray, frame: str) -> None:
+        """Let a person have the finger touch the surface next to a point (3,) m of a frame."""
+        object_from = {
+            self._frames["object"]: np.eye(4),
+            self._frames["base"]: se3.inverse(self._did.world.base_from_object),
+        }
+        if frame not in object_from:
+            why_not = f"it is in '{frame}'; choose {' or '.join(object_from)} as RViz's Fixed Frame"
+        elif not (np.abs(point) <= _FARTHEST_POINT_M).all():
+            why_not = f"no number may be beyond {_FARTHEST_POINT_M:g} m"
+        else:
+            place = (object_from[frame] @ [*point, 1.0])[:3]
+            why_not = self._take(lambda: self._visit(place), "a person shows the finger where to touch")
+        if why_not:
+            self._problem("refused_places", f"nothing touches the place {_words(point)}: {why_not}")
+
+    def _visit(self, place: np.ndarray) -> Poses:
+        if not (yield from self._did.visit(place)):
+            name = self._did.world.mesh.name
+            self._problem(
+                "out_of_reach", f"the finger cannot touch {name} at {_words(place)}: this is as near as it gets"
+            )
+
+    def _on_click(self, click: PointStamped) -> None:
+        self.send(point_from_msg(click.point), click.header.frame_id)
+
+
+def _words(point: np.ndarray) -> str:
+    return f"({', '.join(f'{1e3 * each:.4g}' for each in point)}) mm"

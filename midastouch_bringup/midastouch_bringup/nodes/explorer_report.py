@@ -20,7 +20,7 @@ _LAST_WORD_S = 2.0
 
 
 class ExplorerReport:
-    """Attributes: state and reason, as of `ExplorerStatus`.
+    """What the explorer reports. Attributes: state and reason, those of `ExplorerStatus`.
 
     Args: base and object, names of frames; stamp: of the newest image [ns].
     """
@@ -47,7 +47,7 @@ class ExplorerReport:
         self.tell()
 
     def tell(self) -> None:
-        """The same, with how far it has come."""
+        """Publish state and reason again, with the present path and motions."""
         header = Header(stamp=stamp_from_ns(self._stamp()), frame_id=self._base)
         status = ExplorerStatus(header=header, state=self.state, reason=self.reason)
         status.path_length, status.slides, status.lifts = self._did.path, self._did.slides, self._did.lifts

@@ -12,7 +12,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from midastouch_common.errors import InputError
 from midastouch_common.ros.diagnostics import OK, PERIOD_S, WARN, Diagnostics
 from midastouch_common.ros.node import PipelineNode
-from midastouch_common.ros.parameters import Parameters
+from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run, stop
 
 from ..replay.flow_control import FlowControl
@@ -21,9 +21,7 @@ from ..replay.playback import Playback
 from ..replay.player import Player
 from ..replay.source import ReplaySource
 from .replay_control import KEYS_HELP, ReplayControl
-from .replay_listeners import FilterAnswers, Listeners
-from .replay_output import ReplayOutput
-from .replay_parameters import PARAMETERS
+from .replay_listeners import FilterAnswers, Listeners, ReplayOutput
 
 RCLError = rclpy_implementation.RCLError
 
@@ -46,11 +44,11 @@ class Replay(PipelineNode):
         self.finished = threading.Event()
         self.error: Exception | None = None
 
-        source = ReplaySource(self._settings["source"], self._settings["topics"].split())
+        source = ReplaySource(self._settings["source"])
         self._output = ReplayOutput(self, source.topics, self._settings["clock"])
         self._playback = Playback(self._settings["rate"], self._settings["start_paused"])
-        patience = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
-        flow = FlowControl(self._playback, patience, lambda: bool(answers.publishers()), self._on_lost)
+        timeout_reports = max(1, round(self._settings["ack_timeout"] / PERIOD_S))
+        flow = FlowControl(self._playback, timeout_reports, lambda: bool(answers.publishers()), self._on_lost)
         topic = self._settings["ack_topic"]
         answers = FilterAnswers(self, topic, flow) if topic else None
         nodes, subscribers = self._settings["wait_for_nodes"].split(), self._settings["wait_for_subscribers"]
@@ -74,7 +72,7 @@ class Replay(PipelineNode):
     def _play(self) -> None:
         try:
             self._await_listeners()
-            self.player.play(self._settings["start_offset"], lambda: self._settings["loop"])
+            self.player.play(lambda: self._settings["loop"])
             self._output.flush()
             self.get_logger().info(self.player.summary())
         except Exception as error:
@@ -133,3 +131,40 @@ def main(args: Sequence[str] | None = None) -> int:
 
 if __name__ == "__main__":
     sys.exit(main())
+
+
+PARAMETERS = (
+    Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
+    Parameter(
+        "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
+    ),
+    Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
+    Parameter("loop", False, "Start again at the end; time jumps back", read_only=False),
+    Parameter("start_paused", False, "Wait for the service resume or step"),
+    Parameter(
+        "seek_to",
+        0.0,
+        "Each time it is set, go on this long after the beginning; a pause stays",
+        "s",
+        minimum=0.0,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
+    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
+    Parameter(
+        "ack_topic",
+        "",
+        "FilterStatus topic of the filter: the next image waits until the one before is answered there, so that none "
+        "is lost however slow the filter is; empty: do not wait",
+    ),
+    Parameter(
+        "ack_timeout",
+        5.0,
+        "An image of which the filter, though it is at work, says nothing for so long is given up; the time in which "
+        "it is busy or loads does not count",
+        "s",
+        minimum=0.05,
+        maximum=3600.0,
+    ),
+)

@@ -1,4 +1,4 @@
-"""How a replay is controlled: services for pause and steps, run-time parameters for pace and place, and keys."""
+"""How a replay is controlled: services for pause and steps, run-time parameters for pace and position, and keys."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from ..replay.playback import Playback
 
 KEYS_HELP = "space: pause; right: next frame; left: 5 s back; up, down: faster, slower"
-_BACK_S, _FACTOR, _FASTEST = 5.0, 1.25, 1000.0
+_SEEK_BACK_S, _RATE_FACTOR, _HIGHEST_RATE = 5.0, 1.25, 1000.0
 
 
 class ReplayControl:
@@ -35,18 +35,18 @@ class ReplayControl:
         return {
             " ": lambda: self._playback.resume() if self._playback.paused else self._playback.pause(),
             "right": self._playback.step,
-            "left": lambda: self._set("seek_to", max(0.0, self._position() - _BACK_S)),
-            "up": lambda: self._change_rate(_FACTOR),
-            "down": lambda: self._change_rate(1 / _FACTOR),
+            "left": lambda: self._set("seek_to", max(0.0, self._position() - _SEEK_BACK_S)),
+            "up": lambda: self._change_rate(_RATE_FACTOR),
+            "down": lambda: self._change_rate(1 / _RATE_FACTOR),
         }
 
     def _change_rate(self, factor: float) -> None:
-        rate = min(self._node.get_parameter("rate").value * factor, _FASTEST)
+        rate = min(self._node.get_parameter("rate").value * factor, _HIGHEST_RATE)
         self._set("rate", rate)
         self._node.get_logger().info(f"rate {rate:.2f}")
 
     def _set(self, name: str, value: float) -> None:
-        """As `ros2 param set`, so that the parameter tells the truth."""
+        """Set a parameter, as `ros2 param set` does: what the parameter says then stays true."""
         self._node.set_parameters([Parameter(name, value=value)])
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:

@@ -22,9 +22,15 @@ from midastouch_common.ros.node import PipelineNode
 from midastouch_common.ros.parameters import Parameter, Parameters
 from midastouch_common.ros.spin import run
 
-from ..arm.robot_clock import RobotClock
-from ..arm.rtde_receiver import ArmState, RtdeReceiver, rtde_connector
-from ..arm.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, tool_from_tcp
+from ..arm.rtde import (
+    BASE_LINK_FROM_BASE,
+    JOINT_NAMES,
+    ArmState,
+    RobotClock,
+    RtdeReceiver,
+    rtde_connector,
+    tool_from_tcp,
+)
 
 PARAMETERS = (
     Parameter("robot_ip", "", "Address of the robot's controller; must be given"),

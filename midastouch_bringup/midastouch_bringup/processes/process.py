@@ -1,4 +1,4 @@
-"""One program as a process: started so that it does not outlive us, its output heard line by line, ended softly."""
+"""One program as a process: found, started so that it does not outlive us, heard line by line, ended softly."""
 
 from __future__ import annotations
 
@@ -7,13 +7,46 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from .program import Program
+from midastouch_common.errors import InputError
+
+_PACKAGES = ("digit_driver", "midastouch_perception", "midastouch_filter", "midastouch_bringup")
+
+
+@dataclass(frozen=True)
+class Program:
+    """What to run. `ends`: it ends by itself, once its work is done, and is never started again."""
+
+    name: str
+    command: tuple[str, ...]
+    ends: bool = False
+
+
+def node_program(executable: str, parameters: Path, options: Sequence[str] = (), ends: bool = False) -> Program:
+    """One of our executables with a parameter file, and further options for ROS. Raises as `find_executable`."""
+    command = (find_executable(executable), "--ros-args", "--params-file", str(parameters), *options)
+    return Program(executable, command, ends)
+
+
+def find_executable(name: str) -> str:
+    """Path of one of our executables: in a colcon install, beside this Python, or on PATH.
+
+    Raises InputError with the fix when there is none.
+    """
+    prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    installed = [str(Path(prefix, "lib", package)) for prefix in prefixes for package in _PACKAGES]
+    ours = [*installed, str(Path(sys.executable).parent)]
+    if found := shutil.which(name, path=os.pathsep.join(ours)) or shutil.which(name):
+        return found
+    raise InputError(f"executable '{name}' is not installed; run make, or build and source the workspace")
+
 
 GRACE_S = (8.0, 4.0, 4.0)  # after SIGINT, SIGTERM, SIGKILL
 LAST_OUTPUT_S = 1.0

@@ -15,16 +15,16 @@ class FlowControl:
 
     `sent` and the waits belong to the thread that plays, `on_status` and `on_report` to whoever listens.
 
-    Args: patience, how many times the filter may report its health and say nothing of a frame before that is given up;
-    a filter that is busy reports nothing, so that no time runs out meanwhile. there: whether there is a filter.
+    Args: timeout_reports, how many times the filter may report its health and say nothing of a frame before that is
+    given up; a filter that is busy reports nothing, so that no time runs out meanwhile. there: whether there is one.
     on_lost: told of each frame that is given up, its stamp [ns] and why. Attributes: lost, frames that the filter never
     spoke of.
     """
 
     def __init__(
-        self, playback: Playback, patience: int, there: Callable[[], bool], on_lost: Callable[[int, str], None]
+        self, playback: Playback, timeout_reports: int, there: Callable[[], bool], on_lost: Callable[[int, str], None]
     ) -> None:
-        self._playback, self._patience, self._there, self._on_lost = playback, patience, there, on_lost
+        self._playback, self._timeout_reports, self._there, self._on_lost = playback, timeout_reports, there, on_lost
         self._in_flight: int | None = None  # stamp of the frame sent last, until the filter speaks of it
         self._waiting: list[int] = []  # stamps of frames that wait within the filter, in order
         self._given_up: set[int] = set()
@@ -70,7 +70,7 @@ class FlowControl:
         while not self._playback.wait_for(lambda: self._in_flight is None, _POLL_S):
             if self._playback.interrupted:
                 return False
-            if self._reports >= self._patience:
+            if self._reports >= self._timeout_reports:
                 self._give_up(
                     "though the filter is at work: was the image refused (see /diagnostics), or is a node gone?"
                 )
@@ -96,7 +96,7 @@ class FlowControl:
             return
         self._reports = 0
         while not self._playback.wait_for(lambda: not self._waiting, _TICK_S):
-            if self._playback.interrupted or self._reports >= self._patience or not self._there():
+            if self._playback.interrupted or self._reports >= self._timeout_reports or not self._there():
                 return
             pass_time()
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from midastouch_common.errors import InputError
-
 from ..bags.messages import Message, header_stamp_ns
 from .flow_control import FlowControl
 from .playback import Playback
@@ -18,7 +16,7 @@ _PASS_NS = 100_000_000  # how far time goes on at once after the end, where some
 class Player:
     """Sends the messages of a source when they are due.
 
-    awaits_answers: whether a filter answers the images; send(message); tell(ns), told the recorded time as it goes on.
+    awaits_answers: whether a filter answers the images; send(message); tell(ns), gets the recorded time as it goes on.
     Attributes: frames_sent; frames_repeated, of a stamp that was there before in a round: the recording holds them
     twice.
     """
@@ -35,7 +33,7 @@ class Player:
         self._source, self._playback, self._flow = source, playback, flow
         self._awaits_answers, self._send, self._tell = awaits_answers, send, tell
         self.frames_sent = self.frames_repeated = 0
-        self._told = 0  # newest time, ns
+        self._reached = 0  # newest time, ns
         self._begin = (0.0, 0)  # of this round: s after the beginning, and the stamp that is, ns
 
     @property
@@ -47,26 +45,25 @@ class Player:
     def position(self) -> float:
         """Seconds after the beginning of the recording that were told last."""
         offset, stamp = self._begin
-        return offset + max(0, self._told - stamp) / 1e9
+        return offset + max(0, self._reached - stamp) / 1e9
 
-    def play(self, start: float, loops: Callable[[], bool]) -> None:
-        """Play from `start` [s] to the end, again as long as `loops()`, until the playback is stopped.
+    def play(self, loops: Callable[[], bool]) -> None:
+        """Play to the end, again as long as `loops()`, until the playback is stopped; a seek plays from there on.
 
-        Raises InputError if there is nothing from there on, or the source cannot be read.
+        Raises InputError if the source cannot be read.
         """
-        offset = start
+        offset = 0.0
         while not self._playback.stopped:
             self._playback.rewind()
             self._flow.forget()
-            self._told, self._begin = 0, (offset, 0)
-            if self._play_round(offset) and self._told == 0 and offset == start:
-                raise InputError(f"{self._source.path}: nothing to play from {offset:g} s on; it is shorter")
+            self._reached, self._begin = 0, (offset, 0)
+            self._play_round(offset)
             self._playback.wait_while_paused()  # at its end it can still be sent back
-            self._flow.finish(lambda: self._tick(self._told + _PASS_NS))
-            offset = self._playback.take_seek()
-            if offset is None and not loops():
+            self._flow.finish(lambda: self._tick(self._reached + _PASS_NS))
+            sought = self._playback.take_seek()
+            if sought is None and not loops():
                 return
-            offset = start if offset is None else offset
+            offset = sought or 0.0
 
     def summary(self) -> str:
         """How many frames were sent, in words."""
@@ -75,8 +72,8 @@ class Player:
             text += f"; {self._flow.waiting} still wait for a transform that the recording does not hold"
         return text
 
-    def _play_round(self, offset: float) -> bool:
-        """Send everything from `offset` [s] on; False if interrupted."""
+    def _play_round(self, offset: float) -> None:
+        """Send everything from `offset` [s] on, or until interrupted."""
         stamps: set[int] = set()
         after_image, stepping = 0, False
         try:
@@ -88,14 +85,14 @@ class Player:
                 image = is_image(message.topic)
                 must_wait = image or after_image >= MOST_AFTER_AN_IMAGE or self._playback.paused
                 if must_wait and not self._flow.wait():
-                    return False
+                    return
                 # A step ends when its frame is answered, which may take transforms that were recorded after the image.
                 if stepping and (image or not self._flow.waiting):
                     self._playback.frame_sent()
                     stepping = False
                 if not self._playback.wait_until_due(message.stamp_ns, self._tick):
-                    return False
-                if self._told == 0:
+                    return
+                if self._reached == 0:
                     self._begin = (offset, message.stamp_ns)
                 after_image += 1
                 if image:
@@ -111,10 +108,9 @@ class Player:
         finally:
             if stepping:
                 self._playback.frame_sent()
-        return True
 
     def _tick(self, recorded_ns: int) -> None:
         """Tell the recorded time; messages out of order do not turn it back."""
-        if recorded_ns > self._told:
-            self._told = recorded_ns
+        if recorded_ns > self._reached:
+            self._reached = recorded_ns
             self._tell(recorded_ns)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from midastouch_common.errors import InputError
 
-from ..bags.images import decode_image
+from ..bags.frames import decode_image
 from ..bags.messages import (
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
@@ -44,12 +44,12 @@ def is_image(topic: str) -> bool:
 class ReplaySource:
     """The sequence, bag, folder of images or video at `path`; `topics` are the ones it will send.
 
-    Of a bag only those in `wanted` are taken; without it, the inputs of the pipeline. That listens to raw images, so
-    compressed ones are then decompressed, or left out where there are raw ones, too. Raises InputError if `path` is
-    none of these or cannot be read, also while messages are read.
+    Of a bag, the inputs of the pipeline. That listens to raw images: compressed ones are decompressed, or left out
+    where there are raw ones, too. Raises InputError if `path` is none of these or cannot be read, also while messages
+    are read.
     """
 
-    def __init__(self, path: str | Path, wanted: Collection[str] = ()) -> None:
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         self._decompresses = False
         self._sequence = self._images = None
@@ -60,12 +60,11 @@ class ReplaySource:
                 self._sequence, self.topics = load_sequence(self.path), list(SEQUENCE_TOPICS)
             return
         present = bag_topics(self.path)
-        self.topics = [topic for topic in present if topic.name in (wanted or INPUT_TOPICS)]
+        self.topics = [topic for topic in present if topic.name in INPUT_TOPICS]
         if not self.topics:
             names = ", ".join(sorted(topic.name for topic in present)) or "nothing"
-            raise InputError(f"{self.path}: has no {', '.join(sorted(wanted or INPUT_TOPICS))}; it has {names}")
-        if not wanted:
-            self._prefer_raw_images()
+            raise InputError(f"{self.path}: has no {', '.join(sorted(INPUT_TOPICS))}; it has {names}")
+        self._prefer_raw_images()
 
     def messages(self, offset_ns: int = 0) -> Iterator[Message]:
         """What is recorded, each message once, in order of recording, without those of the first `offset_ns`.

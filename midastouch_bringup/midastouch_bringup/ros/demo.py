@@ -16,8 +16,7 @@ from ..codebooks import cached_codebook, cached_codebook_path
 from ..datasets import Sequence, load_sequence
 from ..datasets.slide_simulation import cached_slide
 from ..demo import NODES, SLIDE_LENGTH
-from ..demo.page import write_page
-from ..demo.result import demo_result, result_rows
+from ..demo.result import demo_result, result_rows, write_page
 from ..processes.parameter_files import merged, read_parameters, written
 from ..result_file import write_json
 from ..text_table import text_table

@@ -1,4 +1,4 @@
-"""ROS for our own use beside processes of ours: in their domain, and like them heard on this machine alone."""
+"""ROS for our own use beside processes of ours: one node for one question, or for a run on this machine alone."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from midastouch_common.errors import InputError
+from midastouch_common.ros import qos
+from midastouch_msgs.msg import ArmCalibration
 
 from ..processes.local_domain import local_environment
 
@@ -46,11 +49,11 @@ def node_for_once(name: str, namespace: str) -> Iterator[Node]:
         rclpy.try_shutdown(context=context)
 
 
-def spin_until(node: Node, done: Callable[[], object], patience: float) -> bool:
-    """Whether `done` holds within `patience` seconds in which the node works; Ctrl-C ends it at once."""
+def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
+    """Whether `done` holds within `timeout` seconds in which the node works; Ctrl-C ends it at once."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout
     while not done() and (left := end - time.monotonic()) > 0:
         executor.spin_once(timeout_sec=min(left, _SLICE_S))
     return bool(done())
@@ -65,3 +68,35 @@ def local_context(domain: int) -> Iterator[rclpy.Context]:
         yield context
     finally:
         rclpy.try_shutdown(context=context)
+
+
+_ANSWER_TIMEOUT_S = 660.0  # `capture_timeout` is at most 600
+
+
+def trigger(service: str, namespace: str, timeout: float = 30.0) -> Trigger.Response:
+    """What the service `service` in the namespace answers; InputError if nobody offers it within `timeout` seconds."""
+    with node_for_once(f"call_{service}", namespace) as node:
+        client = node.create_client(Trigger, service)
+        if not spin_until(node, client.service_is_ready, timeout):
+            raise InputError(
+                f"{client.service_name}: nobody offers this service; does its node run, with this ROS_DOMAIN_ID? "
+                "Another namespace: --namespace"
+            )
+        answer = client.call_async(Trigger.Request())
+        if not spin_until(node, answer.done, _ANSWER_TIMEOUT_S):
+            late = f"no answer within {_ANSWER_TIMEOUT_S:g} s"
+            raise InputError(f"{client.service_name}: {late}; see the log of its node")
+        return answer.result()
+
+
+def learnt_calibration(namespace: str, timeout: float = 10.0) -> ArmCalibration:
+    """The message kept on `calibration` in the namespace; InputError if none comes within `timeout` seconds."""
+    received: list[ArmCalibration] = []
+    with node_for_once("store_mount", namespace) as node:
+        subscription = node.create_subscription(ArmCalibration, "calibration", received.append, qos.latched())
+        if not spin_until(node, lambda: received, timeout):
+            raise InputError(
+                f"{subscription.topic_name}: nothing is published there; is the filter running, with this "
+                "ROS_DOMAIN_ID, and did it converge? Another namespace: --namespace"
+            )
+    return received[-1]

@@ -16,7 +16,7 @@ from ..nodes.digit_sim import PARAMETERS as DIGIT_SIM
 from ..nodes.explorer_parameters import PARAMETERS as EXPLORER
 from ..nodes.mount_tf import PARAMETERS as MOUNT_TF
 from ..nodes.recorder import PARAMETERS as RECORDER
-from ..nodes.replay_parameters import PARAMETERS as REPLAY
+from ..nodes.replay import PARAMETERS as REPLAY
 from ..nodes.ur_tf import PARAMETERS as UR_TF
 from ..nodes.view import PARAMETERS as VIEW
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -16,21 +18,43 @@ from midastouch_common.ros.graph_watch import LifecycleWatch
 from midastouch_msgs.msg import FilterStatus
 
 from ..bags.messages import IMAGE_TYPE, Topic
-from ..bags.run_record import PENETRATION
-from ..datasets import Sequence
+from ..bags.run_record import CODE, MODES, PARTICLES, PENETRATION, STATUS
+from ..datasets import Sequence as RecordedSequence
 from ..demo import NODES
 from ..nodes.recorder import TOPICS, Recorder
-from ..processes.program import node_program
+from ..processes.local_domain import LogFolder, local_environment
+from ..processes.process import node_program
 from ..processes.supervisor import NodeFailed, Supervisor
 from ..progress import progress_bar
-from .recording_ends import RESULTS, await_recorder, hear_the_last
-from .supervised_run import supervised_run
+from .local_context import local_context
 
-_SILENCE_S = 120.0  # without a status while the replay goes on
+RESULTS = (CODE, PENETRATION, MODES, PARTICLES, STATUS)
+"""What the nodes of a run add to a bag."""
+
+_SILENCE_S = 120.0  # without a status while the replay goes on, or without a node that is awaited
 _LAST_STATUS_S = 5.0
+_ON_THEIR_WAY_S = 0.5
 
 
-def record_run(sequence: Sequence, parameters: Path, bag: Path, logs: Path, domain: int) -> float:
+@contextlib.contextmanager
+def supervised_run(domain: int, logs: Path) -> Iterator[tuple[Supervisor, SingleThreadedExecutor]]:
+    """A supervisor of programs, whose output goes to a folder, and an executor for nodes made in its `context`.
+
+    At the end the executor's nodes are destroyed, then the programs are ended.
+    """
+    environment = local_environment(domain, ROS_LOG_DIR=str(logs.resolve()))
+    with local_context(domain) as context, Supervisor(environment, LogFolder(logs)) as supervisor:
+        executor = SingleThreadedExecutor(context=context)
+        try:
+            yield supervisor, executor
+        finally:
+            nodes = executor.get_nodes()
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
+
+
+def record_run(sequence: RecordedSequence, parameters: Path, bag: Path, logs: Path, domain: int) -> float:
     """Play a sequence through the nodes into a bag; returns the seconds from the first status of a frame to the last.
 
     domain: ROS_DOMAIN_ID, on this machine alone. Raises NodeFailed when a node dies or falls silent, InputError for one
@@ -53,7 +77,7 @@ def record_run(sequence: Sequence, parameters: Path, bag: Path, logs: Path, doma
         return listener.seconds
 
 
-def _recorder(bag: Path, sequence: Sequence, context: rclpy.Context) -> Recorder:
+def _recorder(bag: Path, sequence: RecordedSequence, context: rclpy.Context) -> Recorder:
     topics = (*TOPICS, Topic(PENETRATION, IMAGE_TYPE))
     overrides = [Parameter("path", value=str(bag)), Parameter("use_sim_time", value=True)]
     metadata = {"object": sequence.object_name, "sequence": sequence.name, "layout": sequence.layout}
@@ -63,7 +87,7 @@ def _recorder(bag: Path, sequence: Sequence, context: rclpy.Context) -> Recorder
 class _Listener(Node):
     """Follows the filter's status with a progress bar, and which nodes are active."""
 
-    def __init__(self, sequence: Sequence, context: rclpy.Context):
+    def __init__(self, sequence: RecordedSequence, context: rclpy.Context):
         super().__init__("demo", context=context)
         self._last_stamp = int(sequence.stamps_ns[-1])
         self._bar = progress_bar(total=sequence.n_frames, unit="frame")
@@ -110,3 +134,27 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, listener: 
         if time.monotonic() - ended > _LAST_STATUS_S:
             raise NodeFailed("the replay has ended, but its last frame was never answered")
     hear_the_last(executor)
+
+
+def await_recorder(
+    recorder: Recorder, topics: Sequence[str], turn: Callable[[], bool], others: Callable[[], str] = str
+) -> bool:
+    """Return whether the recorder hears all the topics now: a frame sent earlier would be lost.
+
+    turn: spins once, and tells whether to wait on. others: who else is awaited, in words, if any. Raises NodeFailed
+    after two minutes.
+    """
+    started = time.monotonic()
+    while waiting := others() or ", ".join(recorder.unheard(topics)):
+        if not turn():
+            return False
+        if time.monotonic() - started > _SILENCE_S:
+            raise NodeFailed(f"still waiting for {waiting} after {_SILENCE_S:g} s; see the logs in the output folder")
+    return True
+
+
+def hear_the_last(executor: Executor) -> None:
+    """Spin a while: what the nodes have sent may still be on its way to the recorder."""
+    quiet_until = time.monotonic() + _ON_THEIR_WAY_S
+    while time.monotonic() < quiet_until:
+        executor.spin_once(timeout_sec=0.05)

@@ -10,12 +10,13 @@ from pathlib import Path
 from midastouch_common.errors import InputError
 
 from ..output_paths import demo_slide, exploration
-from ..processes.back_off import BackOff
 from ..processes.foreground import run_in_foreground
 from ..processes.local_domain import own_domain
 from ..processes.parameter_files import written
-from ..processes.program import Program, node_program
-from .launch_arguments import ARGUMENTS, bundled_mesh, explored, parameters, quick_codebooks
+from ..processes.process import Program, node_program
+from ..processes.supervisor import BackOff
+from .launch_arguments import ARGUMENTS
+from .launch_parameters import bundled_mesh, explored, parameters, quick_codebooks
 from .setups import SETUPS, executables
 
 
@@ -59,13 +60,13 @@ def prepare(name: str, given: Mapping[str, str]) -> None:
     """Make what a set-up still lacks in the present folder; only `demo` and `explore` need anything."""
     # here: `--show-args` does without the libraries behind it
     if name == "demo":
-        from ..demo import preparation
+        from ..demo.preparation import prepare_slide
 
-        preparation.prepare(given["object"], bundled_mesh(given["object"]))
+        prepare_slide(given["object"], bundled_mesh(given["object"]))
     elif name == "explore":
-        from ..explore import preparation
+        from ..demo.preparation import prepare_codebooks
 
-        preparation.prepare(quick_codebooks(given))
+        prepare_codebooks(quick_codebooks(given))
 
 
 def values(setup: str, words: Sequence[str]) -> dict[str, str]:
@@ -104,9 +105,8 @@ def manual(setup: str) -> str:
 
 
 def _defaults(setup: str) -> dict[str, str]:
-    known = [name for name, one in SETUPS.items() if not one.launch_only]
-    if setup not in known:
-        raise InputError(f"{setup}: nothing of that name can be started; there are {', '.join(known)}")
+    if setup not in SETUPS:
+        raise InputError(f"{setup}: nothing of that name can be started; there are {', '.join(SETUPS)}")
     return SETUPS[setup].values()
 
 

@@ -1,4 +1,7 @@
-"""What each launch file starts: the one table behind the launch files and `midastouch run`."""
+"""What `midastouch run` starts: by name, what the launch file of that name starts, where ROS 2's launch is missing.
+
+A test carries every launch file out and compares arguments, processes and their parameters with this table.
+"""
 
 from __future__ import annotations
 
@@ -24,25 +27,16 @@ class Executable:
 
 
 @dataclass(frozen=True)
-class Include:
-    """Everything of another set-up."""
-
-    setup: str
-    when: tuple[str, str] | None = None
-
-
-@dataclass(frozen=True)
 class Setup:
-    """Processes that are started together. `defaults`: of arguments that have another default here.
+    """Processes that are started together. A part that is a name stands for all parts of that set-up.
 
-    `launch_only`: what it starts is no node of ours, and needs `ros2 launch`.
+    `defaults`: of arguments that have another default here.
     """
 
     summary: str
     arguments: tuple[str, ...]
-    parts: tuple[Executable | Include, ...] = ()
+    parts: tuple[Executable | str, ...]
     defaults: Mapping[str, str] = field(default_factory=dict)
-    launch_only: bool = False
 
     def values(self) -> dict[str, str]:
         """Every argument with its default."""
@@ -86,8 +80,9 @@ SETUPS = {
         (*_COMMON, "composed", *_PERCEPTION, *_FILTER, "tf_prefix", "sensor_prefix"),
         (
             Executable("midastouch_bringup", "all_in_one", when=("composed", "true")),
-            Include("perception", when=("composed", "false")),
-            Include("filter", when=("composed", "false")),
+            Executable("midastouch_perception", "tdn", when=("composed", "false")),
+            Executable("midastouch_perception", "tcn", when=("composed", "false")),
+            Executable("midastouch_filter", "particle_filter", when=("composed", "false")),
         ),
     ),
     # its launch file has robot_state_publisher do it, which also gives RViz the sensor's shape
@@ -96,7 +91,6 @@ SETUPS = {
         ("namespace", "use_respawn", "log_level", "frames_file", "tool_frame", "tf_prefix", "sensor_prefix"),
         (Executable("midastouch_bringup", "mount_tf"),),
     ),
-    "rviz": Setup("RViz with our view", ("namespace", "use_sim_time", "rviz_config"), launch_only=True),
     "live_ur": Setup(
         "a DIGIT on a UR arm: driver, mount, localisation",
         (
@@ -104,34 +98,19 @@ SETUPS = {
             *("arm", "robot_ip", "ur_type", "kinematics_params_file", "use_mock_hardware", "tf_prefix"),
             *("frames_file", "tool_frame", "sensor_prefix", *_RVIZ),
         ),
-        (
-            Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")),
-            Include("mount"),
-            Include("driver"),
-            Include("localization"),
-            Include("rviz", when=("use_rviz", "true")),
-        ),
+        (Executable("midastouch_bringup", "ur_tf", when=("arm", "rtde")), "mount", "driver", "localization"),
         {"sensor_model": "digit_real"},
     ),
     "replay": Setup(
         "a recording through perception and filter, in its own time, without losing a frame",
         _RECORDING,
-        (
-            Include("localization"),
-            Include("rviz", when=("use_rviz", "true")),
-            Executable("midastouch_bringup", "replay", ends=True),
-        ),
+        ("localization", Executable("midastouch_bringup", "replay", ends=True)),
         _OF_RECORDINGS,
     ),
     "explore": Setup(
         "a simulated finger that explores an object by itself until the filter knows where it is",
         tuple(name for name in _RECORDING if name not in ("bag", "rate", "loop", "sensor_model")),
-        (
-            Include("digit_sim"),
-            Include("localization"),
-            Include("rviz", when=("use_rviz", "true")),
-            Executable("midastouch_bringup", "explorer", ends=True),
-        ),
+        ("digit_sim", "localization", Executable("midastouch_bringup", "explorer", ends=True)),
         # a beginning from which it knows soon; from others it may give up
         {
             "object": "handle_tool",
@@ -144,17 +123,16 @@ SETUPS = {
     "demo": Setup(
         "a simulated slide over a bundled object, made on the first run, played like a recording",
         tuple(name for name in _RECORDING if name not in ("bag", "sensor_model")),
-        (Include("replay"),),
+        ("replay",),
         {**_OF_RECORDINGS, "object": "handle_tool", "loop": "true"},
     ),
 }
 
 
 def executables(setup: str, given: Mapping[str, str]) -> Iterator[Executable]:
-    """What a set-up starts without `ros2 launch`, with `given`, the values of its arguments."""
+    """What a set-up starts with `given`, the values of its arguments."""
     for part in SETUPS[setup].parts:
-        if part.when is None or given[part.when[0]] == part.when[1]:
-            if isinstance(part, Include):
-                yield from executables(part.setup, given)
-            else:
-                yield part
+        if isinstance(part, str):
+            yield from executables(part, given)
+        elif part.when is None or given[part.when[0]] == part.when[1]:
+            yield part

@@ -18,9 +18,9 @@ def weight_colours(weights: np.ndarray) -> np.ndarray:
     The square root keeps light particles apart, which the heaviest one would drown.
     """
     heaviest = weights.max(initial=0.0)
-    share = np.sqrt(np.clip(weights / heaviest, 0.0, 1.0)) if heaviest > 0 else np.zeros(len(weights))
+    fraction = np.sqrt(np.clip(weights / heaviest, 0.0, 1.0)) if heaviest > 0 else np.zeros(len(weights))
     at = np.linspace(0, 1, len(_STOPS))
-    return np.stack([np.interp(share, at, channel) for channel in _STOPS.T], axis=1).astype(np.uint8)
+    return np.stack([np.interp(fraction, at, channel) for channel in _STOPS.T], axis=1).astype(np.uint8)
 
 
 def ellipsoids(covariances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

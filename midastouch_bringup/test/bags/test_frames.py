@@ -1,13 +1,23 @@
 """What goes in comes out frame by frame, with poses at the stamps of the images."""
 
+import dataclasses
+
+import cv2
 import numpy as np
 import pytest
-from recorded import MOVED, SECOND, STILL, image, tf, write
+from recorded import MOVED, SECOND, STILL, STORE, compressed, header, image, tf, write
 
-from midastouch_bringup.bags.frames import read_bag
-from midastouch_bringup.bags.messages import BASE_FROM_OBJECT, GEL_FRAME
+from midastouch_bringup.bags.frames import GelStream, PosedSlide, read_bag
+from midastouch_bringup.bags.messages import (
+    BASE_FROM_OBJECT,
+    COMPRESSED_TYPE,
+    GEL_FRAME,
+    SEQUENCE_TOPICS,
+    Message,
+    sequence_messages,
+)
 from midastouch_bringup.bags.reader import bag_metadata
-from midastouch_bringup.bags.writer import write_bag
+from midastouch_bringup.bags.writer import BagWriter, write_bag
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
@@ -83,3 +93,117 @@ def test_bags_without_what_is_needed_say_so(tmp_path, messages, message):
     with pytest.raises(InputError, match=message) as error:
         list(read_bag(path))
     assert "x.mcap" in str(error.value)
+
+
+def test_bgr_padded_and_compressed_images(tmp_path):
+    pixels = np.zeros((320, 240, 3), np.uint8)
+    pixels[..., 0] = 200
+    padded = np.zeros((320, 250, 3), np.uint8)
+    padded[:, :240, 2] = 200
+    wide = image(SECOND, padded, "bgr8")
+    content = STORE.deserialize_cdr(wide.data, wide.type_name)
+    content.width = 240
+    wide = dataclasses.replace(wide, data=bytes(STORE.serialize_cdr(content, wide.type_name)))
+    kind = "sensor_msgs/msg/CompressedImage"
+    png = cv2.imencode(".png", pixels[..., ::-1])[1]
+    content = STORE.types[kind](header(SECOND, "digit_optical_frame"), "png", png)
+    small = Message("/compressed", kind, SECOND, bytes(STORE.serialize_cdr(content, kind)))
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), wide, small)
+    for topic in ("/image_raw", "/compressed"):
+        (frame,) = read_bag(path, GelStream(topic))
+        np.testing.assert_array_equal(frame.image, pixels)
+
+
+def test_compressed_images_stand_in_where_there_are_no_others(tmp_path):
+    raw = image(SECOND, np.random.default_rng(0).integers(0, 256, (320, 240, 3), np.uint8))
+    frames = {}
+    for name, recorded in {"raw": [raw], "small": [compressed(raw)], "both": [raw, compressed(raw)]}.items():
+        path = write(tmp_path / f"{name}.mcap", tf(SECOND, STILL), *recorded)
+        ((_, frames[name], *_),) = read_bag(path)
+    np.testing.assert_array_equal(frames["small"], frames["raw"])
+    np.testing.assert_array_equal(frames["both"], frames["raw"])
+    with pytest.raises(InputError, match=r"/other.* has /image_raw/compressed"):
+        next(read_bag(tmp_path / "small.mcap", GelStream("/other")))
+
+
+@pytest.mark.parametrize("data", [b"", b"no picture"])
+def test_compressed_images_that_are_none_are_refused(tmp_path, data):
+    content = STORE.types[COMPRESSED_TYPE](header(SECOND, "camera"), "png", np.frombuffer(data, np.uint8))
+    bad = Message(
+        "/image_raw/compressed", COMPRESSED_TYPE, SECOND, bytes(STORE.serialize_cdr(content, COMPRESSED_TYPE))
+    )
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), bad)
+    with pytest.raises(InputError, match=r"x\.mcap: .*/image_raw/compressed"):
+        next(read_bag(path))
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (image(SECOND, encoding="mono16"), "mono16' is neither rgb8 nor bgr8"),
+        (image(SECOND, step=100), "but holds"),
+        (image(SECOND, np.zeros((240, 320, 3), np.uint8)), "320 x 240 pixels, expected 240 x 320; rotate it"),
+        (Message("/image_raw", "sensor_msgs/msg/Image", SECOND, b"\0\1"), "cannot be read as a bag"),
+        (tf(SECOND, STILL, topic="/image_raw"), "has a pose|TFMessage; record images"),
+    ],
+)
+def test_images_that_are_none_are_refused(tmp_path, bad, message):
+    path = write(tmp_path / "x.mcap", tf(SECOND, STILL), tf(2 * SECOND, STILL), bad)
+    with pytest.raises(InputError, match=message) as error:
+        list(read_bag(path))
+    assert "x.mcap" in str(error.value)
+
+
+@pytest.fixture
+def bag(simulated_sequence, tmp_path):
+    sequence = simulated_sequence(n=5)
+    path = tmp_path / "slide.mcap"
+    write_bag(sequence, path)
+    return sequence, path
+
+
+def test_a_bag_has_the_poses_and_images_of_its_sequence(bag):
+    sequence, path = bag
+    of_sequence, of_bag = PosedSlide(sequence.path), PosedSlide(path)
+    np.testing.assert_array_equal(of_sequence.poses, sequence.poses_measured)
+    np.testing.assert_allclose(of_bag.poses, sequence.poses_measured, atol=1e-9)
+    for slide in (of_sequence, of_bag):
+        images = slide.images([3, 1])
+        np.testing.assert_array_equal(images, [sequence.image(1), sequence.image(3)])
+
+
+def test_a_sequence_brings_its_background_and_a_bag_has_none(bag):
+    sequence, path = bag
+    kept = np.zeros((320, 240, 3), np.uint8)
+    np.testing.assert_array_equal(PosedSlide(sequence.path).background(kept), sequence.background)
+    assert PosedSlide(path).background(kept) is kept
+    with pytest.raises(InputError, match="capture the sensor's no-contact image"):
+        PosedSlide(path).background()  # its images have hardly anything in common
+
+
+def test_a_bag_without_the_object_s_place_is_refused(simulated_sequence, tmp_path):
+    path = tmp_path / "slide.mcap"
+    with BagWriter(path) as out:
+        for message in sequence_messages(simulated_sequence(n=3)):
+            if message.topic != SEQUENCE_TOPICS[0].name:  # which says where the object is
+                out.write(message)
+    with pytest.raises(InputError, match="object_ground_truth"):
+        PosedSlide(path)
+
+
+def test_what_is_no_slide_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no such sequence folder"):
+        PosedSlide(tmp_path / "nothing")
+
+
+def test_topic_and_frames_of_a_bag_may_have_other_names(tmp_path):
+    turned = [0.2, 0, 0, 0, 0, 1, 0]
+    messages = [
+        message
+        for stamp in (SECOND, 2 * SECOND)
+        for message in (tf(stamp, turned, "part", "left_gel"), image(stamp, topic="/left/image_raw"))
+    ]
+    stream = GelStream("/left/image_raw", "part", "left_gel")
+    slide = PosedSlide(write(tmp_path / "left.mcap", *messages), stream)
+    np.testing.assert_allclose(slide.poses[:, 0, 3], 0.2)
+    assert len(slide.images([0, 1])) == 2

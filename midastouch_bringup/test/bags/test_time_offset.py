@@ -55,7 +55,7 @@ def test_the_offset_is_found_to_a_fraction_of_a_frame(offset):
         (frames(steadily, 0.1), "start and stop several times"),
         (frames(stop_and_go, 0.1, seconds=3.0), "record a longer slide"),
         ([], "record a longer slide"),
-        ([BagFrame(i * 10**8, *STILL[1:]) for i in range(100)], "that can be felt"),
+        ([BagFrame(i * 10**8, *STILL[1:]) for i in range(100)], "edges of an object"),
     ],
 )
 def test_a_recording_that_does_not_tell_is_refused(given, message):

@@ -36,7 +36,7 @@ def test_frames_that_do_not_matter_may_have_odd_clocks_and_values(tmp_path):
 def test_a_time_that_is_set_back_and_goes_on_is_no_late_transform(tmp_path, back_ms):
     stamps = [*range(0, 5000, 100), *range(5000 - back_ms, 9000, 100)]
     path = write(tmp_path / "x.mcap", *moving(stamps), image(1000 * MS, recorded_ns=30_000 * MS))
-    with pytest.raises(InputError, match=f"runs backwards at {1e-3 * (5000 - back_ms):.3f} s; split the bag there"):
+    with pytest.raises(InputError, match=f"{1e-3 * (5000 - back_ms):.3f} s; split the bag"):
         list(read_bag(path))
 
 

@@ -28,7 +28,7 @@ def test_a_mesh_without_a_suffix_that_is_nothing_lists_the_bundled_ones():
         ),
         (
             ["calibrate", "a.mcap", "--object", "handle_tool", "--out", "c.npz"],
-            "midastouch_bringup.bags.posed_slide.PosedSlide",
+            "midastouch_bringup.bags.frames.PosedSlide",
         ),
     ],
 )

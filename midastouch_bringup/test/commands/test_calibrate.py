@@ -102,7 +102,9 @@ def test_without_a_no_contact_image_beside_the_presses_that_of_the_sensor_is_tak
 def test_a_scale_that_tdn_would_not_use_is_refused_for_a_serial_number(folder, tmp_path, capsys):
     arguments = ["calibrate", str(folder), "--ball-diameter", "0.006", "--serial", "D20123", "--px-per-mm", "19.5"]
     assert cli.main([*arguments, "--background-folder", str(tmp_path)]) == 2
-    assert "with focal 429.0, and give it to midastouch calibrate as --sensor" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "focal 429.0" in said
+    assert "--sensor" in said
     assert list(tmp_path.iterdir()) == []
 
 
@@ -126,7 +128,8 @@ def test_presses_that_show_no_whole_ball_are_refused_with_the_reason_and_nothing
     arguments = ["calibrate", str(presses), "--ball-diameter", "0.006", "--serial", "D20123"]
     assert cli.main([*arguments, "--background-folder", str(tmp_path / "kept")]) == 2
     said = capsys.readouterr().err
-    assert "0 of 5 presses can be used, 5 are needed. 0.png and 4 more: " in said
+    assert "0 of 5 presses" in said
+    assert "0.png and 4 more: " in said
     assert reason in said
     assert not (tmp_path / "kept").exists()
 
@@ -138,7 +141,8 @@ def test_fewer_than_five_presses_are_refused(folder, tmp_path, capsys):
         (few / path.name).write_bytes(path.read_bytes())
     assert cli.main(["calibrate", str(few), "--ball-diameter", "0.006", "--out", str(tmp_path / "a.npz")]) == 2
     said = capsys.readouterr().err
-    assert f"{few}: 4 images; calibration needs 5 to 40 presses" in said
+    assert f"{few}: 4 images" in said
+    assert "5 to 40 presses" in said
     assert "press the ball" in said
     assert not (tmp_path / "a.npz").exists()
 

@@ -21,6 +21,7 @@ def presses(shared, tmp_path):
     return folder
 
 
+@pytest.mark.slow
 def test_a_sensor_with_other_lamps_is_calibrated_as_they_are(presses, tmp_path, capsys):
     digit = (Path(sensor_model.__file__).parent / "sensor_models" / "digit_real.yaml").read_text()
     mine = tmp_path / "mine.yaml"

@@ -6,7 +6,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from midastouch_bringup import cli
-from midastouch_bringup.ros.trigger import trigger
+from midastouch_bringup.ros.local_context import trigger
 from midastouch_common.errors import InputError
 
 pytestmark = pytest.mark.dds
@@ -30,4 +30,4 @@ def test_the_answer_is_told(graph, capsys, taken, code):
 
 def test_a_service_that_nobody_offers_is_named(graph):
     with pytest.raises(InputError, match=r"/left/capture_background.*--namespace"):
-        trigger("capture_background", "left", patience=0.2)
+        trigger("capture_background", "left", timeout=0.2)

@@ -1,6 +1,7 @@
 """The command line as a user meets it: help, exit codes, one-line errors."""
 
 import argparse
+import importlib.metadata
 
 import pytest
 
@@ -39,20 +40,20 @@ def test_every_option_is_explained(name, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["evaluate", "no/such/seq"], "no/such/seq: no such sequence folder"),
+        (["evaluate", "no/such/seq"], "no/such/seq: "),
         (["evaluate-tdn", "no/such/seq"], "no/such/seq"),
-        (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: no such folder"),
+        (["evaluate-presses", "no/such/folder", "--ball-diameter", "0.006"], "no/such/folder: "),
         (["evaluate-checks", "no/such/folder"], "no/such/folder: 0 readable no-contact images"),
-        (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: no such mesh file, nor a bundled object"),
+        (["simulate", "no_such_mesh", "--out", "x"], "no_such_mesh: "),
         (["simulate", "no/mesh.ply", "--out", "x"], "no/mesh.ply"),
         (["build-codebook", "no/mesh.ply"], "no/mesh.ply"),
         (["to-bag", "no/such/seq", "--out", "x.mcap"], "no/such/seq"),
         (["replay", "no/such/bag"], "no/such/bag"),
-        (["time-offset", "no/such.mcap"], "no/such.mcap: not a bag"),
-        (["report", "no/such.json", "--out", "x"], "no/such.json: no such result file"),
+        (["time-offset", "no/such.mcap"], "no/such.mcap: "),
+        (["report", "no/such.json", "--out", "x"], "no/such.json: "),
         (["demo", "--object", "teapot"], "--object teapot: not bundled; there are "),
         (["single-touch", "--codebook", "no/book.npz"], "no/book.npz"),
-        (["import-weights", "no/net.pth.tar"], "no/net.pth.tar: no such weight file"),
+        (["import-weights", "no/net.pth.tar"], "no/net.pth.tar: "),
         (["train-tdn", "--resume", "no/checkpoint"], ""),
     ],
 )
@@ -106,3 +107,13 @@ def test_what_can_go_wrong_while_a_command_runs(error, status, line, monkeypatch
     monkeypatch.setattr(doctor, "run", fail)
     assert cli.main(["doctor"]) == status
     assert capsys.readouterr().err.splitlines() == [line]
+
+
+def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeypatch, capsys):
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [])
+    assert set(cli.OF_BENCHMARK) == COMMANDS.keys() - cli.add_commands(argparse.ArgumentParser()).keys()
+    for name in cli.OF_BENCHMARK:
+        assert cli.main([name, "--help"]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"{name}: comes with the package midastouch_benchmark" in line
+        assert "colcon build" in line

@@ -9,13 +9,13 @@ def test_a_complete_installation_is_ready(capsys):
     assert "MISSING" not in output
 
 
-def test_a_missing_part_is_named_with_its_mend(monkeypatch, capsys):
+def test_a_missing_part_is_named_with_its_fix(monkeypatch, capsys):
     parts = (("no_such_module", "no-such", "nothing", True, "make setup"), *doctor.MODULES[:2])
     monkeypatch.setattr(doctor, "MODULES", parts)
     assert cli.main(["doctor"]) == 1
     output = capsys.readouterr().out
     assert "no-such: ModuleNotFoundError" in output
-    assert "mend: make setup" in output
+    assert "fix: make setup" in output
 
 
 def test_optional_parts_may_be_absent(monkeypatch, capsys):

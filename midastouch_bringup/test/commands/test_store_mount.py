@@ -10,8 +10,8 @@ import pytest
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Quaternion
 
 from midastouch_bringup import cli
-from midastouch_bringup.arm.mount_frames import read_mount
-from midastouch_bringup.ros.learnt_calibration import learnt_calibration
+from midastouch_bringup.arm.mount import read_mount
+from midastouch_bringup.ros.local_context import learnt_calibration
 from midastouch_common.errors import InputError
 from midastouch_common.ros import qos
 from midastouch_msgs.msg import ArmCalibration
@@ -30,10 +30,11 @@ def publish(graph, known: list[bool]) -> None:
 def test_the_mount_is_stored_and_what_is_unknown_named(graph, tmp_path, capsys):
     publish(graph, [True, True, False, True, True, True, True])
     assert cli.main(["store-mount", "--out", str(tmp_path / "frames.yaml")]) == 0
-    told = capsys.readouterr().out
-    assert "2.0 mm, 0.0 deg off" in told
-    assert "not known yet, of the gel frame: z\n" in told
-    assert "50 ms late; add 50000000 to the parameter timestamp_offset" in told
+    said = capsys.readouterr().out
+    assert "2.0 mm, 0.0 deg off" in said
+    assert "not known yet, of the gel frame: z\n" in said
+    assert "50 ms late" in said
+    assert "50000000 to the parameter timestamp_offset" in said
     stored, shipped = (read_mount(path)[0][2] for path in (tmp_path / "frames.yaml", SHIPPED))
     np.testing.assert_allclose(stored[:3, 3] - shipped[:3, 3], [0.002, 0, 0], atol=1e-6)
 
@@ -47,12 +48,12 @@ def test_nothing_is_stored_before_something_is_known(graph, tmp_path, capsys):
 
 def test_a_topic_that_nobody_publishes_is_named(graph):
     with pytest.raises(InputError, match=r"/left/calibration.*--namespace"):
-        learnt_calibration("left", patience=0.2)
+        learnt_calibration("left", timeout=0.2)
 
 
 def test_a_namespace_that_is_none_is_refused():
     with pytest.raises(InputError, match=r"--namespace a b: .*alphanumerics"):
-        learnt_calibration("a b", patience=0.2)
+        learnt_calibration("a b", timeout=0.2)
 
 
 def test_where_ros_does_not_start_that_is_said(tmp_path):

@@ -203,7 +203,7 @@ def test_array_content_must_fill_its_shape():
 
 @pytest.mark.parametrize("dtype", ["datetime64[s]", [("a", "f8")], "V4"])
 def test_exotic_array_types_are_refused(dtype):
-    with pytest.raises(InputError, match=r"neither plain numbers nor text|not a complete pickle"):
+    with pytest.raises(InputError, match="x: "):
         restricted_pickle.loads(pickle.dumps(np.zeros(2, dtype), 4), "x")
 
 

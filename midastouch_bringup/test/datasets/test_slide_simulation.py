@@ -46,16 +46,16 @@ def test_images_show_the_contact(slide):
 
 @pytest.mark.parametrize("name", ["digit_tacto", "digit_real", "gelsight_mini"])
 def test_a_sensors_light_is_the_one_its_network_reads(name, tmp_path):
-    """Of another light, a slide would be felt at a third of its depth."""
+    """Of another light, a slide would be measured at a third of its depth."""
     sensor, mesh = SensorModel.load(name), ObjectMesh.load(bundled_objects()["ball"])
     slide_simulation.simulate_sequence(mesh, sensor, float(LENGTH), 3, tmp_path / name)
     sequence, tdn = load_sequence(tmp_path / name), load_tdn("fast", sensor)
     assert sequence.sensor == name
-    felt, true = [], []
+    measured, true = [], []
     for i in range(sequence.n_frames):
-        felt.append(tdn.predict(sequence.image(i), sequence.background).max())
+        measured.append(tdn.predict(sequence.image(i), sequence.background).max())
         true.append(sequence.penetration_truth(i).max())
-    assert 0.65 < np.median(np.divide(felt, true)) < 1.5
+    assert 0.65 < np.median(np.divide(measured, true)) < 1.5
 
 
 def test_measured_poses_carry_the_papers_noise(slide):

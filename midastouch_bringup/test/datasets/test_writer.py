@@ -76,14 +76,14 @@ def test_a_failure_leaves_nothing_behind(tmp_path):
 @pytest.mark.parametrize(
     ("frames", "message"),
     [
-        ([(GREY, FLAT)], "1 frames, 2 true"),
+        ([(GREY, FLAT)], "1 frames.*2 true"),
         ([], "0 frames"),
-        ([(GREY[:, :100], FLAT)] * 2, "expected 320 x 240"),
-        ([(GREY, FLAT[:50])] * 2, "expected 320 x 240"),
+        ([(GREY[:, :100], FLAT)] * 2, "320 x 240"),
+        ([(GREY, FLAT[:50])] * 2, "320 x 240"),
     ],
 )
 def test_frames_that_do_not_fit_are_refused(tmp_path, frames, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"00.*{message}"):
         write(tmp_path / "00", frames)
     assert list(tmp_path.iterdir()) == []
 

@@ -63,9 +63,9 @@ def test_images_are_read_only_when_asked_for(simulated_sequence):
     cv2.imwrite(str(path / "tactile_images" / "2.jpg"), np.zeros((240, 320, 3), np.uint8))
     sequence = load_sequence(path)
     sequence.image(0)
-    with pytest.raises(InputError, match=r"1\.jpg: not a readable image"):
+    with pytest.raises(InputError, match=r"1\.jpg.*get the file again"):
         sequence.image(1)
-    with pytest.raises(InputError, match=r"2\.jpg: image is 320 x 240"):
+    with pytest.raises(InputError, match=r"2\.jpg.*320 x 240.*240 x 320"):
         sequence.image(2)
 
 
@@ -79,12 +79,12 @@ def damage(path: Path, **changes) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"gelposes": None}, "has no gelposes"),
+        ({"gelposes": None}, "gelposes"),
         ({"gelposes": np.zeros((3, 6))}, r"shape \(3, 6\)"),
         ({"gelposes": np.full((3, 7), np.nan)}, "non-finite"),
         ({"gelposes_meas": np.zeros((3, 7))}, "zero quaternion"),
-        ({"gelposes": np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))}, "2 gelposes but 3 gelposes_meas"),
-        ({"gelposes": [["x"] * 7]}, "not numbers"),
+        ({"gelposes": np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1))}, "2 gelposes.*3 gelposes_meas"),
+        ({"gelposes": [["x"] * 7]}, "numbers"),
     ],
 )
 def test_bad_poses_are_refused_with_the_file_named(simulated_sequence, changes, message):
@@ -98,24 +98,24 @@ def test_bad_poses_are_refused_with_the_file_named(simulated_sequence, changes, 
 def test_missing_image_is_named(simulated_sequence):
     path = simulated_sequence(n=4).path
     (path / "tactile_images" / "2.jpg").unlink()
-    with pytest.raises(InputError, match=r"4 poses, 3 images, 2\.jpg is missing"):
+    with pytest.raises(InputError, match=r"tactile_images.*2\.jpg"):
         load_sequence(path)
 
 
 def test_damaged_truth_is_named(simulated_sequence):
     path = simulated_sequence(n=2).path
     (path / "penetration_truth.npz").write_bytes(b"PK")
-    with pytest.raises(InputError, match=r"penetration_truth\.npz: cannot be read"):
+    with pytest.raises(InputError, match=r"penetration_truth\.npz.*get the file again"):
         load_sequence(path)
 
 
 def test_empty_foreign_and_missing_folders(tmp_path):
-    with pytest.raises(InputError, match="not a YCB-Slide sequence"):
+    with pytest.raises(InputError, match=r"tactile_data\.pkl.*give the folder"):
         load_sequence(tmp_path)
     (tmp_path / "holiday.jpg").write_bytes(b"")
-    with pytest.raises(InputError, match="not a YCB-Slide sequence"):
+    with pytest.raises(InputError, match=r"tactile_data\.pkl.*give the folder"):
         load_sequence(tmp_path)
-    with pytest.raises(InputError, match="no such sequence folder"):
+    with pytest.raises(InputError, match=r"nowhere.*check the path"):
         load_sequence(tmp_path / "nowhere")
 
 
@@ -194,28 +194,28 @@ def lose_a_stamp(data):
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lose_everything, "no frame has a tracked pose"),
-        (forget_the_poses, "has no poses"),
-        (track_two_objects, "exactly one object"),
-        (lose_a_stamp, "20 timestamps"),
+        (lose_everything, "choose another sequence"),
+        (forget_the_poses, "poses"),
+        (track_two_objects, "025_mug"),
+        (lose_a_stamp, "timestamps"),
     ],
 )
 def test_bad_real_sequences_are_refused(real_sequence_folder, edit, message):
     path, _ = real_sequence_folder(edit=edit)
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=rf"synced_data\.npy.*{message}"):
         load_sequence(path)
 
 
 def test_real_sequence_without_its_neighbours(real_sequence_folder):
     path, _ = real_sequence_folder()
     (path / "frames" / "frame_0000004.jpg").unlink()
-    with pytest.raises(InputError, match=r"frame_0000004\.jpg: missing image"):
+    with pytest.raises(InputError, match=r"frame_0000004\.jpg.*get the sequence again"):
         load_sequence(path)
     np.save(path.parent / "alignment.npy", np.eye(3))
-    with pytest.raises(InputError, match=r"alignment\.npy: not a \(4, 4\) matrix"):
+    with pytest.raises(InputError, match=r"alignment\.npy.*\(4, 4\)"):
         load_sequence(path)
     (path.parent / "alignment.npy").unlink()
-    with pytest.raises(InputError, match=r"alignment\.npy: no such alignment file"):
+    with pytest.raises(InputError, match=r"alignment\.npy.*check the path"):
         load_sequence(path)
 
 

@@ -9,11 +9,11 @@ def test_slide_and_codebook_are_made_once(tmp_path, monkeypatch):
     monkeypatch.setattr(preparation, "SLIDE_LENGTH", 0.003)
     monkeypatch.setattr(preparation, "CODEBOOK_SIZE", 20)
     mesh = bundled_objects()["ball"]
-    preparation.prepare("ball", mesh)
+    preparation.prepare_slide("ball", mesh)
     made = [tmp_path / "out" / "slides" / "ball" / "tactile_data.pkl", tmp_path / "out" / "codebooks" / "ball.npz"]
     assert load_sequence(made[0].parent).object_name == "ball"
     assert len(Codebook.load(made[1]).poses) == 20
     before = [path.stat().st_mtime_ns for path in made]
     monkeypatch.setattr(preparation, "simulate_sequence", None)
-    preparation.prepare("ball", mesh)
+    preparation.prepare_slide("ball", mesh)
     assert [path.stat().st_mtime_ns for path in made] == before

@@ -67,8 +67,8 @@ class FileServer:
             return
         handler.send_response(206 if asked else 200)
         if asked:
-            told = start + 1 if self.wrong_range else start
-            handler.send_header("Content-Range", f"bytes {told}-{len(data) - 1}/{len(data)}")
+            first = start + 1 if self.wrong_range else start
+            handler.send_header("Content-Range", f"bytes {first}-{len(data) - 1}/{len(data)}")
         if self.etag:
             handler.send_header("ETag", tag)
         handler.send_header("Content-Length", str(len(data) - start))

@@ -1,5 +1,6 @@
 """Archives: plain files come out, everything else is refused as a whole."""
 
+import re
 import stat
 import zipfile
 
@@ -28,7 +29,7 @@ def test_files_and_folders_come_out(tmp_path):
 def test_a_member_that_would_escape_condemns_the_archive(tmp_path, name):
     packed = zipped(tmp_path / "a.zip", ("good", b"x"), (name, b"evil"))
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(InputError, match="would leave the folder"):
+    with pytest.raises(InputError, match=rf"a\.zip.*{re.escape(name)}"):
         extract(packed, tmp_path / "out")
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -37,7 +38,7 @@ def test_a_link_is_refused(tmp_path):
     info = zipfile.ZipInfo("link")
     info.external_attr = (stat.S_IFLNK | 0o777) << 16
     packed = zipped(tmp_path / "a.zip", (info, "/etc"))
-    with pytest.raises(InputError, match="a link or a device"):
+    with pytest.raises(InputError, match=r"a\.zip.*link"):
         extract(packed, tmp_path / "out")
 
 
@@ -46,14 +47,14 @@ def test_damage_leaves_nothing(tmp_path):
     whole = packed.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"nonsense", b""):
         packed.write_bytes(damaged)
-        with pytest.raises(InputError, match="not a readable archive"):
+        with pytest.raises(InputError, match=r"a\.zip.*download it again"):
             extract(packed, tmp_path / "out")
         assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
 
 def test_the_same_name_twice_is_refused(tmp_path):
     packed = zipped(tmp_path / "a.zip", ("x", b"1"), ("x", b"2"))
-    with pytest.raises(InputError, match="is there twice"):
+    with pytest.raises(InputError, match=r"a\.zip.*'x'.*twice"):
         extract(packed, tmp_path / "out")
     assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]
 
@@ -61,6 +62,6 @@ def test_the_same_name_twice_is_refused(tmp_path):
 def test_more_than_the_disk_holds_is_noticed_before(tmp_path, monkeypatch):
     monkeypatch.setattr(archive, "RESERVE", 1 << 60)
     packed = zipped(tmp_path / "a.zip", ("x", b"1"))
-    with pytest.raises(InputError, match="MiB are free; make room"):
+    with pytest.raises(InputError, match=r"a\.zip.*make room"):
         extract(packed, tmp_path / "out")
     assert [p.name for p in tmp_path.iterdir()] == ["a.zip"]

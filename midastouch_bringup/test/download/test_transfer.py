@@ -32,12 +32,12 @@ def left(path: Path) -> list[str]:
 
 
 def test_a_whole_file_with_its_progress(url, path):
-    told = []
-    fetch(url, path, DIGEST, progress=lambda done, total: told.append((done, total)))
+    reported = []
+    fetch(url, path, DIGEST, progress=lambda done, total: reported.append((done, total)))
     assert path.read_bytes() == DATA
     assert left(path) == ["drill.tgz"]
-    assert told[-1] == (len(DATA), len(DATA))
-    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert reported[-1] == (len(DATA), len(DATA))
+    assert [done for done, _ in reported] == sorted(done for done, _ in reported)
 
 
 def test_a_broken_transfer_goes_on_where_it_stopped(server, url, path):
@@ -49,7 +49,7 @@ def test_a_broken_transfer_goes_on_where_it_stopped(server, url, path):
 
 def test_the_next_call_goes_on_too(server, url, path):
     server.break_after = [100_000]
-    with pytest.raises(InputError, match="broke off after 100000 of 700001 bytes, after 1 attempts; call again"):
+    with pytest.raises(InputError, match=r"drill\.tgz.*100000 of 700001.*call again"):
         fetch(url, path, attempts=1)
     assert left(path) == ["drill.tgz.part", "drill.tgz.part.json"]
     fetch(url, path, DIGEST)
@@ -103,13 +103,13 @@ def test_a_part_longer_than_the_file_is_dropped(server, url, path):
 
 
 def test_a_wrong_checksum_leaves_nothing(server, url, path):
-    with pytest.raises(InputError, match=f"has SHA-256 {DIGEST}, expected {'0' * 64}"):
+    with pytest.raises(InputError, match=rf"drill\.tgz.*{DIGEST}.*{'0' * 64}"):
         fetch(url, path, "0" * 64)
     assert left(path) == []
 
 
 def test_what_is_not_there_fails_at_once_by_name(server, url, path):
-    with pytest.raises(InputError, match=r"/mug.tgz: the server says 404 Not Found"):
+    with pytest.raises(InputError, match=r"/mug\.tgz.*404"):
         fetch(f"{server.url}/mug.tgz", path)
     assert len(server.requests) == 1
     assert left(path) == []
@@ -124,19 +124,19 @@ def test_a_busy_server_is_asked_again(server, url, path):
 def test_nobody_there_is_said_after_some_attempts(path):
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
-    with pytest.raises(InputError, match=r"no connection .*after 2 attempts"):
+    with pytest.raises(InputError, match=rf":{port}/drill\.tgz.*2 attempts.*call again"):
         fetch(f"http://127.0.0.1:{port}/drill.tgz", path, attempts=2, pause_s=0)
 
 
 @pytest.mark.parametrize("address", ["file:///etc/passwd", "ftp://host/x", "/etc/passwd"])
 def test_other_kinds_of_addresses_are_refused(address, path):
-    with pytest.raises(InputError, match="not an http"):
+    with pytest.raises(InputError, match=f"{address}.*https"):
         fetch(address, path)
 
 
 def test_a_disk_that_is_too_small_is_noticed_before(server, url, path, monkeypatch):
     monkeypatch.setattr(transfer, "RESERVE", 1 << 60)
-    with pytest.raises(InputError, match="MiB are free; make room"):
+    with pytest.raises(InputError, match=r"new folder.*make room"):
         fetch(url, path)
     assert not path.exists()
 
@@ -163,7 +163,7 @@ def test_a_disk_that_fills_up_is_left_as_it_was(url, path, monkeypatch):
         return Full()
 
     monkeypatch.setattr(Path, "open", full)
-    with pytest.raises(InputError, match="the disk is full"):
+    with pytest.raises(InputError, match=r"new folder.*make room"):
         fetch(url, path)
     monkeypatch.undo()
     assert left(path) == []

@@ -10,8 +10,7 @@ import pytest
 import trimesh
 
 from midastouch_bringup import cli
-from midastouch_bringup.download.ycb import download_mesh
-from midastouch_bringup.download.ycb_slide import FOLDERS, download_part
+from midastouch_bringup.download.ycb import FOLDERS, download_mesh, download_part
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
@@ -55,14 +54,14 @@ def test_what_is_there_is_not_fetched_again_unless_it_was_damaged(mug, tmp_path)
 def test_another_archive_than_at_first_is_refused(mug, tmp_path):
     download_mesh("025_mug", tmp_path, mug.url).unlink()
     mug.files["/google/025_mug_google_16k.tgz"] = archive_of(MESH + b"\n")
-    with pytest.raises(InputError, match="damaged or changed"):
+    with pytest.raises(InputError, match=r"025_mug_google_16k\.tgz.*changed"):
         download_mesh("025_mug", tmp_path, mug.url)
     assert [p.name for p in tmp_path.iterdir()] == ["SHA256SUMS"]
 
 
 def test_an_archive_of_another_layout_is_said(mug, tmp_path):
     mug.files["/google/025_mug_google_16k.tgz"] = archive_of(MESH, member="poisson/mesh.ply")
-    with pytest.raises(InputError, match=r"holds no google_16k/nontextured.ply"):
+    with pytest.raises(InputError, match=r"tgz.*google_16k/nontextured\.ply"):
         download_mesh("025_mug", tmp_path, mug.url)
 
 
@@ -70,7 +69,7 @@ def test_a_damaged_archive_leaves_no_mesh(mug, tmp_path):
     whole = mug.files["/google/025_mug_google_16k.tgz"]
     for damaged in (whole[: len(whole) // 2], b"nonsense"):
         mug.files["/google/025_mug_google_16k.tgz"] = damaged
-        with pytest.raises(InputError, match="not a readable archive"):
+        with pytest.raises(InputError, match=r"(?s)025_mug_google_16k\.tgz.*download it again"):
             download_mesh("025_mug", tmp_path, mug.url)
         assert not (tmp_path / "025_mug.ply").exists()
         (tmp_path / "025_mug_google_16k.tgz").unlink()
@@ -83,13 +82,13 @@ def test_a_link_in_the_place_of_the_mesh_is_not_followed(mug, tmp_path):
         link.type, link.linkname = tarfile.SYMTYPE, "/etc/passwd"
         packed.addfile(link)
     mug.files["/google/025_mug_google_16k.tgz"] = out.getvalue()
-    with pytest.raises(InputError, match=r"holds no google_16k/nontextured.ply"):
+    with pytest.raises(InputError, match=r"tgz.*google_16k/nontextured\.ply"):
         download_mesh("025_mug", tmp_path, mug.url)
 
 
 @pytest.mark.parametrize("name", ["../secret", "025_mug/../x", "mug", "", "025_mug?x=1"])
 def test_names_that_are_no_objects_ask_nobody(mug, tmp_path, name):
-    with pytest.raises(InputError, match="not the name of a YCB object"):
+    with pytest.raises(InputError, match=r"YCB object.*025_mug"):
         download_mesh(name, tmp_path, mug.url)
     assert mug.requests == []
 
@@ -140,13 +139,13 @@ def test_a_part_is_fetched_and_unpacked(tmp_path):
 
 def test_an_archive_that_would_escape_is_refused(tmp_path):
     program = gdown(tmp_path, {"025_mug.zip": {"../../evil": b"1"}})
-    with pytest.raises(InputError, match="would leave the folder"):
+    with pytest.raises(InputError, match=r"025_mug\.zip.*evil"):
         download_part("sim", tmp_path / "slides", program)
     assert not (tmp_path / "evil").exists()
 
 
 def test_a_failing_gdown_and_none_at_all_are_said(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"gdown failed .*call again"):
+    with pytest.raises(InputError, match=r"gdown.*call again"):
         download_part("sim", tmp_path / "slides", gdown(tmp_path, {}, status=1))
     monkeypatch.setenv("PATH", str(tmp_path / "empty"))
     with pytest.raises(InputError, match="pip install gdown"):

@@ -5,8 +5,8 @@ import pytest
 from PIL import Image
 
 from midastouch_bringup.drawing import figures
-from midastouch_bringup.drawing.animation import write_gif
 from midastouch_bringup.drawing.object_view import ObjectView
+from midastouch_bringup.drawing.run_pictures import write_gif
 
 
 @pytest.fixture(scope="module")

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.bags.run_record import RunRecord
-from midastouch_bringup.bags.snapshot import Hypothesis, Snapshot
-from midastouch_bringup.explore.page import write_page, write_words
-from midastouch_bringup.explore.result import Ended, ending, exploration_result
+from midastouch_bringup.bags.run_record import Hypothesis, RunRecord, Snapshot
+from midastouch_bringup.explore.result import Ended, ending, exploration_result, write_page, write_words
 from midastouch_common import se3
 
-ENDED = Ended("known", "the filter knows the place", 0.2, 3, 1)
+ENDED = Ended("known", "the filter knows the pose", 0.2, 3, 1)
 
 
 def frame(objects, off=0.0, state="converged"):

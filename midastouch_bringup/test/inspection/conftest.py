@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.bags.snapshot import Hypothesis
+from midastouch_bringup.bags.run_record import Hypothesis
 from midastouch_bringup.inspection import require_open3d
 from midastouch_bringup.inspection.run import Moment, Run
 from midastouch_common import se3

@@ -12,7 +12,7 @@ from midastouch_msgs.msg import FilterStatus, Suggestion
 from midastouch_msgs.srv import SetObject
 from midastouch_perception.nodes import tdn
 
-pytestmark = pytest.mark.dds
+pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("hasty")]
 
 
 def default(parameters, name):
@@ -106,7 +106,7 @@ def test_refused_suggestions_end_it_and_say_so(rig):
         response.message = "nothing was felt yet"
 
     rig.advise(refuse)
-    assert rig.until("gave_up").reason == "no suggestion where to touch next: nothing was felt yet"
+    assert rig.until("gave_up").reason.endswith("nothing was felt yet")
     assert rig.node.gave_up
     assert len(rig.asked) == 3
 

@@ -180,7 +180,7 @@ def test_a_full_disk_is_said_and_leaves_nothing_behind(graph, tmp_path, monkeypa
         codes.publish(TactileCode(network_id="b"))
         graph.spin_until(lambda: recorder.failure, "the error")
     graph.remove_all()
-    assert recorder.failure == f"{path}: No space left on device; the recording is lost"
+    assert recorder.failure.startswith(f"{path}: No space left on device")
     assert list(tmp_path.iterdir()) == []
 
 

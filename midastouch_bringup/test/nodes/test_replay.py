@@ -84,12 +84,6 @@ def test_the_filter_starts_again_once_per_loop(graph, simulated_sequence):
     assert len(filters[0].measurements) == 20 * rounds
 
 
-def test_an_offset_beyond_the_end_is_said(graph, simulated_sequence):
-    node = replay(graph, simulated_sequence(n=3).path, start_offset=100.0, loop=True)
-    play(graph, node)
-    assert "nothing to play from 100 s on" in str(node.error)
-
-
 def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simulated_sequence):
     sequence = simulated_sequence(n=3)
     node = replay(graph, sequence.path, loop=True, clock=True, rate=1.0)
@@ -107,15 +101,6 @@ def test_clock_runs_with_the_recording_and_jumps_back_once_per_loop(graph, simul
     assert jumps() <= 1 + len(images) // 3
     assert len(set(told)) > 3  # it also runs between the three frames
     assert not node.finished.is_set()
-
-
-def test_start_offset_leaves_out_the_beginning_but_no_static_transform(graph, simulated_sequence):
-    sequence = simulated_sequence(n=6)
-    node = replay(graph, sequence.path, start_offset=0.25)
-    images, static = graph.listen(Image, "image_raw"), graph.listen(TFMessage, "/tf_static", latched=True)
-    play(graph, node)
-    graph.spin_until(lambda: len(images) == 3 and static, "the rest")
-    assert stamps(images) == sequence.stamps_ns[3:].tolist()
 
 
 def test_a_damaged_image_ends_the_replay_with_its_name(graph, simulated_sequence):

@@ -127,4 +127,4 @@ def test_what_still_waits_after_the_end_is_no_loss(graph, simulated_sequence):
         consumer.answer(consumer.received[-1], FilterStatus.STATE_WAITING)
     graph.spin_until(node.finished.is_set, "the end")
     assert (node.player.frames_sent, node.player.frames_lost) == (2, 0)
-    assert node.player.summary().endswith("; 2 still wait for a transform that the recording does not hold")
+    assert node.player.summary().partition("; ")[2].startswith("2 still wait")

@@ -79,7 +79,7 @@ def test_a_seek_beyond_the_end_is_refused_with_the_reason(graph, tmp_path, simul
     replay(graph, source, start_paused=True).start()
     refused = set_parameter(graph, "seek_to", 999.0)
     assert not refused.successful
-    assert refused.reason == "seek_to: 999 s is beyond the end, the recording is 2.000 s long"
+    assert all(words in refused.reason for words in ("seek_to", "999 s", "2.000 s"))
     kept = graph.call(GetParameters, "replay/get_parameters", GetParameters.Request(names=["seek_to"]))
     assert kept.values[0].double_value == 0.0
     assert set_parameter(graph, "seek_to", 2.0).successful
@@ -106,9 +106,10 @@ def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
 
 def test_what_the_keys_do(graph, simulated_sequence):
     sequence = simulated_sequence(n=80)  # 7.9 s
-    node = replay(graph, sequence.path, start_paused=True, rate=1.0, start_offset=7.0)
+    node = replay(graph, sequence.path, start_paused=True, rate=1.0)
     images = graph.listen(Image, "image_raw")
     keys = node.control.keys()
+    assert set_parameter(graph, "seek_to", 7.0).successful
     node.start()
     keys["right"]()
     graph.spin_until(lambda: len(images) == 1, "one frame")

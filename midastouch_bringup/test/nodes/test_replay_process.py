@@ -39,7 +39,8 @@ def test_the_executable_ends_by_itself_with_0_and_with_2_on_bad_input(graph, sim
     assert "sent 3 frames, 0 repeated, 0 lost" in out + err
     out, err = bad.communicate(timeout=120)
     assert bad.returncode == 2
-    assert err.strip() == "/nowhere/slide: no such sequence folder; check the path"
+    assert err.startswith("/nowhere/slide: ")
+    assert len(err.splitlines()) == 1
     sequence.image_paths[1].write_bytes(b"")
     damaged = process(graph, f"source:={sequence.path}", "rate:=0.0")
     out, err = damaged.communicate(timeout=120)

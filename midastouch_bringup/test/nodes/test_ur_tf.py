@@ -13,8 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.arm.rtde_receiver import ArmState
-from midastouch_bringup.arm.rtde_transform import BASE_LINK_FROM_BASE, JOINT_NAMES, transform_from_rtde
+from midastouch_bringup.arm.rtde import BASE_LINK_FROM_BASE, JOINT_NAMES, ArmState, transform_from_rtde
 from midastouch_bringup.nodes import ur_tf
 from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_common.clock_offset import ClockOffset

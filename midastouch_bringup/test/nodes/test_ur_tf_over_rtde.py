@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.arm.rtde_receiver import RTDE_PORT, rtde_connector
+from midastouch_bringup.arm.rtde import RTDE_PORT, rtde_connector
 from midastouch_bringup.nodes.ur_tf import UrTf
 from midastouch_common.message_arrays import stamp_ns
 

@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
-from midastouch_bringup.processes.back_off import BackOff
-from midastouch_bringup.processes.foreground import run_in_foreground
-from midastouch_bringup.processes.program import Program
+from midastouch_bringup.processes.foreground import run_in_foreground, woken_by_signals
+from midastouch_bringup.processes.process import Program
+from midastouch_bringup.processes.supervisor import BackOff
 
 SUPERVISE = """
 import json, os, sys
 from midastouch_bringup.processes import process
-from midastouch_bringup.processes.back_off import BackOff
+from midastouch_bringup.processes.supervisor import BackOff
 from midastouch_bringup.processes.foreground import run_in_foreground
-from midastouch_bringup.processes.program import Program
+from midastouch_bringup.processes.process import Program
 
 task = json.loads(sys.argv[1])
 process.GRACE_S = task["grace"]
@@ -239,3 +239,21 @@ def test_what_our_output_cannot_hold_ends_nothing(supervise):
     run = supervise({"a": lines}, before="PYTHONIOENCODING=ascii; export PYTHONIOENCODING;")
     assert run.status() == 1
     assert run.lines == ["[a] ? ready", "[a] more", "[midastouch] a died: exit code 3; ending all"]
+
+
+def test_no_signal_is_lost_between_two_steps_of_listening(monkeypatch):
+    """As soon as SIGINT does nothing by itself, `wait` knows of it."""
+    set_handler = signal.signal
+
+    def interrupted(number, handler):
+        former = set_handler(number, handler)
+        if number == signal.SIGINT and handler is not former and not raised:
+            raised.append(number)
+            signal.raise_signal(number)
+        return former
+
+    raised = []
+    monkeypatch.setattr(signal, "signal", interrupted)
+    with woken_by_signals() as wait:
+        assert raised
+        assert wait(0.0)

@@ -11,7 +11,6 @@ import yaml
 from tf2_msgs.msg import TFMessage
 
 from midastouch_bringup.demo import preparation
-from midastouch_bringup.explore import preparation as explore_preparation
 from midastouch_bringup.ros import explore, run
 from midastouch_bringup.ros.launch_arguments import ARGUMENTS
 from midastouch_bringup.ros.run import manual, prepare, run_setup, values
@@ -19,8 +18,6 @@ from midastouch_bringup.ros.setups import SETUPS
 from midastouch_common.errors import InputError
 from midastouch_common.ros.testing import open_graph
 from midastouch_perception.objects import bundled_objects
-
-STARTED = [name for name, setup in SETUPS.items() if not setup.launch_only]
 
 
 def test_arguments_go_over_the_defaults():
@@ -45,7 +42,7 @@ def test_what_cannot_be_started_is_refused(setup, word, reason):
         values(setup, [word] if word else [])
 
 
-@pytest.mark.parametrize("setup", STARTED)
+@pytest.mark.parametrize("setup", SETUPS)
 def test_the_manual_names_every_argument_that_is_taken(setup):
     text = manual(setup)
     for name in SETUPS[setup].arguments:
@@ -68,7 +65,7 @@ def supervised(monkeypatch):
         return 5
 
     monkeypatch.setattr(run, "run_in_foreground", run_in_foreground)
-    monkeypatch.setattr("midastouch_bringup.processes.program.find_executable", lambda name: f"/bin/{name}")
+    monkeypatch.setattr("midastouch_bringup.processes.process.find_executable", lambda name: f"/bin/{name}")
     return seen
 
 
@@ -92,7 +89,7 @@ def test_the_demo_is_prepared_and_stays_on_this_machine(supervised, tmp_path, mo
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
     prepared = []
-    monkeypatch.setattr(preparation, "prepare", lambda name, mesh: prepared.append((name, Path(mesh).name)))
+    monkeypatch.setattr(preparation, "prepare_slide", lambda name, mesh: prepared.append((name, Path(mesh).name)))
     assert run_setup("demo", []) == 5
     assert prepared == [("handle_tool", "handle_tool.ply")]
     assert supervised["parameters"]["/replay"]["ros__parameters"]["source"] == "out/slides/handle_tool"
@@ -102,7 +99,7 @@ def test_the_demo_is_prepared_and_stays_on_this_machine(supervised, tmp_path, mo
 
 def test_the_demo_can_be_prepared_alone(supervised, monkeypatch):
     prepared = []
-    monkeypatch.setattr(preparation, "prepare", lambda name, mesh: prepared.append(name))
+    monkeypatch.setattr(preparation, "prepare_slide", lambda name, mesh: prepared.append(name))
     prepare("demo", values("demo", ["object:=ball"]))
     prepare("replay", values("replay", []))
     assert (prepared, supervised) == (["ball"], {})
@@ -112,7 +109,7 @@ def test_a_failed_preparation_ends_the_demo(supervised, monkeypatch):
     def fails(name, mesh):
         raise InputError("no space left")
 
-    monkeypatch.setattr(preparation, "prepare", fails)
+    monkeypatch.setattr(preparation, "prepare_slide", fails)
     with pytest.raises(InputError, match="no space left"):
         run_setup("demo", [])
     with pytest.raises(InputError, match="sofa: not bundled"):
@@ -133,8 +130,8 @@ def explored(monkeypatch, tmp_path):
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(explore, "run_exploration", run_exploration)
-    monkeypatch.setattr(explore_preparation, "prepare", seen["built"].update)
-    monkeypatch.setattr("midastouch_bringup.processes.program.find_executable", lambda name: f"/bin/{name}")
+    monkeypatch.setattr(preparation, "prepare_codebooks", seen["built"].update)
+    monkeypatch.setattr("midastouch_bringup.processes.process.find_executable", lambda name: f"/bin/{name}")
     return seen
 
 

@@ -27,7 +27,7 @@ RELIEF_EVERY = 4  # steps; the others are quick, so that there can be many
 
 
 def touches(slide: Slide, mesh: ObjectMesh) -> list[Measurement]:
-    """What is felt at each pose of the slide."""
+    """What is measured at each pose of the slide."""
     sensor = SensorModel.load("digit_tacto")
     penetration = PenetrationRenderer(mesh, sensor.for_maps).render(slide.poses)
     codes = load_tcn("fast", sensor).encode(penetration)
@@ -46,7 +46,7 @@ def test_many_steps(slide, minutes, figures):
     """To and fro over a slide with noisy odometry; now and then lifted, carried away, or fed with what is no touch."""
     steps = round(10_000 * minutes) if minutes else 200
     mesh = ObjectMesh.load(slide.mesh)
-    felt = touches(slide, mesh)
+    seen = touches(slide, mesh)
     config = FilterConfig(max_particles=5000, threads=1)
     running = ParticleFilter(mesh, Codebook.load(slide.codebook, mesh=mesh), config, 0)
     last = len(slide.poses) - 1
@@ -62,12 +62,12 @@ def test_many_steps(slide, minutes, figures):
             k = last - abs(i % (2 * last) - last)
             measured = measure_poses(slide.poses[k : k + 1], rng, 2e-4, 0.005)[0]
             odometry = None if before is None else se3.inverse(before) @ measured
-            touch = felt[k] if i % RELIEF_EVERY == 0 else replace(felt[k], penetration=None)
+            touch = seen[k] if i % RELIEF_EVERY == 0 else replace(seen[k], penetration=None)
             event = rng.integers(1000)
             if event < 20:
                 touch = Measurement(False)
             elif event < 25:
-                touch = Measurement(True, np.full(len(felt[k].code), np.nan))
+                touch = Measurement(True, np.full(len(seen[k].code), np.nan))
             elif event == 25:
                 odometry = se3.exp([10.0, 0, 0, 0, 0, 0])
             before = measured

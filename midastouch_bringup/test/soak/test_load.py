@@ -13,12 +13,10 @@ from sensor_msgs.msg import Image
 from slide import Sender, Slide
 from tf2_msgs.msg import TFMessage
 
-from midastouch_bringup.processes.back_off import BackOff
 from midastouch_bringup.processes.local_domain import LogFolder, local_environment, own_domain
 from midastouch_bringup.processes.parameter_files import written
-from midastouch_bringup.processes.process import resident_mb
-from midastouch_bringup.processes.program import node_program
-from midastouch_bringup.processes.supervisor import Supervisor
+from midastouch_bringup.processes.process import node_program, resident_mb
+from midastouch_bringup.processes.supervisor import BackOff, Supervisor
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.graph_watch import LifecycleWatch

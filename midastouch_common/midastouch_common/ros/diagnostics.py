@@ -47,7 +47,7 @@ class Diagnostics:
         self._timer.reset()
 
     def problem(self, kind: str, message: str) -> None:
-        """Count an event of bad input under `kind`, name it in the next status and log it now and then."""
+        """Count an event of bad input under `kind`, name it in the next status and log it at most once in 5 s."""
         self._problems[kind] = self._problems.get(kind, 0) + 1
         self._recent = message
         # rclpy's own throttle inspects the stack at every call, a millisecond a bad frame
@@ -58,14 +58,14 @@ class Diagnostics:
 
     @contextlib.contextmanager
     def kept_up(self) -> Iterator[None]:
-        """Publish in the usual rhythm, the first at once, also while the caller keeps the executor from doing so."""
+        """Publish from a thread, at once and then periodically, while the caller blocks the executor."""
         over = threading.Event()
 
         def publish() -> None:
             while not over.is_set() and self._node.context.ok():
                 try:
                     self.publish()
-                except RCLError:  # told to stop in the middle of the call
+                except RCLError:  # a signal stopped the process in the middle of the call
                     if self._node.context.ok():
                         raise
                 over.wait(PERIOD_S)
@@ -102,7 +102,7 @@ class Diagnostics:
 
 
 class Rate:
-    """Events per second over the time since it was last asked, and the mean time each one took."""
+    """Events per second over the time since they were last read, and the mean time each one took."""
 
     def __init__(self) -> None:
         self._since, self._count, self._busy = time.monotonic(), 0, 0.0

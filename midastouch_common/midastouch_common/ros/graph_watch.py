@@ -45,7 +45,7 @@ class LifecycleWatch:
 
 
 class _Watched:
-    """One node: what it has said of its state."""
+    """One node, and the state that it has reported."""
 
     def __init__(self, node: Node, name: str):
         self.name, self.state = name, _ABSENT
@@ -70,7 +70,7 @@ class _Watched:
             self.state = answer.result().current_state.label
 
     def _on_event(self, event: TransitionEvent) -> None:
-        # what is still to be answered may have been said before
+        # an answer that is still due may be older than this event
         self._drop_question()
         self.state = event.goal_state.label
 

@@ -80,13 +80,13 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         return self.lifecycle_state == "active"
 
     def say(self, doing: str) -> None:
-        """Tell what the node does or waits for, until it is active."""
+        """Report what the node does or waits for, until it is active."""
         self._doing = doing
         self.diagnostics.publish()
 
     @contextlib.contextmanager
     def busy(self, doing: str) -> Iterator[None]:
-        """Tell in the diagnostics what keeps the active node from its work."""
+        """Report in the diagnostics what keeps the active node from its work."""
         self._doing = doing
         try:
             with self.diagnostics.kept_up():
@@ -144,7 +144,7 @@ class ManagedNode(PipelineNode, LifecycleNode, ABC):
         return self._carry_out(self._disconnect_and_unload, "shut down")
 
     def _carry_out(self, transition: Callable[[], None], doing: str) -> TransitionCallbackReturn:
-        """Its result, told with the reason when it fails (rclpy swallows what is raised), else what is done next."""
+        """Its result. The reason of a failure, which rclpy swallows, and what the node does next are reported."""
         self.failure = ""
         try:
             transition()

@@ -1,4 +1,4 @@
-"""Run nodes until the process is told to stop; bad input ends it with one line."""
+"""Run nodes until a signal stops the process; bad input ends it with one line."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def run(make_nodes: Callable[[], Iterable[Node]], args: Sequence[str] | None = N
     Of nodes that come one by one the earlier ones are destroyed when a later one cannot be made. `args` are the command
     line with its ROS arguments (None: the process' own).
 
-    Exit code 0: told to stop by SIGINT, SIGTERM or SIGHUP, at any moment and however often; what is going on then, the
+    Exit code 0: stopped by SIGINT, SIGTERM or SIGHUP, at any moment and however often; what is going on then, the
     making of the nodes or a callback, is finished first. 1: a node with an attribute `gave_up` set it. 2: InputError,
     or ROS does not start; either is said in one line. What else `make_nodes` raises is raised.
     """

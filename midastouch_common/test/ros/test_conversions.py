@@ -53,11 +53,11 @@ def test_bgr_becomes_rgb():
     ("change", "complaint"),
     [
         ({"encoding": "16UC1"}, "encoding '16UC1'"),
-        ({"encoding": "rgba8"}, "neither rgb8 nor bgr8"),
-        ({"height": 6}, "but holds"),
-        ({"step": 3}, "but holds"),
+        ({"encoding": "rgba8"}, "rgb8.*bgr8"),
+        ({"height": 6}, "holds"),
+        ({"step": 3}, "holds"),
         ({"height": 0}, "empty"),
-        ({"data": array.array("B", b"\0" * 59)}, "but holds 59 bytes"),
+        ({"data": array.array("B", b"\0" * 59)}, "59 bytes"),
     ],
 )
 def test_images_that_lie_are_refused(change, complaint):
@@ -68,7 +68,7 @@ def test_images_that_lie_are_refused(change, complaint):
         arrays.rgb_from_msg(msg, 5, 4)
 
 
-def test_landscape_image_is_refused_with_the_mend():
+def test_landscape_image_is_refused_with_the_fix():
     msg = c.image_to_msg(image("rgb8", np.random.default_rng(3), height=4, width=5), "rgb8", HEADER)
     with pytest.raises(InputError, match="rotate it to portrait"):
         arrays.rgb_from_msg(msg, 5, 4)

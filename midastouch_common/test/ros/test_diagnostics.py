@@ -11,7 +11,7 @@ pytestmark = [pytest.mark.dds, pytest.mark.usefixtures("brisk_health")]
 
 class _Node(Node):
     def __init__(self):
-        super().__init__("patient")
+        super().__init__("healthy")
         self.level = diagnostics.OK
         self.diagnostics = diagnostics.Diagnostics(self, lambda: (self.level, "fine", {"depth": 3}), hardware_id="D1")
 

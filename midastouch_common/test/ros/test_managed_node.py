@@ -75,12 +75,12 @@ def set_parameter(graph, name: str, value) -> SetParametersResult:
 def expect(graph, received: list, level: bytes, message: str, **values) -> None:
     """Spin until the newest diagnostics say so."""
 
-    def said() -> bool:
+    def reported() -> bool:
         status = received[-1].status[0] if received else None
-        told = {pair.key: pair.value for pair in status.values} if status else {}
-        return status is not None and (status.level, status.message) == (level, message) and told == values
+        values_sent = {pair.key: pair.value for pair in status.values} if status else {}
+        return status is not None and (status.level, status.message) == (level, message) and values_sent == values
 
-    graph.spin_until(said, message)
+    graph.spin_until(reported, message)
 
 
 def subscribers(graph) -> int:

@@ -1,4 +1,4 @@
-"""How a process of nodes ends, whatever it does when it is told to."""
+"""How a process of nodes ends, whatever it does when a signal stops it."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""How much the touches along slides are expected to say for the place that is right, against each other one.
+"""How much the touches along slides are expected to say for the hypothesis that is right, against each other one.
 
-If i is right, the finger follows i's surface, and a touch feels as i's path has it there. The arm's motion says where j
+If i is right, the finger follows i's surface, and a touch is as i's path has it there. The arm's motion says where j
 has the gel then; how well would the touch fit there? By codes: it has the code of one of the codebook's entries around,
-and is scored against the others around i, and against those around j. By maps, between two narrow places: the map that
-i's path renders is aligned to the object from j's pose. Where j has the gel off its surface the touch speaks as much
-against it as one can: the filter's surface constraint weighs codes down, and nothing explains a map there.
+and is scored against the others around i, and against those around j. By maps, between two narrow hypotheses: the map
+that i's path renders is aligned to the object from j's pose. Where j has the gel off its surface the touch speaks as
+much against it as one can: the filter's surface constraint weighs codes down, and nothing explains a map there.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from ..core.object_model import ObjectModel
 from .hypotheses import Hypothesis
 from .slide_prediction import nearest_and_log_weight
 
-_AROUND = 9  # entries around a pose: a place lies between them
-_SOME = 16  # poses, from which it is told what is usual
-_SAME = 1.0 - 1e-5  # cosine of a code with itself, in single precision
+_AROUND = 9  # entries around a pose: the true one lies between them
+_USUAL_POSES = 16  # poses, that say what is usual
+_SAME_COSINE = 1.0 - 1e-5  # cosine of a code with itself, in single precision
 
 
 def by_model(hypotheses: Sequence[Hypothesis]) -> Iterator[tuple[ObjectModel, np.ndarray]]:
@@ -44,7 +44,7 @@ def carried_along(starts: np.ndarray, ways: np.ndarray) -> np.ndarray:
 def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.ndarray:
     """Nats (H, N, H) that the code of a touch speaks for hypothesis i (first axis) against j (last axis) if i is right.
 
-    poses (H, N, H, 4, 4), as `carried_along`. Where i and j feel alike it scatters about 0.
+    poses (H, N, H, 4, 4), as `carried_along`. Where i and j are alike it scatters about 0.
     """
     measurement, shape = hypotheses[0].model.measurement, poses.shape[:3]
     codes, log_weight = np.empty((*shape, _AROUND, measurement.dimension), np.float32), np.empty(shape)
@@ -56,7 +56,7 @@ def code_evidence(hypotheses: Sequence[Hypothesis], poses: np.ndarray) -> np.nda
     every = np.arange(len(hypotheses))
     touch = codes[every, :, every]
     cosines = touch @ codes.reshape(*shape[:2], -1, measurement.dimension).swapaxes(2, 3)
-    others = cosines < _SAME  # the touch is none of the entries itself
+    others = cosines < _SAME_COSINE  # the touch is none of the entries itself
     shape = *cosines.shape[:3], len(hypotheses), _AROUND
     similar = np.where(others, measurement.similarity(cosines), 0).reshape(shape).sum(axis=4)
     mean = similar / np.maximum(others.reshape(shape).sum(axis=4), 1)
@@ -77,8 +77,8 @@ def _off(model: ObjectModel, poses: np.ndarray) -> np.ndarray:
 
 
 def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: NoiseModel) -> np.ndarray:
-    """Share (N,) of each map that is left once poses (N, 4, 4) `in_reach`, known as well as entries are, are aligned to
-    it. They are moved along their axes onto the surface first: no contact would have no slope to align along."""
+    """Fraction (N,) of each map that is left once poses (N, 4, 4) `in_reach`, known as well as entries are, are aligned
+    to it. They are moved along their axes onto the surface first: no contact would have no slope to align along."""
     settled = se3.make(poses[:, :3, :3], poses[:, :3, 3] - _off(model, poses)[:, None] * poses[:, :3, 2])
     align = model.alignment.align
     pairs = list(zip(settled, maps, strict=True))
@@ -86,9 +86,9 @@ def unexplained(model: ObjectModel, poses: np.ndarray, maps: np.ndarray, noise: 
 
 
 def usually_unexplained(right: Hypothesis, poses: np.ndarray, noise: NoiseModel) -> float:
-    """Share of a rendered map that the right place leaves: what alignment from as far off as entries lie leaves of
-    those at some of its poses (N, 4, 4)."""
-    some = poses[:: max(len(poses) // _SOME, 1)]
+    """Fraction of a rendered map that the right hypothesis leaves: what alignment from as far off as entries lie leaves
+    of those at some of its poses (N, 4, 4)."""
+    some = poses[:: max(len(poses) // _USUAL_POSES, 1)]
     directions = np.random.default_rng(0).standard_normal((len(some), 6))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     off = some @ se3.exp(np.sqrt(np.diag(noise.between_entries)) * directions)
@@ -102,21 +102,21 @@ def map_evidence(
     at_wrong: np.ndarray,
     noise: NoiseModel,
 ) -> np.ndarray:
-    """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right place against each of
-    W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the surface
-    nothing is explained; what is wrong with real maps, as with the last one, no place explains."""
+    """Nats (N, W) >= 0 that the maps of touches at poses `at_right` (N, 4, 4) speak for the right hypothesis against
+    each of W wrong ones, which have the gel at poses `at_wrong` (N, W, 4, 4). All are narrow. Out of reach of the
+    surface nothing is explained; what is wrong with real maps, as with the last one, no hypothesis explains."""
     if not len(at_right):
         return np.zeros(at_wrong.shape[:2])
     usual = usually_unexplained(right, at_right, noise)
     near = np.stack([in_reach(each.model, at_wrong[:, k]) for k, each in enumerate(wrong)], axis=1)
-    told = np.flatnonzero(near.any(axis=1))
+    reached = np.flatnonzero(near.any(axis=1))
     maps = np.empty((len(at_right), *right.model.alignment.map_shape), np.float32)
-    maps[told] = right.model.alignment.render(at_right[told])
+    maps[reached] = right.model.alignment.render(at_right[reached])
     found = np.ones(near.shape)
     for k, each in enumerate(wrong):
         some = near[:, k]
         found[some, k] = unexplained(each.model, at_wrong[some, k], maps[some], noise)
-    real = right.misfit if right.misfit is not None else 1.0 - right.model.config.penetration_fit
+    real = right.residual_ratio if right.residual_ratio is not None else 1.0 - right.model.config.penetration_fit
     usual, found = np.minimum(usual + real, 1.0), np.minimum(found + real, 1.0)
-    # a touch of which less is left than usual is simple, not evidence against the right place
-    return np.maximum(noise.misfit_evidence(usual) - noise.misfit_evidence(found), 0.0)
+    # a touch of which less is left than usual is simple, not evidence against the right hypothesis
+    return np.maximum(noise.residual_evidence(usual) - noise.residual_evidence(found), 0.0)

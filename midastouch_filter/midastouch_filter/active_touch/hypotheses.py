@@ -15,49 +15,49 @@ from ..refinement.refinement import is_narrow
 
 MOST = 8
 """Hypotheses of one belief; the time of a suggestion grows with their square."""
-_MOST_PLACES = 4
+_MOST_NARROW = 4
 
 
 @dataclass(frozen=True)
 class Hypothesis:
     """The sensor may touch the object of `model`, called `name`, at `pose` (4, 4) `T_obj_gel`.
 
-    place: it stands for a narrow mode; else it is one draw of many from what is spread out. misfit: share of the last
-    map that it left unexplained, None if it was not aligned to one.
+    narrow: it stands for a narrow mode; else it is one draw of many from what is spread out. residual_ratio: fraction
+    of the last map that it left unexplained, None if it was not aligned to one.
     """
 
     model: ObjectModel
     pose: np.ndarray
     probability: float
-    place: bool
+    narrow: bool
     name: str = ""
-    misfit: float | None = None
+    residual_ratio: float | None = None
 
 
 def hypotheses_of(belief: Belief, model: ObjectModel, config: FilterConfig) -> list[Hypothesis]:
-    """Places and draws, most probable first, probabilities of sum 1.
+    """Hypotheses and draws, most probable first, probabilities of sum 1.
 
-    A place is a narrow mode. The rest of the particles is represented by draws, unless that is less than the doubt that
-    `converged_probability` leaves. A single place is then doubted that much: it is compared with any other.
+    A hypothesis is a narrow mode. The rest of the particles is represented by draws, unless that is less than the doubt
+    that `converged_probability` leaves. A single hypothesis is then doubted that much: it is compared with any other.
     """
-    modes = [k for k, mode in enumerate(belief.answers[:_MOST_PLACES]) if is_narrow(belief.modes[k], config)]
-    places = [
+    modes = [k for k, mode in enumerate(belief.answers[:_MOST_NARROW]) if is_narrow(belief.modes[k], config)]
+    narrow = [
         Hypothesis(
             model, belief.answers[k].pose, belief.answers[k].weight, True,
-            misfit=1.0 - belief.aligned[k].fit if k in belief.aligned else None,
+            residual_ratio=1.0 - belief.aligned[k].fit if k in belief.aligned else None,
         )
         for k in modes
     ]  # fmt: skip
-    doubt, left = 1.0 - config.converged_probability, 1.0 - sum(place.probability for place in places)
-    if left <= doubt and len(places) > 1:
-        poses, share = [], 0.0
+    doubt, left = 1.0 - config.converged_probability, 1.0 - sum(each.probability for each in narrow)
+    if left <= doubt and len(narrow) > 1:
+        poses, fraction = [], 0.0
     elif left <= doubt:
-        poses, share = _all_over(model, MOST - len(places)), doubt
+        poses, fraction = _all_over(model, MOST - len(narrow)), doubt
     else:
-        poses, share = _spread(belief, modes, MOST - len(places)), left
-    draws = [Hypothesis(model, pose, share / len(poses), False) for pose in poses]
-    total = share + sum(place.probability for place in places)
-    return [replace(each, probability=each.probability / total) for each in [*places, *draws]]
+        poses, fraction = _spread(belief, modes, MOST - len(narrow)), left
+    draws = [Hypothesis(model, pose, fraction / len(poses), False) for pose in poses]
+    total = fraction + sum(each.probability for each in narrow)
+    return [replace(each, probability=each.probability / total) for each in [*narrow, *draws]]
 
 
 def _spread(belief: Belief, taken: list[int], count: int) -> np.ndarray:

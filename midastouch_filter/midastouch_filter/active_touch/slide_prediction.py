@@ -2,7 +2,7 @@
 
 A finger that follows the surface turns with its normal and no further (parallel transport), so that a heading in its
 gel's plane stays one. As `straight_on` of the simulator, but in longer steps, by rougher normals, and what can be
-touched is told by the codebook.
+touched follows from the codebook.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class _Walk:
         return se3.make(self._rotation, self._position - PRESS * self._rotation[:, :, 2])
 
     def advance(self, distance: float) -> None:
-        """Go on by so many metres; who is in a fold, where the closest point falls back, stays there."""
+        """Go on by `distance` [m]; a gel in a fold, where the closest point falls back, stays there."""
         steps = max(round(distance / _STEP), 1)
         for _ in range(steps):
             step, going = distance / steps, np.flatnonzero(self.alive)
@@ -107,13 +107,13 @@ def touches_on_the_way(length: float, spacing: float) -> np.ndarray:
     return length * (np.arange(1, count + 1) / count) ** power
 
 
-def independence_on_the_way(tracks: np.ndarray, felt: np.ndarray, correlation: float) -> np.ndarray:
+def independence_on_the_way(tracks: np.ndarray, measured: np.ndarray, correlation: float) -> np.ndarray:
     """How much of an independent touch each on the way is, (H, K, T) in [0, 1], as `keyframes.independence`.
 
-    tracks (H, K, T + 1, 4, 4); felt (F, 4, 4), in the frame of the start.
+    tracks (H, K, T + 1, 4, 4); measured (F, 4, 4), in the frame of the start.
     """
     out = np.ones((*tracks.shape[:2], tracks.shape[2] - 1))
-    before = tracks[:, :, 0, None] @ felt
+    before = tracks[:, :, 0, None] @ measured
     for t in range(out.shape[2]):
         older = np.concatenate([before, tracks[:, :, : t + 1]], axis=2)
         squared = np.square(older - tracks[:, :, t + 1, None])

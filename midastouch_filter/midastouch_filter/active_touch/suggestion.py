@@ -1,9 +1,9 @@
-"""Where to touch next: slides ranked by what they are expected to tell about the place, for what they cost.
+"""Where to touch next: slides ranked by what they are expected to tell about the pose, for what they cost.
 
-The finger does not know where it is, so that it can only be told a motion relative to its gel: a heading, and how far.
+The finger does not know where it is, so that it can only be given a motion relative to its gel: a heading, and how far.
 Each hypothesis says where that would lead (`slide_prediction.py`) and what the touches on the way would say for it
 (`expected_evidence.py`). With probabilities p and the evidence E(i, j) that speaks for i against j if i is right, the
-information of a slide about the place is that of a mixture (Kolchinsky and Tracey 2017),
+information of a slide about the pose is that of a mixture (Kolchinsky and Tracey 2017),
 
     I = - sum_i p_i log sum_j p_j exp(-E(i, j)),
 
@@ -42,7 +42,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Suggestion:
-    """heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift: not felt on the
+    """heading [rad] in the gel's plane, from its x to its y axis; length [m] along the surface; lift: no contact on the
     way; information [nats]; cost [m] of travel; reason, a sentence; path (n, 4, 4), gel poses on the object, by the
     most probable hypothesis that can go this way, the first where it is now; n = 0 where none on that object can."""
 
@@ -57,7 +57,8 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Advice:
-    """suggestions, best first; indistinguishable: places remain that nothing within reach can tell apart; message."""
+    """suggestions, best first; indistinguishable: hypotheses remain that nothing within reach can tell apart;
+    message."""
 
     suggestions: list[Suggestion]
     indistinguishable: bool
@@ -65,14 +66,14 @@ class Advice:
 
 
 def advise(
-    hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str = ""
+    hypotheses: Sequence[Hypothesis], measured: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str = ""
 ) -> Advice:
     """What to do next, given what is possible: hypotheses, most probable first, probabilities of sum 1.
 
-    felt (F, 4, 4): gels that have touched since the last lift, in the frame of the present one. on: name of the object
-    in whose frame paths are wanted.
+    measured (F, 4, 4): gels that have touched since the last lift, in the frame of the present one. on: name of the
+    object in whose frame paths are wanted.
     """
-    outlook = _Outlook(hypotheses, felt, wanted, noise, on)
+    outlook = _Outlook(hypotheses, measured, wanted, noise, on)
     suggestions = sorted(outlook.slides() + outlook.lifts(), key=lambda each: -each.information / each.cost)
     chosen = [each for each in suggestions if each.information > 0][: wanted.count]
     alike = outlook.alike()
@@ -82,7 +83,9 @@ def advise(
 class _Outlook:
     """What every heading leads to, for H hypotheses, K headings and T touches on the way."""
 
-    def __init__(self, hypotheses: Sequence[Hypothesis], felt: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str):
+    def __init__(
+        self, hypotheses: Sequence[Hypothesis], measured: np.ndarray, wanted: Wanted, noise: NoiseModel, on: str
+    ):
         self._hypotheses, self._wanted, self._noise = hypotheses, wanted, noise
         self._drawn = np.array([each.name == on for each in hypotheses])
         self._probability = np.array([each.probability for each in hypotheses])
@@ -96,7 +99,7 @@ class _Outlook:
         self._tracks, self._touchable = self._predicted()
         self._slid = np.logical_and.accumulate(self._touchable, axis=2)
         evidence = self._evidence()
-        news = independence_on_the_way(self._tracks, felt, config.correlation_length)
+        news = independence_on_the_way(self._tracks, measured, config.correlation_length)
         self._by_slide = np.maximum(np.cumsum(evidence * (news * self._slid)[..., None], axis=2), 0.0)
         self._elsewhere = np.maximum(evidence, 0.0) * self._touchable[..., None]
         moved = noise.change_lifted
@@ -111,25 +114,26 @@ class _Outlook:
         return tracks, touchable[:, :, 1:]
 
     def _evidence(self) -> np.ndarray:
-        """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow places by their maps."""
+        """Nats (H, K, T, H) of each touch, as `code_evidence`; of narrow hypotheses by their maps."""
         ways = self._tracks[:, :, 1:]
         flat = ways.reshape(len(ways), -1, 4, 4)
         poses = carried_along(self._tracks[:, 0, 0], flat)
         evidence = code_evidence(self._hypotheses, poses)
-        places = self._with_maps()
-        for i in places:
-            rivals = [j for j in places if j != i]
-            evidence[i][:, rivals] = 0.0  # what tells two rivals apart does not tell which place is right
-            rivals = rivals if i == 0 else [0]
+        narrow = self._with_maps()
+        for i in narrow:
+            others = [j for j in narrow if j != i]
+            evidence[i][:, others] = 0.0  # what tells two competitors apart does not tell which hypothesis is right
+            others = others if i == 0 else [0]
             within_reach = self._touchable if self._wanted.lifts else self._slid
-            some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in rivals]
-            at = np.ix_([i], some, rivals)
+            some, against = np.flatnonzero(within_reach[i]), [self._hypotheses[j] for j in others]
+            at = np.ix_([i], some, others)
             evidence[at] = map_evidence(self._hypotheses[i], against, flat[i, some], poses[at][0], self._noise)
         return evidence.reshape(*ways.shape[:3], -1)
 
     def _with_maps(self) -> list[int]:
-        """Places whose maps can be compared, none if the most probable hypothesis is none of them, or the only one."""
-        able = [k for k, each in enumerate(self._hypotheses) if each.place and each.model.alignment is not None]
+        """Hypotheses whose maps can be compared, none if the most probable hypothesis is none of them, or the only
+        one."""
+        able = [k for k, each in enumerate(self._hypotheses) if each.narrow and each.model.alignment is not None]
         return able if able[:1] == [0] and len(able) > 1 else []
 
     def slides(self) -> list[Suggestion]:
@@ -168,29 +172,30 @@ class _Outlook:
     def _reason(self, evidence: np.ndarray, distance: float, lift: bool) -> str:
         """In words, by the two hypotheses that it tells apart best; evidence (H, H)."""
         p = self._probability
-        places = [k for k, each in enumerate(self._hypotheses) if each.place]
+        narrow = [k for k, each in enumerate(self._hypotheses) if each.narrow]
         how = f"{'touched again' if lift else 'after'} {1e3 * distance:.0f} mm"
-        if len(places) < 2:
-            what = f"it is seen whether {_called(self._hypotheses[0])} is right" if places else "the places felt differ"
+        if len(narrow) < 2:
+            what = f"it shows whether {_called(self._hypotheses[0])} is right" if narrow else "the touches there differ"
             return f"{how} {'away ' if lift else ''}{what}"
         gain = np.outer(p, p) * (1.0 - np.exp(-evidence))
-        gain = (gain + gain.T)[np.ix_(places, places)]
+        gain = (gain + gain.T)[np.ix_(narrow, narrow)]
         a, b = np.unravel_index(int(np.argmax(gain)), gain.shape)
-        pair = [_called(self._hypotheses[places[k]]) for k in sorted((a, b))]
-        return f"{how} {'away ' if lift else ''}{pair[0]} feels unlike {pair[1]}"
+        pair = [_called(self._hypotheses[narrow[k]]) for k in sorted((a, b))]
+        return f"{how} {'away ' if lift else ''}{pair[0]} differs from {pair[1]}"
 
     def alike(self) -> list[Hypothesis]:
-        """Places that compete with the most probable one and cannot be told from it; none if that is no hindrance."""
-        places = [k for k, each in enumerate(self._hypotheses) if each.place]
-        if len(places) < 2:
+        """Hypotheses that compete with the most probable one and cannot be distinguished from it; none if that is no
+        hindrance."""
+        narrow = [k for k, each in enumerate(self._hypotheses) if each.narrow]
+        if len(narrow) < 2:
             return []
-        most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is felt by two of them
+        most = self._by_slide[:, :, -1].sum(axis=1)  # nearly nothing is touched by two of them
         if self._wanted.lifts:  # wherever the object is by then, touches there tell
             most = np.maximum(most, self._elsewhere.max(axis=(1, 2)))
-        top = places[0]
+        top = narrow[0]
         odds = np.log(self._probability[top] / self._probability)
-        alike = [k for k in places if k == top or odds[k] + min(most[top, k], most[k, top]) < self._certain]
-        mass, named = (sum(self._probability[k] for k in some) for some in (alike, places))
+        alike = [k for k in narrow if k == top or odds[k] + min(most[top, k], most[k, top]) < self._certain]
+        mass, named = (sum(self._probability[k] for k in some) for some in (alike, narrow))
         sure = self._probability[top] / mass
         certain = self._hypotheses[0].model.config.converged_probability
         return [self._hypotheses[k] for k in alike] if sure < certain <= mass / named else []
@@ -209,14 +214,14 @@ def _called(hypothesis: Hypothesis) -> str:
 
 
 def _message(hypotheses: Sequence[Hypothesis], suggestions: list[Suggestion], alike: list[Hypothesis]) -> str:
-    places = [each for each in hypotheses if each.place]
+    narrow = [each for each in hypotheses if each.narrow]
     if alike:
-        return f"nothing within reach can tell these places apart: {', '.join(map(_called, alike))}"
+        return f"nothing within reach can tell these hypotheses apart: {', '.join(map(_called, alike))}"
     if not suggestions:
         return "no slide within reach tells anything; allow lifts, or a longer way"
-    if len(places) > 1:
-        return f"{len(places)} places compete: {', '.join(map(_called, places))}"
-    return f"one place is left to be confirmed: {_called(places[0])}" if places else "no place stands out yet"
+    if len(narrow) > 1:
+        return f"{len(narrow)} hypotheses compete: {', '.join(map(_called, narrow))}"
+    return f"one hypothesis is left to be confirmed: {_called(narrow[0])}" if narrow else "no hypothesis stands out yet"
 
 
 class Advisor:
@@ -227,11 +232,11 @@ class Advisor:
 
     @property
     def hypotheses(self) -> list[Hypothesis]:
-        """What the belief takes for possible, most probable first; none before something was felt."""
+        """What the belief takes for possible, most probable first; none before something was measured."""
         running, belief = self._running, self._running.belief
         return hypotheses_of(belief, running.object, running.config) if belief is not None and belief.modes else []
 
     def advise(self, wanted: Wanted) -> Advice | None:
-        """Where to touch next; None before something was felt."""
+        """Where to touch next; None before something was measured."""
         hypotheses = self.hypotheses
-        return advise(hypotheses, self._running.felt, wanted, self._noise) if hypotheses else None
+        return advise(hypotheses, self._running.measured_gels, wanted, self._noise) if hypotheses else None

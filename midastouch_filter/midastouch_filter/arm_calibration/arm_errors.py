@@ -27,9 +27,9 @@ from ..core.estimate import Calibration
 from .jump_hypotheses import POSE, JumpHypotheses
 
 _MOUNT, _CLOCK = slice(6, 12), 12
-_AROUND = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
-_RECENT = 4  # frames that the present velocity is the mean of
-_SIGNIFICANT = 3.0  # standard deviations by which an error must differ from none to be taken out
+_VELOCITY_FRAMES = 3  # frames on either side that a velocity is the mean of: between two poses it is mostly their noise
+_RECENT_FRAMES = 4  # frames that the present velocity is the mean of
+_SIGNIFICANT_SIGMAS = 3.0  # standard deviations by which an error must differ from none to be taken out
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class ObjectJump:
 
 @dataclass
 class _Frame:
-    """motion (4, 4) into it, which took `elapsed` [s], 0 if that is unknown; seen: as `observe` is told."""
+    """motion (4, 4) into it, which took `elapsed` [s], 0 if that is unknown; seen: as `observe` gets it."""
 
     motion: np.ndarray
     elapsed: float
@@ -59,7 +59,7 @@ class _Frame:
 class ArmErrors:
     """Estimates mount and clock, takes their errors out of the arm's motion, and notices when the object jumps.
 
-    Args: mount (6, 6), covariance of the mount's error before anything is felt, m^2, rad^2; clock [s], standard
+    Args: mount (6, 6), covariance of the mount's error before anything is measured, m^2, rad^2; clock [s], standard
     deviation of the clock's; zeros where they are believed. jitter (6, 6), covariance of one measured sensor pose; jump
     (6, 6), of the jumps of the object that are looked for, None for none; spread (6, 6), of the first pose observed.
     Attribute: jump of the object that became certain in this frame, else None.
@@ -78,13 +78,13 @@ class ArmErrors:
         self.restart()
 
     def restart(self) -> None:
-        """Nobody knows where the gel is on the object, or how it got there; what was learnt stays."""
-        self._frames: deque[_Frame] = deque(maxlen=2 * _AROUND + 1)
-        self.forget_place()
+        """Forget the gel's pose and its motion; what was learnt of mount and clock stays."""
+        self._frames: deque[_Frame] = deque(maxlen=2 * _VELOCITY_FRAMES + 1)
+        self.forget_pose()
         self._velocity = self._present = np.zeros(6)
 
-    def forget_place(self) -> None:
-        """Nobody knows any longer where the gel is on the object; how the arm moves is known on."""
+    def forget_pose(self) -> None:
+        """Forget the gel's pose on the object; the arm's motion stays known."""
         for frame in self._frames:
             frame.seen = None
         self._pose: np.ndarray | None = None
@@ -108,7 +108,7 @@ class ArmErrors:
         """Mount (4, 4) and clock [s] as far as they are known to be wrong, axis by axis: a right one is left alone."""
         found = self.calibration
         errors = np.r_[se3.log(found.mount), found.clock]
-        errors[~found.known | (np.abs(errors) < _SIGNIFICANT * found.sigma)] = 0.0
+        errors[~found.known | (np.abs(errors) < _SIGNIFICANT_SIGMAS * found.sigma)] = 0.0
         return se3.exp(errors[:6]), float(errors[6])
 
     def expected(self, elapsed: float) -> np.ndarray:
@@ -116,19 +116,20 @@ class ArmErrors:
         mount, _ = self.applied
         return mount @ se3.exp(elapsed * self._present) @ se3.inverse(mount)
 
-    def corrected(self, motion: np.ndarray, elapsed: float | None, felt: np.ndarray | None = None) -> np.ndarray:
+    def corrected(self, motion: np.ndarray, elapsed: float | None, measured: np.ndarray | None = None) -> np.ndarray:
         """The arm's motion (4, 4) in `elapsed` seconds (None: unknown) without what is known of mount and clock.
 
-        felt (6,): velocity of the gel over the object at present, if it is known better than from the arm: m/s, rad/s.
+        measured (6,): velocity of the gel over the object at present, if it is known better than from the arm: m/s,
+        rad/s.
         """
         self.jump = None
         self._frames.append(_Frame(motion, elapsed or 0.0))
         if len(self._frames) == self._frames.maxlen:
-            self._take(self._frames[_AROUND], _mean_velocity(list(self._frames)[1:]))
+            self._take(self._frames[_VELOCITY_FRAMES], _mean_velocity(list(self._frames)[1:]))
         mount, clock = self.applied
-        before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT:])
-        if felt is not None:
-            self._present = adjoint(mount) @ felt
+        before, self._present = self._present, _mean_velocity(list(self._frames)[-_RECENT_FRAMES:])
+        if measured is not None:
+            self._present = adjoint(mount) @ measured
         return _without(mount, clock, motion, before, self._present)
 
     def observe(self, pose: np.ndarray, offset: np.ndarray, information: np.ndarray) -> None:
@@ -163,7 +164,7 @@ class ArmErrors:
     def _since(self) -> np.ndarray:
         """The gel's motion (4, 4) from the frame that is taken into account to the last observed one."""
         motion = np.eye(4)
-        for frame in list(self._frames)[_AROUND + 1 : -1]:
+        for frame in list(self._frames)[_VELOCITY_FRAMES + 1 : -1]:
             motion = motion @ _without(self._mount, self._clock, frame.motion, self._velocity, self._velocity)
         return motion
 
@@ -184,7 +185,7 @@ class ArmErrors:
         self._clock += float(change[_CLOCK])
 
     def _anchor(self, pose: np.ndarray) -> None:
-        """A place is known again: only what was learnt of mount and clock holds there as well."""
+        """Begin at a pose (4, 4) that is known again, with what was learnt of mount and clock."""
         self._pose = pose
         covariance = self._hypotheses.covariance[0]
         covariance[POSE, :] = covariance[:, POSE] = 0.0
@@ -194,7 +195,7 @@ class ArmErrors:
 def _without(
     mount: np.ndarray, clock: float, motion: np.ndarray, before: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
-    """The gel's motion (4, 4), the arm's being told, without the errors of mount (4, 4) and clock [s].
+    """The gel's motion (4, 4), of what the arm says, without the errors of mount (4, 4) and clock [s].
 
     before and velocity (6,): of the gel that the mount tells, where the motion starts and ends.
     """
@@ -203,7 +204,7 @@ def _without(
 
 
 def _mean_velocity(frames: list[_Frame]) -> np.ndarray:
-    """Mean velocity (6,) over some frames, m/s and rad/s; zero where no time is told."""
+    """Mean velocity (6,) over some frames, m/s and rad/s; zero where no time is known."""
     timed = [frame for frame in frames if frame.elapsed]
     if not timed:
         return np.zeros(6)

@@ -25,16 +25,16 @@ from ..core.estimate import Calibration
 from ..core.gates import Stopwatch
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
-from ..core.places import pose_distance
+from ..core.pose_hypothesis import pose_distance
 from ..core.touch import Measurement
 from .arm_errors import ArmErrors, ObjectJump
 
 _CORRELATION = 7.5e-3  # m of path over which the errors of alignments are one and the same; 1 rad counts as 10 mm
-_TOLD = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
-_ASKED = 3  # last maps that are asked so
-_PATIENCE = 3  # frames in a row that the track may fail to explain: over a sharp edge
-_SAID = 0.1  # share of the prior's information below which a map says nothing
-_EXPLAINED = 0.95  # fit from which the start from the guess is good enough
+_JUMP_NATS = 1.0  # nats by which the last maps must speak against an object at rest: `fits/object_motion.py`
+_JUMP_MAPS = 3  # last maps that are asked so
+_UNEXPLAINED_FRAMES = 3  # frames in a row that the track may fail to explain: over a sharp edge
+_LEAST_INFORMATION = 0.1  # fraction of the prior's information below which a map says nothing
+_GOOD_FIT = 0.95  # fit from which the start from the guess is good enough
 
 
 class AsMeasured:
@@ -105,13 +105,13 @@ class OdometryCorrection(AsMeasured):
 
     def _better(self, motion: Odometry, touch: Measurement, elapsed: float | None) -> np.ndarray:
         self._seconds += math.nan if elapsed is None else elapsed
-        better = self._errors.corrected(motion.transform, elapsed, self._felt_velocity(touch))
+        better = self._errors.corrected(motion.transform, elapsed, self._measured_velocity(touch))
         self._arm = self._arm @ better
         jump = self._errors.jump
         if jump is None or self._track is None:
             return better
         still, moved = self._evidence(jump.at_rest), self._evidence(jump.pose)
-        if moved - still < _TOLD:  # over ridges the track may have gone to the next one, which feels alike
+        if moved - still < _JUMP_NATS:  # over ridges the track may have gone to the next one, which is alike
             self._lose()
             return better
         self.jump = jump
@@ -123,7 +123,7 @@ class OdometryCorrection(AsMeasured):
         self._track = self._mode
         return better
 
-    def _felt_velocity(self, touch: Measurement) -> np.ndarray | None:
+    def _measured_velocity(self, touch: Measurement) -> np.ndarray | None:
         """Velocity (6,) over the object, m/s and rad/s, where the arm would tell it too late."""
         if not (self._seconds > 0 and self._errors.applied[1] and self._usable(touch)):
             return None
@@ -141,7 +141,9 @@ class OdometryCorrection(AsMeasured):
     def _evidence(self, pose: np.ndarray) -> float:
         """How well the last maps fit the neighbourhood of a pose (4, 4) and of those before it along the track."""
         since = pose @ se3.inverse(self._track)
-        return sum(self._alignment.align(since @ track, self._near, felt).log_evidence for track, felt in self._felt)
+        return sum(
+            self._alignment.align(since @ track, self._near, measured).log_evidence for track, measured in self._maps
+        )
 
     def observe(self, belief: Belief, touch: Measurement, trusted: bool) -> None:
         if not self._usable(touch):
@@ -166,21 +168,21 @@ class OdometryCorrection(AsMeasured):
         path = Odometry.from_matrix(se3.inverse(self._track) @ found.pose).path
         self._track = found.pose if explained else start
         self._unexplained = 0 if explained else self._unexplained + 1
-        self._felt.append((self._track, penetration))
+        self._maps.append((self._track, penetration))
         away = pose_distance(self._track, belief.answers[0].pose) > self._config.mode_radius
-        if away or self._unexplained > _PATIENCE:
+        if away or self._unexplained > _UNEXPLAINED_FRAMES:
             self._lose()
         elif explained:
             offset, information = without_prior(start, self._reach, found)
             self._errors.observe(start, offset, min(1.0, path / _CORRELATION) * information)
 
     def _lose(self) -> None:
-        """The track ends: nothing is felt, or it left the place."""
+        """The track ends: nothing is touched, or it left the pose."""
         self._contact.restart()
-        self._errors.forget_place()
+        self._errors.forget_pose()
         self._track: np.ndarray | None = None
         self._unexplained = 0
-        self._felt: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_ASKED)
+        self._maps: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_JUMP_MAPS)
 
 
 def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) -> tuple[np.ndarray, np.ndarray]:
@@ -190,8 +192,8 @@ def without_prior(pose: np.ndarray, covariance: np.ndarray, posterior: Aligned) 
     """
     scale = np.linalg.cholesky(covariance)
     gained, axes = np.linalg.eigh(scale.T @ np.linalg.inv(posterior.covariance) @ scale - np.eye(6))
-    said = gained > _SAID
-    gained, axes = gained[said], axes[:, said]
+    informed = gained > _LEAST_INFORMATION
+    gained, axes = gained[informed], axes[:, informed]
     towards = axes.T @ np.linalg.solve(scale, se3.log(se3.inverse(pose) @ posterior.pose))
     whitening = np.linalg.solve(scale.T, axes)
     return scale @ axes @ (towards * (gained + 1) / gained), (whitening * gained) @ whitening.T
@@ -212,7 +214,7 @@ class ContactOdometry:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the last map: nothing is touched, or nobody knows how the arm moved."""
+        """Forget the last map: nothing is touched, or the arm's motion since is unknown."""
         self._map: np.ndarray | None = None
         self._last: np.ndarray | None = None
 
@@ -233,7 +235,7 @@ class ContactOdometry:
         if self._map is None:
             return None
         motion, _, fit = self._kernel.align(self._map, penetration, guess, self._reach, guess)
-        if fit < _EXPLAINED and self._last is not None:
+        if fit < _GOOD_FIT and self._last is not None:
             other, _, other_fit = self._kernel.align(self._map, penetration, guess, self._reach, self._last)
             if 1 - other_fit < 0.5 * (1 - fit):
                 return other

@@ -30,9 +30,9 @@ from .noise_model import NoiseModel
 from .touch import Measurement
 
 _MARGIN = 1e-3  # m below the gel within which surface that is about to touch is seen
-WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by misfit and bias; what is added to the latter
-_MEMORY, _HELD = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
-_SAID = 0.1  # share of an axis' prior variance below which a map says nothing of it
+WIDTH, WHITE = 24.5, 0.25  # factor on the covariance, by residual ratio and bias; what is added to the latter
+_AVERAGED_MAPS, _BIAS_MAPS = 15, 50  # maps over which innovations are averaged, and over which a bias is forgotten
+_LEAST_GAIN = 0.1  # fraction of an axis' prior variance below which a map says nothing of it
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Aligned:
 
     pose (4, 4) `T_obj_gel`; covariance (6, 6) of [translation, rotation] in the pose's own frame, m and rad;
     log_evidence, how well the map fits the prior Gaussian, relative to other Gaussians for the same map;
-    fit, share in [0, 1] of the touched pixels that the pose explains (0 if nothing is touched).
+    fit, fraction in [0, 1] of the touched pixels that the pose explains (0 if nothing is touched).
     """
 
     pose: np.ndarray
@@ -68,7 +68,7 @@ class PenetrationAlignment:
         )
 
     def render(self, poses: np.ndarray) -> np.ndarray:
-        """Penetration maps (N, H, W) m that are felt at poses (N, 4, 4)."""
+        """Penetration maps (N, H, W) m that are measured at poses (N, 4, 4)."""
         return np.maximum(self._renderer.render(poses), 0.0)
 
     def align(
@@ -90,7 +90,7 @@ def without_jitter(
     """Mean (4, 4) and covariance (6, 6) of the mode, given the posterior of mode plus this frame's jitter.
 
     An arm reports each pose with an error of its own that does not stay: the penetration sees the sum of both, and only
-    the mode's share of the innovation may move the particles for good (conditioning of a joint Gaussian).
+    the mode's part of the innovation may move the particles for good (conditioning of a joint Gaussian).
     """
     total = prior + jitter
     gain = np.linalg.solve(total, prior).T
@@ -153,7 +153,7 @@ class CredibleRegion:
     Two things tell that the alignment's model of the noise does not hold, and each widens the covariance:
 
     * What the map leaves unexplained. How wrong a map is differs from touch to touch, so that the likelihood of a pose
-      is a power of its residual ratio m (docs/evidence.md). The curvature around its peak falls as m + m0, and the
+      is a power of its residual ratio m (docs/internals.md). The curvature around its peak falls as m + m0, and the
       covariance grows as it.
     * That maps correct the pose in one direction again and again. The innovations of a filter whose model holds are
       white (Mehra 1970). Those of an arm that is late, of an object that was pushed, or of a pose nearby are not: what
@@ -175,7 +175,7 @@ class CredibleRegion:
         self.restart()
 
     def restart(self) -> None:
-        """Nobody knows where the gel is."""
+        """Forget all corrections: the gel's pose is unknown."""
         self._sum, self._number = np.zeros(6), np.ones(6)
         self.bias = 0.0
 
@@ -183,13 +183,13 @@ class CredibleRegion:
         """A map turned the prior N(pose (4, 4), covariance (6, 6), own frame) into the posterior."""
         prior = np.diag(covariance)
         predicted = prior - np.diag(posterior.covariance)
-        said = predicted > _SAID * prior
+        informed = predicted > _LEAST_GAIN * prior
         moved = se3.log(se3.inverse(pose) @ posterior.pose)
-        keep = 1.0 - 1.0 / _MEMORY
-        self._sum, self._number = keep * self._sum, keep * self._number + said
-        self._sum[said] += moved[said] / np.sqrt(predicted[said])
-        self.bias = max((1.0 - 1.0 / _HELD) * self.bias, float((self._sum**2 / self._number).sum()))
+        keep = 1.0 - 1.0 / _AVERAGED_MAPS
+        self._sum, self._number = keep * self._sum, keep * self._number + informed
+        self._sum[informed] += moved[informed] / np.sqrt(predicted[informed])
+        self.bias = max((1.0 - 1.0 / _BIAS_MAPS) * self.bias, float((self._sum**2 / self._number).sum()))
 
     def widening(self, aligned: Aligned) -> float:
         """Factor on the covariance of a pose that was aligned to this frame's maps."""
-        return WIDTH * (1.0 - aligned.fit + self._noise.misfit_floor) * (WHITE + self.bias) ** 2
+        return WIDTH * (1.0 - aligned.fit + self._noise.residual_floor) * (WHITE + self.bias) ** 2

@@ -16,7 +16,7 @@ from .lookup import PoseLookup
 from .modes import ModeFinder
 from .particles import Particles
 
-_SAMPLE = 4096  # particles that the other places are judged by
+_SAMPLE = 4096  # particles that the other hypotheses are judged by
 
 
 class Belief:
@@ -24,8 +24,8 @@ class Belief:
 
     Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
     aligned, of the modes that the last penetration maps fitted, by their number, and aligned_to, names of the fingers
-    that felt these maps: for this very frame, until the particles change; answers, the modes, sharpened where they are
-    aligned.
+    that measured these maps: for this very frame, until the particles change; answers, the modes, sharpened where they
+    are aligned.
     """
 
     def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):
@@ -33,7 +33,7 @@ class Belief:
         self.restart(particles)
 
     def restart(self, particles: Particles) -> None:
-        """Forget all, and believe in these particles, drawn anew."""
+        """Start again with these particles."""
         self._path = 0.0  # since the last look-up
         self.modes: list[Mode] = []
         self.answers: list[Mode] = []
@@ -41,9 +41,9 @@ class Belief:
         self.hold(particles)
 
     def hold(self, particles: Particles) -> None:
-        """Believe in these particles from now on."""
+        """Replace the particles."""
         self.particles, self.weights = particles, particles.weights
-        self._members: np.ndarray | None = None  # once somebody has asked since they changed
+        self._members: np.ndarray | None = None  # computed when first asked for
 
     def follow_entries(self, now: np.ndarray) -> None:
         """The look-up has other entries: the former ones are near `now` (M,) int32. Finds the modes anew."""
@@ -140,11 +140,13 @@ def sharpened(mode: Mode, aligned: Aligned, widening: float) -> Mode:
 def covariance_about(mode: Mode, members: np.ndarray, particles: Particles, weights: np.ndarray) -> np.ndarray:
     """Covariance (6, 6) of the belief about the dominant mode's pose, in the order and axes of `Mode.covariance`.
 
-    A mode's own covariance says how well its place is known if it is the right one. Who reads a single pose must also
-    be told how far away the truth lies if it is another one. So the part of the others is the second moment of position
+    A mode's own covariance says how well its pose is known if it is the right one. The published covariance must also
+    say how far away the truth lies if it is another one. So the part of the others is the second moment of position
     and rotation vector about the mode's pose; the mode's own part is its covariance. members (N,) int32: the mode of
     each particle, 0 for this one; weights (N,), sum 1.
     """
-    place = kernels.decompose(mode.pose)[1]
-    mass, moment = kernels.second_moment(particles.positions, particles.quaternions, weights, members, place, _SAMPLE)
+    position = kernels.decompose(mode.pose)[1]
+    mass, moment = kernels.second_moment(
+        particles.positions, particles.quaternions, weights, members, position, _SAMPLE
+    )
     return (1.0 - mass) * mode.covariance + mass * moment

@@ -45,7 +45,7 @@ class FilterConfig:
     # --- motion model (paper equation 1)
     noise_translation: float = _number(1e-3, 0.0, 0.05, "m", "noise per step in contact, each axis, sigma")
     noise_rotation: float = _number(math.radians(2.0), 0.0, 1.0, "rad", "noise per step in contact, each axis, sigma")
-    noise_converged: float = _number(0.25, 0.0, 1.0, "", "share of both that is left once one mode dominates")
+    noise_converged: float = _number(0.25, 0.0, 1.0, "", "fraction of both that is left once one mode dominates")
     noise_per_metre: float = _number(0.02, 0.0, 1.0, "m/m", "further translation noise per distance moved")
     noise_per_radian: float = _number(0.02, 0.0, 1.0, "rad/rad", "further rotation noise per angle turned")
     update_min_d: float = _number(2e-4, 0.0, 0.1, "m", "the arm is at rest until it has moved this far")
@@ -54,7 +54,7 @@ class FilterConfig:
 
     # --- measurement model (paper equation 2, made a calibrated likelihood ratio)
     temperature: float = _number(0.0, 0.0, 10.0, "", "of the code similarity; 0: the codebook's calibrated one")
-    outlier: float = _number(0.0, 0.0, 0.9, "", "share of touches that match nothing; 0: the codebook's")
+    outlier: float = _number(0.0, 0.0, 0.9, "", "fraction of touches that match nothing; 0: the codebook's")
     correlation_length: float = _number(
         0.02, 1e-5, 0.1, "m", "touches nearer than this are counted in part only; 1 rad counts as 10 mm"
     )
@@ -66,8 +66,8 @@ class FilterConfig:
     dead_distance: float = _number(6e-3, 1e-3, 0.02, "m", "particles farther from the surface than this are dropped")
     book_constraint: bool = _switch(True, "weigh down particles far from every codebook pose (tilted away)")
 
-    # --- coarse to fine: alignment of narrow modes to the felt map; jitter as of the paper's tracker (section 5)
-    refinement: bool = _switch(True, "align narrow modes to the felt penetration map")
+    # --- coarse to fine: alignment of narrow modes to the measured map; jitter as of the paper's tracker (section 5)
+    refinement: bool = _switch(True, "align narrow modes to the measured penetration map")
     refined_modes: int = _number(4, 1, 64, "", "modes that are aligned, heaviest first")
     refine_translation: float = _number(0.008, 1e-4, 0.05, "m", "a mode is narrow below this RMS spread ...")
     refine_rotation: float = _number(math.radians(25.0), 0.01, 1.5, "rad", "... and below this one in rotation")
@@ -120,23 +120,23 @@ class FilterConfig:
     )
 
     # --- resampling and recovery
-    resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective share of particles is below this")
+    resample_ess: float = _number(0.5, 0.0, 1.0, "", "resample when the effective fraction of particles is below this")
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
     recovery_alpha_slow: float = _number(0.04, 1e-4, 1.0, "", "rate of the long average of the likelihood")
     recovery_alpha_fast: float = _number(1.0, 1e-3, 1.0, "", "rate of the short average of the likelihood")
-    recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest share of particles injected per update")
+    recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest fraction of particles injected per update")
 
     # --- modes and status
     mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")
     min_mode_mass: float = _number(0.01, 0.0, 0.5, "", "modes lighter than this are not reported")
     converged_mass: float = _number(0.8, 0.5, 1.0, "", "converged when the dominant mode holds this much")
     converged_probability: float = _number(
-        0.99, 0.5, 1.0, "", "... and its place is this probable, by the last touches, among all that explain them"
+        0.99, 0.5, 1.0, "", "... and its hypothesis is this probable, by the last touches, among all that explain them"
     )
     converged_translation: float = _number(0.005, 1e-4, 0.1, "m", "... and spreads no wider, RMS")
     converged_rotation: float = _number(math.radians(15.0), 0.01, 3.0, "rad", "... and turns no wider, RMS")
     converged_error: float = _number(
-        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and misfits widen it"
+        0.005, 1e-4, 0.5, "m", "... and its published covariance is no wider, RMS: innovations and residuals widen it"
     )
     hysteresis: float = _number(1.5, 1.0, 5.0, "", "factor on the limits of a state before it is left")
 

@@ -12,7 +12,7 @@ import midastouch_kernels as kernels
 from .modes import Moments
 from .state import Status
 
-_KNOWN = 0.5  # share of its first standard deviation below which an axis counts as known
+_KNOWN_FRACTION = 0.5  # fraction of its first standard deviation below which an axis counts as known
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Mode:
 class Calibration:
     """What is known of mount and clock.
 
-    mount (4, 4), `T_true_gel_told`: the gel frame that the mount tells, in the true one; clock [s], by which the arm's
-    poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations before
-    anything was felt; touches that were used.
+    mount (4, 4), `T_true_gel_reported`: the gel frame as the mount reports it, in the true one; clock [s], by which the
+    arm's poses are late; covariance (7, 7) of [mount, own frame: m, rad; clock: s]; prior (7,), standard deviations
+    before anything was measured; touches that were used.
     """
 
     mount: np.ndarray
@@ -64,7 +64,7 @@ class Calibration:
     @property
     def known(self) -> np.ndarray:
         """Which (7,) are known much better than before."""
-        return self.sigma < _KNOWN * self.prior
+        return self.sigma < _KNOWN_FRACTION * self.prior
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,8 @@ class Estimate:
     """Answer of one step.
 
     modes, heaviest first (none while uninitialised); status; covariance (6, 6) of the whole belief about the dominant
-    mode's pose, in the order and axes of `Mode.covariance`: while several places compete, the distance between them is
-    part of it. None while uninitialised. calibration: what is known of mount and clock, None if nothing asks.
+    mode's pose, in the order and axes of `Mode.covariance`: while several hypotheses compete, the distance between them
+    is part of it. None while uninitialised. calibration: what is known of mount and clock, None if nothing asks.
     """
 
     modes: list[Mode]

@@ -20,8 +20,7 @@ from midastouch_common.errors import InputError
 
 from .config import FilterConfig
 from .gates import Gates
-from .gel_search import GelSearch
-from .lookup import PoseLookup
+from .lookup import GelSearch, PoseLookup
 from .measurement_model import MeasurementModel
 from .motion_model import Odometry, RestGate, transformed
 from .particles import Particles
@@ -32,15 +31,15 @@ from .workers import Workers
 FIRST = ""
 """Name of the first finger, whose gel the particles are poses of."""
 
-_FARTHEST = 10.0  # m between two fingers of one hand
-_SCATTERED = 8  # gathering scattered codes costs so many times a streamed one
+_LARGEST_HAND = 10.0  # m between two fingers of one hand
+_GATHER_COST = 8  # time to gather a scattered code over that to stream one
 
 
 class Finger:
-    """One finger: what it feels, how much of that is news, and how well it fits each particle.
+    """One finger: what it measures, how much of that is news, and how well it fits each particle.
 
-    Attributes: name; touch, what it feels in this frame, map and transform checked; code (D,) at unit length, None if
-    it touches nothing; tempering exponent in [0, 1]: how much of the touch is independent of what was felt before.
+    Attributes: name; touch, its measurement in this frame, map and transform checked; code (D,) at unit length, None if
+    it touches nothing; tempering exponent in [0, 1]: how much of the touch is independent of what was measured before.
     Touches nearer together than the correlation length see nearly the same patch, so they count in proportion to the
     path between them.
     """
@@ -61,7 +60,7 @@ class Finger:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was felt: the particles were drawn anew."""
+        """Forget what was measured: the particles were drawn anew."""
         self._rest = RestGate(self._config, Gates())
         self._pose: np.ndarray | None = None
         self._search.restart()
@@ -69,7 +68,8 @@ class Finger:
 
     def force_update(self) -> None:
         """Count the next touch in full, even if nothing moves or the code is the last one again."""
-        self._path = {True: np.inf, False: np.inf}  # since what was felt last in contact, and in the air, was counted
+        # since the last touch in contact, and the last one in the air, was counted
+        self._path = {True: np.inf, False: np.inf}
         self._last_code: np.ndarray | None = None
 
     def use(self, model: MeasurementModel) -> None:
@@ -92,8 +92,8 @@ class Finger:
             self._path[contact] += path
         return path
 
-    def feels_anew(self, touch: Measurement, moved: bool) -> bool:
-        """Take a touch; whether it is more than what was felt before, said again. Raises ValueError on a bad code."""
+    def measures_anew(self, touch: Measurement, moved: bool) -> bool:
+        """Take a touch; returns whether it is more than a repetition. Raises ValueError on a bad code."""
         code = self._model.unit_code(touch.code) if touch.in_contact else None
         path = self._path[touch.in_contact]
         if not (moved or np.isinf(path)):
@@ -124,7 +124,7 @@ class Finger:
         return self._log_ratio_there(particles, self.touch.T_gel_finger)
 
     def _log_ratio_there(self, particles: Particles, T_gel_finger: np.ndarray | None) -> np.ndarray:
-        """Of a gel whose pose is known less well than the particle's; where no surface is, chance felt its code."""
+        """Of a gel whose pose is known less well than the particle's; where no surface is, its code came by chance."""
         away = T_gel_finger is not None
         gels = transformed(particles, T_gel_finger, self._workers) if away else particles
         distance = self._surface.distance(gels)
@@ -144,7 +144,7 @@ class Finger:
         return log_ratio + self._surface.bounded_log_weight(distance, codebook_distance, True, sigma)
 
     def _log_likelihood(self, gels: Particles) -> np.ndarray:
-        if self._gates.skips("whole_book", len(gels) * _SCATTERED <= len(self._lookup)):
+        if self._gates.skips("whole_book", len(gels) * _GATHER_COST <= len(self._lookup)):
             self._model.score_occupied(self.code, gels)
         else:
             self._model.score_codebook(self.code)
@@ -174,7 +174,7 @@ class Fingers:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what was felt: the particles were drawn anew."""
+        """Forget what was measured: the particles were drawn anew."""
         self.path = 0.0
         self._travel = np.eye(4)
         for finger in self._fingers.values():
@@ -190,7 +190,7 @@ class Fingers:
         for name, finger in self._fingers.items():
             finger.use(model_of(name))
 
-    def feel(self, touches: Mapping[str, Measurement], motion: Odometry | None) -> list[Finger]:
+    def measure(self, touches: Mapping[str, Measurement], motion: Odometry | None) -> list[Finger]:
         """Those that tell something new, by name, the first one first; unusable touches are refused.
 
         motion: of the first finger since the last frame, None at rest. `count` what is used.
@@ -198,17 +198,17 @@ class Fingers:
         if motion is not None:
             self._travel = self._travel @ motion.transform
         self.path = 0.0
-        felt = []
+        measured = []
         for name in sorted(touches):
             try:
-                if self._feels_anew(name, touches[name], motion):
-                    felt.append(self._fingers[name])
+                if self._measures_anew(name, touches[name], motion):
+                    measured.append(self._fingers[name])
             except ValueError as error:
                 kind, reason = error.args
                 self._gates.refuse(kind, f"{_whose(name)}{reason}")
-        return felt
+        return measured
 
-    def _feels_anew(self, name: str, touch: Measurement, motion: Odometry | None) -> bool:
+    def _measures_anew(self, name: str, touch: Measurement, motion: Odometry | None) -> bool:
         """Raises ValueError(kind, reason) on a touch that cannot be used."""
         if name != FIRST:
             touch = replace(touch, T_gel_finger=_checked(touch.T_gel_finger))
@@ -219,7 +219,7 @@ class Fingers:
             path = finger.moved_to(self._travel @ touch.T_gel_finger)
             self.path = max(self.path, path)
         try:
-            anew = finger.feels_anew(touch, path > 0)
+            anew = finger.measures_anew(touch, path > 0)
         except ValueError as error:
             raise ValueError("bad_code", str(error)) from error
         if anew and self._map_shape and touch.penetration is not None and not self._usable(name, touch):
@@ -227,7 +227,7 @@ class Fingers:
         return anew
 
     def _usable(self, name: str, touch: Measurement) -> bool:
-        """Whether the penetration map was felt and can be compared with rendered ones."""
+        """Whether there is a penetration map that can be compared with rendered ones."""
         penetration = touch.penetration
         if not touch.in_contact:
             return False
@@ -239,17 +239,17 @@ class Fingers:
 
 
 def by_name(measurement: Measurement, others: Mapping[str, Measurement]) -> dict[str, Measurement]:
-    """What all fingers feel, the first one under its name; raises InputError if a further one has none."""
+    """What all fingers measure, the first one under its name; raises InputError if a further one has none."""
     if FIRST in others:
         raise InputError("others: a further finger needs a name")
     return {FIRST: measurement, **others}
 
 
-def count(felt: list[Finger]) -> float:
-    """What these fingers felt was used; the largest tempering exponent of those that touch."""
-    for finger in felt:
+def count(measured: list[Finger]) -> float:
+    """What these fingers measured was used; the largest tempering exponent of those that touch."""
+    for finger in measured:
         finger.count()
-    return max(finger.tempering for finger in felt if finger.touch.in_contact)
+    return max(finger.tempering for finger in measured if finger.touch.in_contact)
 
 
 def _whose(name: str) -> str:
@@ -262,6 +262,6 @@ def _checked(T_gel_finger: np.ndarray) -> np.ndarray:
         motion = Odometry.from_matrix(T_gel_finger)
     except ValueError as error:
         raise ValueError("bad_finger_pose", str(error).replace("odometry", "pose")) from error
-    if not motion.distance <= _FARTHEST:
+    if not motion.distance <= _LARGEST_HAND:
         raise ValueError("bad_finger_pose", f"pose is {motion.distance:.3g} m from the first finger's")
     return motion.transform

@@ -17,9 +17,9 @@ GATES = (
 )
 """Each recognises work that can be skipped:
 
-at_rest: the arm does not move; no_contact: nothing is felt; unchanged_code: the very same code again, a repeated image
-and no new touch; effective_size: enough particles carry weight, resampling would only lose diversity; whole_book: few
-particles, for which their own codebook entries are scored only; unmoved_modes: nothing happened to the particles;
+at_rest: the arm does not move; no_contact: nothing is touched; unchanged_code: the very same code again, a repeated
+image and no new touch; effective_size: enough particles carry weight, resampling would only lose diversity; whole_book:
+few particles, for which their own codebook entries are scored only; unmoved_modes: nothing happened to the particles;
 wide_modes: no mode is narrow enough for its rendered view to tell anything; unrivalled: touches still fit what the
 last re-evaluation said, so that the next can wait.
 """
@@ -49,7 +49,7 @@ class Gates:
         self.note = reason
 
     def count(self, kind: str, number: int) -> None:
-        """So many of a kind."""
+        """Add `number` to the count of a kind."""
         self.counts[kind] = self.counts.get(kind, 0) + number
 
 
@@ -61,7 +61,7 @@ class Stopwatch:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, with no time spent."""
+        """Forget all times."""
         self.ms: dict[str, float] = {}
 
     def stage(self, name: str) -> AbstractContextManager[None]:

@@ -14,7 +14,7 @@ from .fingers import Finger
 from .lookup import PoseLookup
 from .motion_model import MotionModel, Odometry, transformed
 from .particles import Particles
-from .places import Place
+from .pose_hypothesis import PoseHypothesis
 from .workers import Workers
 
 _WIDEST = 1e3  # m, rad; what is farther off is a mistake, and float32 loses it
@@ -83,7 +83,7 @@ class ParticleSource:
         return self._around(np.sort(self._lookup.exact(drawn)))
 
     def matches(self, finger: Finger, n: int) -> Particles:
-        """n particles drawn by the likelihood of what the finger feels at present."""
+        """n particles drawn by the likelihood of what the finger measures at present."""
         gels = self._around(finger.draw_matches(n, self._rng))
         T_gel_finger = finger.touch.T_gel_finger
         if T_gel_finger is None:
@@ -92,9 +92,9 @@ class ParticleSource:
         self._lookup.relocate(particles)
         return particles
 
-    def inject(self, particles: Particles, finger: Finger, share: float) -> int:
-        """Put matches in the place of so many of the particles, drawn at random; returns their number."""
-        where = self._rng.choice(len(particles), round(share * len(particles)), replace=False)
+    def inject(self, particles: Particles, finger: Finger, fraction: float) -> int:
+        """Replace this fraction of the particles, drawn at random, by matches; returns their number."""
+        where = self._rng.choice(len(particles), round(fraction * len(particles)), replace=False)
         particles.replace(where, self.matches(finger, len(where)))
         return len(where)
 
@@ -103,23 +103,23 @@ class ParticleSource:
         uniform = uniform_entries(len(self._lookup), n - n // 2, self._rng)
         return self._around(np.concatenate([uniform, self.matches(finger, n // 2).entries]))
 
-    def places_and_uniform(self, places: Sequence[Place], n: int) -> Particles:
-        """n particles, half at one or more places, each by its probability, half over the whole surface."""
-        shares = np.array([place.probability for place in places])
-        numbers = np.round(0.5 * n * shares / shares.sum()).astype(int)
-        some = [self.at(place, number) for place, number in zip(places, numbers, strict=True) if number]
+    def hypotheses_and_uniform(self, hypotheses: Sequence[PoseHypothesis], n: int) -> Particles:
+        """n particles, half at one or more hypotheses, each by its probability, half over the whole surface."""
+        fractions = np.array([hypothesis.probability for hypothesis in hypotheses])
+        numbers = np.round(0.5 * n * fractions / fractions.sum()).astype(int)
+        some = [self.at(hypothesis, number) for hypothesis, number in zip(hypotheses, numbers, strict=True) if number]
         particles = Particles.joined([*some, self.uniform(n - sum(map(len, some)))])
         particles.log_weights[:] = -np.log(n)
         return particles
 
-    def at(self, place: Place, n: int) -> Particles:
-        """n particles spread as the place's covariance and the arm's jitter say."""
-        return self._spread(place.pose[None], np.zeros(n, np.int64), place.covariance + self._jitter)
+    def at(self, hypothesis: PoseHypothesis, n: int) -> Particles:
+        """n particles spread as the hypothesis' covariance and the arm's jitter say."""
+        return self._spread(hypothesis.pose[None], np.zeros(n, np.int64), hypothesis.covariance + self._jitter)
 
     def among(self, poses: np.ndarray, scores: np.ndarray, covariance: np.ndarray, n: int) -> Particles:
         """n particles around poses (C, 4, 4), drawn by their log-likelihoods (C,), with covariance (6, 6) each."""
-        share = np.cumsum(np.exp(scores - scores.max()))
-        index = np.searchsorted(share, self._rng.random(n) * share[-1], side="right").clip(max=len(poses) - 1)
+        cumulative = np.cumsum(np.exp(scores - scores.max()))
+        index = np.searchsorted(cumulative, self._rng.random(n) * cumulative[-1], side="right").clip(max=len(poses) - 1)
         return self._spread(poses, index, covariance)
 
     def _spread(self, centres: np.ndarray, index: np.ndarray, covariance: np.ndarray) -> Particles:

@@ -7,15 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .places import pose_distance
+from .noise_model import NoiseModel
+from .pose_hypothesis import pose_distance
 from .touch import Measurement
 
-_LIFTED = 0.01  # m of path without contact; less is a gap in a slide
+_LIFT_PATH = 0.01  # m of path without contact; less is a gap in a slide
+_SAMPLE = 2048  # entries that stand for the codebook
 
 
 @dataclass(frozen=True)
 class Keyframe:
-    """What fingers felt in one frame.
+    """What fingers measured in one frame.
 
     motion (4, 4): of the first gel, from the start to this frame; touches of those in contact; log_ratios, for each
     (M,) of every codebook entry as that finger's pose; shortlists, for each (S,) the entries with the best of them;
@@ -35,17 +37,18 @@ class Keyframe:
         return [self.motion if finger is None else self.motion @ finger for finger in moved]
 
     def maps(self, settled: bool) -> list[Measurement]:
-        """Touches to align to: as long as the place is not settled, the first one's only."""
+        """Touches to align to: as long as the hypothesis is not settled, the first one's only."""
         found = [touch for touch in self.touches if touch.penetration is not None]
         return found if settled else found[:1]
 
 
 class KeyframeWindow:
-    """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a shortlist of so many entries.
+    """Keeps `length` keyframes, at least `spacing` [m] of path apart, each with a `shortlist` of that many entries.
 
-    Who rubs one spot learns nothing new: a touch takes the place of one nearby, not older than the last lift. Of too
+    Rubbing one spot tells nothing new: a touch replaces one nearby, not older than the last lift. Of too
     many the oldest goes whose neighbours say together what it does, within `correlation` [m] of each other; if there is
-    none before the first lift, the oldest of all: what was felt before says little once the object may have been moved.
+    none before the first lift, the oldest of all: what was measured before says little once the object may have been
+    moved.
     Attributes: motion (4, 4), of the first gel since the start; keyframes, oldest first; stretch, at present; lifted,
     whether the sensor was lifted between the last two touches that were kept.
     """
@@ -71,7 +74,7 @@ class KeyframeWindow:
         self._path += path
         before = self._in_the_air
         self._in_the_air = 0.0 if in_contact else before + path
-        lifted = before <= _LIFTED < self._in_the_air
+        lifted = before <= _LIFT_PATH < self._in_the_air
         self.stretch += lifted
         return lifted
 
@@ -81,7 +84,7 @@ class KeyframeWindow:
         return self._path >= self._spacing
 
     def keep(self, touches: list[Measurement], log_ratios: Sequence[np.ndarray]) -> None:
-        """Keep what fingers feel at present, the first one first."""
+        """Keep what fingers measure at present, the first one first."""
         newest = Keyframe(self.motion, touches, *self._kept(log_ratios), self.stretch)
         self.lifted = len(self) > 0 and newest.stretch > self.keyframes[-1].stretch
         away = _distances([newest], [*self.keyframes, newest])[0, :-1]
@@ -124,10 +127,51 @@ class KeyframeWindow:
         return rounded, [np.argpartition(-each, min(count, len(each) - 1))[:count] for each in rounded]
 
 
+@dataclass(frozen=True)
+class WeighedWindow:
+    """keyframes, oldest first; weights (K,): how much of an independent touch each is; change (K,): probability that
+    the motion was broken before each."""
+
+    keyframes: list[Keyframe]
+    weights: np.ndarray
+    change: np.ndarray
+
+    @classmethod
+    def of(cls, keyframes: list[Keyframe], noise: NoiseModel) -> WeighedWindow:
+        """Weighed by how far apart they are; the motion may have been broken, above all where the sensor was lifted."""
+        lifted = np.array([k > 0 and keyframes[k].stretch > keyframes[k - 1].stretch for k in range(len(keyframes))])
+        change = np.where(lifted, noise.change_lifted, noise.change)
+        return cls(keyframes, independence(keyframes, noise.touch_correlation), change)
+
+    def sparser(self, count: int) -> WeighedWindow:
+        """`count` keyframes: the newest one and, ever farther apart, older ones."""
+        last = len(self.keyframes) - 1
+        chosen = sorted({max(last - 2**i + 1, 0) for i in range(count)})
+        change = [self.change[low + 1 : k + 1].max(initial=0.0) for low, k in zip([-1, *chosen], chosen, strict=False)]
+        return WeighedWindow([self.keyframes[k] for k in chosen], self.weights[chosen], np.array(change))
+
+    def chance(self) -> np.ndarray:
+        """(K,) nats that the codes of each touch, weighted, say of a pose at random: their mean over the codebook."""
+        return np.array(
+            [
+                sum(np.log(np.exp(weight * some[:: len(some) // _SAMPLE + 1]).mean()) for some in keyframe.log_ratios)
+                for weight, keyframe in zip(self.weights, self.keyframes, strict=True)
+            ]
+        )
+
+    def best_suffix(self, scores: np.ndarray) -> np.ndarray:
+        """(C,) nats of all touches since the motion was last broken, wherever that explains candidates best.
+
+        scores (C, K): of each touch.
+        """
+        price = np.append(0.0, np.log(self.change[1:]))
+        return (np.cumsum(scores[:, ::-1], axis=1)[:, ::-1] + price).max(axis=1)
+
+
 def independence(keyframes: Sequence[Keyframe], correlation: float) -> np.ndarray:
     """How much of an independent touch each of K keyframes, oldest first, is (K,), in [0, 1].
 
-    The share of the correlation length [m] that it lies away from the nearest older one.
+    The fraction of the correlation length [m] that it lies away from the nearest older one.
     """
     away = _distances(keyframes, keyframes)
     away[np.triu_indices(len(keyframes))] = np.inf

@@ -5,7 +5,7 @@ measured code to a codebook entry becomes a log-likelihood ratio against a rando
 
     l = log((1 - outlier) exp(s / T) / mean over the codebook(exp(s / T)) + outlier),
 
-with temperature T and outlier share fitted when the network was trained (an InfoNCE-trained similarity is such a
+with temperature T and outlier fraction fitted when the network was trained (an InfoNCE-trained similarity is such a
 ratio up to its temperature). l = 0: the touch tells nothing; l = log(outlier): it speaks fully against.
 """
 
@@ -23,7 +23,7 @@ from .particles import Particles
 from .touch import Measurement
 from .workers import Workers
 
-_SPARSE = 16  # every so many of the sample below are enough to tell what is typical of a code
+_SPARSE = 16  # stride through the sample below that is enough to find what is typical of a code
 _SAMPLE = 2048  # codebook entries that stand for the rest of the codebook while only occupied entries are scored
 
 
@@ -131,7 +131,7 @@ class MeasurementModel(CodeScores):
         return np.exp((cosines - 1) / np.float32(self._temperature))
 
     def log_ratio_between(self, codes: np.ndarray, similarity: np.ndarray) -> np.ndarray:
-        """l (n, m) of codes (n, D) at m places, which they have a similarity (n, m) with."""
+        """l (n, m) of codes (n, D) at m poses, which they have a similarity (n, m) with."""
         typical = self.similarity(codes @ self._sampled_codes[::_SPARSE].T).mean(axis=1)
         return np.log((1 - self.outlier) * similarity / typical[:, None] + self.outlier)
 
@@ -141,12 +141,13 @@ class MeasurementModel(CodeScores):
 
     def draw_matches(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """n entries (n,) int32 drawn by their likelihood; needs `score_codebook` for the same code before."""
-        share = np.cumsum(np.exp(self.log_ratio, dtype=float))
-        return np.searchsorted(share, rng.random(n) * share[-1], side="right").astype(np.int32)
+        cumulative = np.cumsum(np.exp(self.log_ratio, dtype=float))
+        return np.searchsorted(cumulative, rng.random(n) * cumulative[-1], side="right").astype(np.int32)
 
 
 def calibration(meta: dict, config: FilterConfig) -> tuple[float, float]:
-    """Temperature and outlier share: configured, or else a codebook's; raises InputError if its metadata has none."""
+    """Temperature and outlier fraction: configured, or else a codebook's; raises InputError if its metadata has
+    none."""
     return (
         config.temperature or _calibration(meta, "temperature", np.inf),
         config.outlier or _calibration(meta, "outlier", 1.0),

@@ -58,7 +58,7 @@ class Odometry:
 
 
 class Exploration:
-    """Share of the noise floor in use, in [noise_converged, 1]: all while several places compete.
+    """Fraction of the noise floor in use, in [noise_converged, 1]: all while several hypotheses compete.
 
     The odometry errors of an arm do not add up along the way, so the floor stands for no real error. It lets each
     mode find its best pose between the coarse poses of the codebook, without which chance decides which mode
@@ -69,15 +69,15 @@ class Exploration:
 
     def __init__(self, config: FilterConfig):
         self._config = config
-        self.share = 1.0
+        self.fraction = 1.0
 
     def update(self, dominant_mass: float, tempering: float) -> None:
         """After a touch, counted as `tempering` of an independent one."""
         step = 1.0 - self._RATE * tempering
         if dominant_mass >= self._config.converged_mass:
-            self.share = max(self.share * step, self._config.noise_converged)
+            self.fraction = max(self.fraction * step, self._config.noise_converged)
         else:
-            self.share = min(self.share / step, 1.0)
+            self.fraction = min(self.fraction / step, 1.0)
 
 
 class MotionModel:
@@ -164,7 +164,7 @@ class RestGate:
 
 
 class OdometryJump(ValueError):
-    """The odometry jumped: the particles are where they were, and nobody knows where that is now."""
+    """The odometry jumped: the gel's pose is unknown; the particles were not moved."""
 
 
 class Propagation:
@@ -201,5 +201,5 @@ class Propagation:
             raise OdometryJump(f"odometry jumped by {motion.distance:.2f} m")
         motion = self._rest.motion(motion)
         if motion is not None:
-            self._model.propagate(particles, motion, self._exploration.share if in_contact else 0.0)
+            self._model.propagate(particles, motion, self._exploration.fraction if in_contact else 0.0)
         return motion

@@ -30,18 +30,18 @@ class NoiseModel:
     map_noise [m], of a penetration map, is one and the same over map_correlation [m].
     touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
     between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
-    map_patches: half the number of independent parts of a map; misfit_floor: share of a map that is never explained;
-    see `misfit_evidence`.
+    map_patches: half the number of independent parts of a map; residual_floor: fraction of a map that is never
+    explained; see `residual_evidence`.
     change, change_lifted: probability that the object was moved between two keyframes, and while the sensor was lifted.
-    prior_floor: a prior may be wrong altogether; refuted: log-odds of a place that need not be looked at any longer;
-    settled: probability of one that need not be compared often.
-    code_margin: by which a place may fall behind the best in its codes, and be right.
+    prior_floor: a prior may be wrong altogether; refuted: log-odds of a hypothesis that need not be looked at any
+    longer; settled: probability of one that need not be compared often.
+    code_margin: by which a hypothesis may fall behind the best in its codes, and be right.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     decisive: evidence by which one of two optima is the better one.
-    Between objects: between_objects, share of the evidence of touches that holds between places on different objects,
-    whose maps err together; foreign_misfit, that says neither that the object is in the catalogue nor that it is not;
-    strain_cost, by which each squared Mahalanobis distance that a place has to give way costs it, see
-    `object_evidence`.
+    Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
+    objects, whose maps err together; foreign_residual, that says neither that the object is in the catalogue nor that
+    it is not; innovation_cost, by which each squared Mahalanobis distance that a hypothesis has to give way costs it,
+    see `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -52,7 +52,7 @@ class NoiseModel:
     between_entries: np.ndarray
     mode_floor: np.ndarray
     map_patches: float = 2.6
-    misfit_floor: float = 0.024
+    residual_floor: float = 0.024
     change: float = 1e-3
     change_lifted: float = 0.2
     prior_floor: float = -12.0
@@ -62,25 +62,26 @@ class NoiseModel:
     elsewhere: float = 22.5
     decisive: float = 6.75
     between_objects: float = 0.26
-    foreign_misfit: float = 0.48
-    strain_cost: float = 0.71
+    foreign_residual: float = 0.48
+    innovation_cost: float = 0.71
 
-    def misfit_evidence(self, misfit: np.ndarray | float) -> np.ndarray:
-        """Nats, up to a constant, that maps speak for places which leave the shares `misfit` of them unexplained.
+    def residual_evidence(self, residual_ratio: np.ndarray | float) -> np.ndarray:
+        """Nats, up to a constant, that maps speak for hypotheses which leave the fractions `residual_ratio` of them
+        unexplained.
 
         The error of a map is normal, of a scale that differs from touch to touch and is not known: marginalised, the
         likelihood is a power of the residual (Student).
         """
-        return -self.map_patches * np.log(np.asarray(misfit) + self.misfit_floor)
+        return -self.map_patches * np.log(np.asarray(residual_ratio) + self.residual_floor)
 
-    def object_evidence(self, misfit: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        """Nats that touches speak for places on an object of a catalogue, against it being none of these.
+    def object_evidence(self, residual_ratio: np.ndarray, squared_innovation: np.ndarray) -> np.ndarray:
+        """Nats that touches speak for hypotheses on an object of a catalogue, against it being none of these.
 
-        misfit as above; strain: squared Mahalanobis distances from where the path led to where the maps fit, which tell
-        a surface of another curvature: its maps fit, but not one after the other.
+        residual ratio as above; squared_innovation: squared Mahalanobis distances from where the path led to where the
+        maps fit, which tell a surface of another curvature: its maps fit, but not one after the other.
         """
-        fit = self.misfit_evidence(misfit) - self.misfit_evidence(self.foreign_misfit)
-        return self.between_objects * (fit - self.strain_cost * np.minimum(strain, self.elsewhere))
+        fit = self.residual_evidence(residual_ratio) - self.residual_evidence(self.foreign_residual)
+        return self.between_objects * (fit - self.innovation_cost * np.minimum(squared_innovation, self.elsewhere))
 
     @classmethod
     def of(cls, config: FilterConfig) -> NoiseModel:

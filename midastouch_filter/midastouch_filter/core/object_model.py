@@ -42,10 +42,11 @@ _PREFIX = "index1_"
 
 
 class ObjectModel:
-    """Made once for mesh, codebook and config; holds nothing of what was felt, but for the scores of the last codes.
+    """Made once for mesh, codebook and config; holds nothing of what was measured, but for the scores of the last
+    codes.
 
-    A denser codebook of the same object can take the place of the first: whoever refers to a part of the model then has
-    the new entries.
+    A denser codebook of the same object can replace the first: references to parts of the model
+    then have the new entries.
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
     surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
     nearest one that a codebook pose touches; measurement model; regions and mode_finder, for KLD sampling and
@@ -89,7 +90,7 @@ class ObjectModel:
     def density(self) -> str:
         """How dense the codebook is, and what that allows, in words."""
         size, spacing, gap = len(self.lookup), 1e3 * self.lookup.spacing, 1e3 * self.gap
-        return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone tell a place to {gap:.1f} mm)"
+        return f"codebook of {size:,} poses, {spacing:.1f} mm apart (codes alone locate the gel to {gap:.1f} mm)"
 
     def measurement_of(self, finger: str) -> MeasurementModel:
         """The model that keeps the scores of a finger's codes, by its name."""

@@ -53,7 +53,7 @@ def sample_size(bins: int, error: float, quantile: float) -> int:
 
 
 def adapted_count(occupied: int, config: FilterConfig) -> int:
-    """Number of particles for a distribution of which a sample fell into so many cells."""
+    """Number of particles for a distribution of which a sample fell into `occupied` cells."""
     wanted = sample_size(occupied, config.pf_err, config.pf_z)
     return min(max(wanted, config.min_particles), config.max_particles)
 

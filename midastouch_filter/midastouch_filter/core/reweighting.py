@@ -18,7 +18,7 @@ from .fingers import Finger
 from .gates import Gates
 from .initialisation import ParticleSource
 
-_COLLAPSE = 0.45  # share of log(outlier) beyond which the short average counts as collapsed
+_COLLAPSE = 0.45  # fraction of log(outlier) beyond which the short average counts as collapsed
 
 
 class LikelihoodTrend:
@@ -45,12 +45,12 @@ class LikelihoodTrend:
 
     @property
     def support(self) -> float:
-        """Short average as a share of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""
+        """Short average as a fraction of the worst ratio: <= 0 at or above chance, 1 at log(outlier)."""
         return self.short / self._worst
 
     @property
     def injection(self) -> float:
-        """Share of particles to inject, in [0, recovery_share]: 0 unless the short average has collapsed.
+        """Fraction of particles to inject, in [0, recovery_share]: 0 unless the short average has collapsed.
 
         It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
         unlike the training's) are no reason to go on guessing.
@@ -61,10 +61,10 @@ class LikelihoodTrend:
 
 
 class Reweighting:
-    """Weighs particles by what fingers feel, and watches how well that was predicted.
+    """Weighs particles by what fingers measure, and watches how well that was predicted.
 
-    Args: config; outlier: share of touches that match nothing; pool(belief, name, log_ratio): changes what the code of
-    a touching finger says of each particle before it is used.
+    Args: config; outlier: fraction of touches that match nothing; pool(belief, name, log_ratio): changes what the code
+    of a touching finger says of each particle before it is used.
     Attributes: trend of the likelihood.
     """
 
@@ -76,13 +76,13 @@ class Reweighting:
         """The particles were drawn anew."""
         self.trend = LikelihoodTrend(self._config, self._outlier)
 
-    def __call__(self, belief: Belief, felt: list[Finger], codebook_distance: np.ndarray) -> bool:
+    def __call__(self, belief: Belief, measured: list[Finger], codebook_distance: np.ndarray) -> bool:
         """Multiply the weights by every finger's tempered likelihood ratio; False, with nothing done, if none survives.
 
-        felt: one or more fingers, of which one touches; codebook_distance (N,) [m], as from `Belief.look_up`.
+        measured: one or more fingers, of which one touches; codebook_distance (N,) [m], as from `Belief.look_up`.
         """
         evidence = tempered = None
-        for finger in felt:
+        for finger in measured:
             log_ratio = finger.log_ratio(belief.particles, codebook_distance)
             if finger.touch.in_contact:
                 self._pool(belief, finger.name, log_ratio)
@@ -90,13 +90,13 @@ class Reweighting:
             evidence = log_ratio if evidence is None else evidence + log_ratio
             tempered = power if tempered is None else tempered + power
         likelihood, alive = belief.reweigh(evidence, tempered)
-        exponents = [finger.tempering for finger in felt if finger.touch.in_contact]
+        exponents = [finger.tempering for finger in measured if finger.touch.in_contact]
         self.trend.update(likelihood / len(exponents), max(exponents))
         return alive
 
 
 class Recovery:
-    """Puts matches of the present touch in the place of some particles, once the likelihood has collapsed.
+    """Puts matches of the present touch in place of some particles, once the likelihood has collapsed.
 
     Args: source of the matches; gates, which counts what is injected.
     """
@@ -104,7 +104,7 @@ class Recovery:
     def __init__(self, source: ParticleSource, gates: Gates):
         self._source, self._gates = source, gates
 
-    def __call__(self, belief: Belief, finger: Finger, share: float) -> None:
-        """Replace so many of equally weighted particles, by what matches the finger's touch; 0: none."""
-        if share > 0:
-            self._gates.count("injected", self._source.inject(belief.particles, finger, share))
+    def __call__(self, belief: Belief, finger: Finger, fraction: float) -> None:
+        """Replace this fraction of equally weighted particles by matches of the finger's touch; 0: none."""
+        if fraction > 0:
+            self._gates.count("injected", self._source.inject(belief.particles, finger, fraction))

@@ -16,8 +16,8 @@ STATES = (UNINITIALISED, NO_CONTACT, AMBIGUOUS, CONVERGED, LOST, STALE)
 WAITING = "waiting"
 """Said of a frame whose answer is still to come; no state of the filter."""
 
-# the short likelihood average as a share of the worst possible one, log(outlier): lost above, found again below
-_LOST, _FOUND = 0.6, 0.3
+# the short likelihood average as a fraction of the worst possible one, log(outlier): lost above, found again below
+_LOST_SUPPORT, _FOUND_SUPPORT = 0.6, 0.3
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Status:
 
     state: one of `STATES`; reason: one sentence; n_particles; ess: effective number of particles; n_modes;
     mode_mass: weight of the dominant mode; spread_t [m], spread_r [rad]: RMS within the dominant mode;
-    likelihood_trend: short average of the log-likelihood ratio against a random touch (below 0: the particles
-    explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
+    likelihood_trend [nats]: short average of the log-likelihood ratio against a random touch (below 0: the
+    particles explain touches worse than chance); skipped: how often each gate saved work or refused input; ms: per
     stage, those of what followed the last answer included.
     """
 
@@ -48,8 +48,8 @@ class Status:
 class Evidence:
     """What the state depends on; units as in `Status`.
 
-    support: the trend over log(outlier), 1 is worst; checked: other places were compared with the dominant mode;
-    error [m]: RMS distance of the truth to the published pose, by its covariance, if its place is the right one.
+    support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
+    error [m]: RMS distance of the truth to the published pose, by its covariance, if its hypothesis is the right one.
     """
 
     initialised: bool = False
@@ -80,13 +80,13 @@ class StateMachine:
         if not e.initialised:
             self._lost = self._converged = False
             return UNINITIALISED, "no start given yet"
-        self._lost = bool(e.restarted) or e.support > (_FOUND if self._lost else _LOST)
+        self._lost = bool(e.restarted) or e.support > (_FOUND_SUPPORT if self._lost else _LOST_SUPPORT)
         narrow, why_not = self._narrow(e)
         self._converged = narrow and not self._lost
         if not e.in_contact:
             return NO_CONTACT, "the sensor touches nothing; the last estimate moves with the arm"
         if self._lost:
-            return LOST, e.restarted or "the touches contradict every particle; looking for better places"
+            return LOST, e.restarted or "the touches contradict every particle; looking for better hypotheses"
         if self._converged:
             return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm"
         return AMBIGUOUS, why_not
@@ -94,7 +94,7 @@ class StateMachine:
     def _narrow(self, e: Evidence) -> tuple[bool, str]:
         c = self._config
         slack = c.hysteresis if self._converged else 1.0
-        if e.support > _FOUND:
+        if e.support > _FOUND_SUPPORT:
             return False, "the last touches fit the particles badly"
         if e.mode_mass < c.converged_mass / slack:
             return False, f"the dominant mode holds {e.mode_mass:.0%} only"
@@ -105,5 +105,5 @@ class StateMachine:
         if e.error > c.converged_error * slack:
             return False, f"the published pose is known to {1000 * e.error:.1f} mm only"
         if not e.checked:
-            return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other places yet"
+            return False, f"one mode holds {e.mode_mass:.0%}, but it was not compared with other hypotheses yet"
         return True, ""

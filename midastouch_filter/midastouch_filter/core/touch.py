@@ -1,4 +1,4 @@
-"""What one finger feels in one frame."""
+"""What one finger measures in one frame."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class Measurement:
     """One touch, or its absence.
 
     in_contact; code (D,) or None; contact_area m^2; network_id of the encoder, "" if unknown; penetration (80, 60)
-    float32 m, the felt map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that felt it in the
-    gel frame of the first finger, whose pose the filter estimates: None for that one itself. If the two images were
-    taken at different times, the transform is from the one gel then to the other gel then, through the frame that the
-    object rests in.
+    float32 m, the measured map reduced by `reduced_penetration`, or None; T_gel_finger (4, 4), the gel that measured it
+    in the gel frame of the first finger, whose pose the filter estimates: None for that one itself. If the two images
+    were taken at different times, the transform is from the one gel then to the other gel then, through the frame that
+    the object rests in.
     """
 
     in_contact: bool

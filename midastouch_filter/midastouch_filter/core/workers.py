@@ -37,18 +37,18 @@ class Workers:
             kernel(0, n, 0)
             return
         bounds = [n * c // CHUNKS for c in range(CHUNKS + 1)]
-        self._share(CHUNKS, lambda c: kernel(bounds[c], bounds[c + 1], c))
+        self._distribute(CHUNKS, lambda c: kernel(bounds[c], bounds[c + 1], c))
 
     def map(self, function: Callable[[T], R], items: list[T]) -> list[R]:
         """`function` of each item, in their order. Worth it from about 100 us an item that holds no lock."""
         out: dict[int, R] = {}
-        self._share(len(items), lambda k: out.__setitem__(k, function(items[k])))
+        self._distribute(len(items), lambda k: out.__setitem__(k, function(items[k])))
         return [out[k] for k in range(len(items))]
 
-    def _share(self, count: int, do: Callable[[int], None]) -> None:
+    def _distribute(self, count: int, do: Callable[[int], None]) -> None:
         """Call `do` with each of [0, count), in whichever thread is free; returns when all are done.
 
-        So nobody waits for a thread that gets no processor.
+        So no call waits for a thread that gets no processor.
         """
         left = iter(range(count))  # the interpreter hands each number out once
 

@@ -1,4 +1,4 @@
-"""The objects that may be touched: of each as much as it takes to tell whether it is."""
+"""The objects that may be touched: of each what it takes to find out whether it is the one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SPACING = 8e-3  # m between sites: as far as an alignment reaches, `between_ent
 
 _PARTS = ("mesh", "codebook", "lookup", "alignment")  # of an entry, as a comparison needs them
 
-_SAME = 1e-6  # share of its size within which one mesh is another one
+_SAME_SIZE = 1e-6  # fraction of its size within which one mesh is another one
 
 
 class Entry:
@@ -109,27 +109,27 @@ class Entry:
     def is_same_as(self, other: Entry) -> bool:
         """Whether the two meshes are one, be it in other files."""
         (faces, bounds, area), (their_faces, their_bounds, their_area) = self._form, other._form
-        close = _SAME * float(np.linalg.norm(np.ptp(bounds, axis=0)))
+        close = _SAME_SIZE * float(np.linalg.norm(np.ptp(bounds, axis=0)))
         return self._content == other._content or (
             faces == their_faces
             and np.allclose(bounds, their_bounds, rtol=0, atol=close)
-            and bool(np.isclose(area, their_area, rtol=_SAME))
+            and bool(np.isclose(area, their_area, rtol=_SAME_SIZE))
         )
 
 
 class Catalogue:
     """Objects of one code network and sensor.
 
-    Attributes: entries; room, for so many poses that a touch is compared with; rows, of each entry among the poses of
-    all; calibration of the codes; sensor, at map resolution; network_id; twins, for each name that stands for the same
-    mesh as another one, that one's.
+    Attributes: entries; room, the number of poses that a touch is compared with at most; rows, of each entry among the
+    poses of all; calibration of the codes; sensor, at map resolution; network_id; duplicates, for each name that stands
+    for the same mesh as another one, that one's.
     Raises InputError: no objects, two of one name, of different networks or sensors.
     """
 
-    def __init__(self, entries: Sequence[Entry], twins: dict[str, str] | None = None, room: int = ROOM):
+    def __init__(self, entries: Sequence[Entry], duplicates: dict[str, str] | None = None, room: int = ROOM):
         if not entries:
             raise InputError("objects: none given; name codebooks, meshes or folders of codebooks")
-        self.entries, self.twins, self.room = list(entries), dict(twins or {}), room
+        self.entries, self.duplicates, self.room = list(entries), dict(duplicates or {}), room
         first = self.entries[0].meta
         for entry in self.entries[1:]:
             _require_alike(self.entries[0], entry)
@@ -148,13 +148,13 @@ class Catalogue:
         for; all else is made ready, so that no touch has to wait for it.
         """
         entries: list[Entry] = []
-        twins: dict[str, str] = {}
+        duplicates: dict[str, str] = {}
         poses = 0
         for mesh, codebook, path in objects:
             entry = Entry(mesh, codebook, path, noise)
-            twin = next((each.name for each in entries if each.is_same_as(entry)), None)
-            if twin is not None:
-                twins[mesh.name] = twin
+            original = next((each.name for each in entries if each.is_same_as(entry)), None)
+            if original is not None:
+                duplicates[mesh.name] = original
                 continue
             if mesh.name in (each.name for each in entries):
                 raise InputError(f"{mesh.path or mesh.name}: another object is called '{mesh.name}'; rename the file")
@@ -166,7 +166,7 @@ class Catalogue:
                 entry.prepare()
         if poses > room:
             workers.trim()
-        return cls(entries, twins, room)
+        return cls(entries, duplicates, room)
 
     def __len__(self) -> int:
         return len(self.entries)
@@ -190,7 +190,7 @@ class Catalogue:
 
 
 def poses_worth(mesh: ObjectMesh) -> int:
-    """Poses that it takes to tell whether this object is touched: sites at an even distance, whatever its size."""
+    """Number of poses that identify this object: its sites are at an even distance, whatever its size."""
     return max(FEWEST, YAWS * math.ceil(mesh.area / _SPACING**2))
 
 

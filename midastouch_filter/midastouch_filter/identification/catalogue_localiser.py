@@ -22,24 +22,15 @@ from ..core.workers import Workers
 from ..loaded_object import LoadedObject
 from ..localiser import Localiser
 from .catalogue import Catalogue, Entry
-from .identity import Identification, Identity
+from .identification import Identification
+from .identity import Identity
 
-_KEPT = 2  # filters of objects that lead by turns; each has some 100 MiB
-_WORTH_A_MODEL = 0.02  # probability of a place
-
-
-@dataclasses.dataclass(frozen=True)
-class PossiblePlace:
-    """The sensor may touch the object of `model`, called `name`, at pose (4, 4) `T_obj_gel`, with this probability."""
-
-    model: ObjectModel
-    name: str
-    pose: np.ndarray
-    probability: float
+_KEPT_FILTERS = 2  # filters of objects that lead by turns; each has some 100 MiB
+_LEAST_PROBABILITY = 0.02  # probability of a hypothesis
 
 
 class CatalogueLocaliser(Localiser):
-    """Runs the filter of the most probable object only, started at that object's best places.
+    """Runs the filter of the most probable object only, started at that object's best hypotheses.
 
     While another object may be touched, it does not call itself `converged`. As long as every object is less probable
     than that it is none of them no filter runs.
@@ -68,7 +59,7 @@ class CatalogueLocaliser(Localiser):
 
     @property
     def identity(self) -> Identity | None:
-        """What is touched, as far as it is known; None once somebody has named the object."""
+        """What is touched, as far as it is known; None once `set_object` has named it."""
         return self._identification.identity if self._identification else None
 
     @property
@@ -128,21 +119,22 @@ class CatalogueLocaliser(Localiser):
         While `unknown` is the answer, nothing changes: to start a filter takes as long as some hundred steps of it.
         """
         leading = identity.leading
-        held = [each.probability for each in identity.hypotheses if self._object and each.name == self._object.name]
+        held = [each.probability for each in identity.objects if self._object and each.name == self._object.name]
         if identity.answer != leading.name or (held and leading.probability < self._config.hysteresis * held[0]):
             return
         entry = self._catalogue.entries[self._catalogue.number(leading.name)]
         self._object = self._loaded.pop(entry.name, None) or entry.load(self._config, self._seed)
         self._loaded[entry.name] = self._object
-        while len(self._loaded) > _KEPT:
+        while len(self._loaded) > _KEPT_FILTERS:
             del self._loaded[next(iter(self._loaded))]
         self._start = self._prior = self._pending_prior = None
         self._begin(None)
-        self._object.filter.initialise_places(leading.places, self._identification.window)
+        self._object.filter.initialise_hypotheses(leading.hypotheses, self._identification.window)
         self._on_object(entry)
 
     def _qualified(self, estimate: Estimate, identity: Identity) -> Estimate:
-        """The estimate with a status that names what competes, and that is sure of no place on one object of many."""
+        """The estimate with a status that names what competes, and that is sure of no hypothesis on one object of
+        many."""
         status, words = estimate.status, identity.in_words()
         if status.state == CONVERGED and identity.leading.probability < self._config.converged_probability:
             status = dataclasses.replace(status, state=AMBIGUOUS, reason=f"not sure which object it is: {words}")
@@ -150,35 +142,35 @@ class CatalogueLocaliser(Localiser):
             status = dataclasses.replace(status, reason=f"{status.reason}; {words}")
         return dataclasses.replace(estimate, status=status)
 
-    def possible_places(self) -> list[PossiblePlace]:
-        """Places on all objects that may be, most probable first: what a next touch is to decide between.
+    def possible_poses(self) -> list[Hypothesis]:
+        """Narrow hypotheses on all objects that may be, most probable first: what a next touch is to decide between.
 
         An object's model is made when it is first asked for, in about a second.
         """
-        found = (
-            [(each.name, place) for each in self.identity.hypotheses for place in each.places] if self.identity else []
-        )
-        worth = [each for each in found if each[1].probability >= _WORTH_A_MODEL]
-        self._models = {name: self._models[name] for name in self._models.keys() & {name for name, _ in worth}}
+        if self.identity is None:
+            return []
+        found = [(each.name, pose) for each in self.identity.objects for pose in each.hypotheses]
+        found = [each for each in found if each[1].probability >= _LEAST_PROBABILITY]
+        self._models = {name: self._models[name] for name in self._models.keys() & {name for name, _ in found}}
         return [
-            PossiblePlace(self._model(name), name, place.pose, place.probability)
-            for name, place in sorted(worth, key=lambda each: -each[1].probability)
+            Hypothesis(self._model(name), pose.pose, pose.probability, True, name)
+            for name, pose in sorted(found, key=lambda each: -each[1].probability)
         ]
 
     def advise(self, wanted: Wanted) -> Advice | None:
         """As a filter's on one object; while several may be, what tells them apart counts as much."""
-        places = self.possible_places()[:MOST]
-        if len({place.name for place in places}) < 2:
+        possible = self.possible_poses()[:MOST]
+        if len({each.name for each in possible}) < 2:
             return super().advise(wanted)
-        total = sum(place.probability for place in places)
-        hypotheses = [Hypothesis(each.model, each.pose, each.probability / total, True, each.name) for each in places]
+        total = sum(each.probability for each in possible)
+        possible = [dataclasses.replace(each, probability=each.probability / total) for each in possible]
         on = self._object.name if self._object else ""
-        return advise(hypotheses, self.felt, wanted, self._noise, on)
+        return advise(possible, self.measured_gels, wanted, self._noise, on)
 
     @property
-    def felt(self) -> np.ndarray:
-        """(F, 4, 4) of the gels that have felt this since the last lift, in the frame of the present one."""
-        return self._identification.felt if self._identification else np.empty((0, 4, 4))
+    def measured_gels(self) -> np.ndarray:
+        """(F, 4, 4) of the gels that have measured this since the last lift, in the frame of the present one."""
+        return self._identification.measured_gels if self._identification else np.empty((0, 4, 4))
 
     def _model(self, name: str) -> ObjectModel:
         if name not in self._models:

@@ -1,7 +1,8 @@
 """The objects of a catalogue that touches are compared with: all of a small one; of a large one the most probable.
 
 Which these are, the coarse index says by the same touches, before every comparison. So an object comes back as soon as
-touches speak for it; until then its probability is part of `unknown`, like that of an object on which no place fits.
+touches speak for it; until then its probability is part of `unknown`, like that of an object on which no hypothesis
+fits.
 """
 
 from __future__ import annotations
@@ -12,11 +13,10 @@ import numpy as np
 
 from ..core import workers
 from ..core.config import FilterConfig
-from ..core.keyframes import Keyframe, KeyframeWindow
+from ..core.keyframes import Keyframe, KeyframeWindow, WeighedWindow
 from ..core.measurement_model import CodeScores, calibration
 from ..core.noise_model import NoiseModel
 from ..core.workers import Workers
-from ..smoothing.rival_search import Scored
 from .catalogue import ROOM, Catalogue
 from .coarse_index import CoarseIndex
 
@@ -80,13 +80,13 @@ class Compared:
 
     def _ranked(self, keyframes: Sequence[Keyframe], held: Sequence[int]) -> list[int]:
         """All numbers: those held and those probable by their codes, then those that are here, then the others."""
-        window = Scored.of(list(keyframes), self._noise)
+        window = WeighedWindow.of(list(keyframes), self._noise)
         codes = np.array([self.scores.unit_code(each.touches[0].code) for each in keyframes])
         support = window.best_suffix(self._index.log_ratios(codes) * window.weights)
         order = np.argsort(-support, kind="stable")
-        share = np.exp(support[order] - np.logaddexp.reduce(support))
+        fraction = np.exp(support[order] - np.logaddexp.reduce(support))
         wanted, here = np.zeros((2, len(order)), bool)
-        wanted[order[np.cumsum(share) - share < self._noise.settled]] = True
+        wanted[order[np.cumsum(fraction) - fraction < self._noise.settled]] = True
         wanted[list(held)], here[self.numbers] = True, True
         support[list(held)] = np.inf
         return np.lexsort((-support, ~(wanted | here), ~wanted)).tolist()

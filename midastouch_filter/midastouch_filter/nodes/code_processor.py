@@ -30,7 +30,7 @@ from .transform_source import TransformSource
 class CodeProcessor:
     """Listens to codes and transforms from when it is made until `close`; the node destroys its subscriptions.
 
-    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. on_estimate: told the
+    maps: whether the filter wants them. Without `subscribe` codes come through `on_code` only. on_estimate: gets the
     stamp [ns] of each frame once it is answered. Attributes:
     transforms; network_id, of the newest code; report, what was said of the frames.
     """
@@ -66,7 +66,7 @@ class CodeProcessor:
         if subscribe:
             self._subscribe(maps)
         node.create_timer(0.05, self._on_timer, clock=clock.steady)
-        # last: it has a thread, which nobody would end if something before it failed
+        # last: if something before it failed, its thread would go on
         self.transforms = TransformSource(
             node,
             frames=(self._base, self._sensor, *fingers_of(self._parameters).values()),
@@ -140,19 +140,19 @@ class CodeProcessor:
             return None
 
     def forgive_silence(self) -> None:
-        """Nobody was silent until now: the node did not listen."""
+        """Restart the time-out of input: the node did not listen until now."""
         if self._last_arrival is not None:
             self._last_arrival = self._clock.now()
 
     def change_object(self) -> None:
-        """Forget what was felt on the object before, and answer what still waits."""
+        """Forget what was measured on the object before, and answer what still waits."""
         self._fingers.clear()
         for stamp in self._queue.clear():
             self.report.say(stamp, STALE, "the object was changed while this code waited for its transform")
         self.report.forget()
 
     def _is_incomplete(self, stamp: int, measurement: Measurement, waited: float) -> bool:
-        """Whether the code's cloud or what another finger felt is still to come."""
+        """Whether the code's cloud or what another finger measured is still to come."""
         if self._maps is not None and measurement.in_contact and self._maps.awaited(stamp, waited):
             return True
         return self._fingers.awaited(stamp, waited)
@@ -164,7 +164,7 @@ class CodeProcessor:
                 self.report.say(ready.stamp, STALE, f"no transform {self._base} -> {self._sensor}: {ready.reason}")
             else:
                 self._process(ready.stamp, ready.transform, ready.payload)
-        if (waiting := self._queue.untold()) is not None:
+        if (waiting := self._queue.unreported()) is not None:
             self.report.wait(waiting.stamp, waiting.reason)
 
     def _process(self, stamp: int, T_base_gel: np.ndarray, measurement: Measurement) -> None:
@@ -184,7 +184,7 @@ class CodeProcessor:
             return
         self.report.estimate(stamp, estimate, self._localiser.filter, self._localiser.T_base_obj())
         self._on_estimate(stamp)
-        self._localiser.reflect()
+        self._localiser.deferred_update()
 
     def _on_transforms_jump(self, stamp: int) -> None:
         self._obey(self._timeline.ask_again())
@@ -219,12 +219,12 @@ class NodeClock:
         self.steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._node = node
         # paused simulated time must not run out the time-outs
-        self._patience = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
+        self._timeout_clock = node.get_clock() if node.get_parameter("use_sim_time").value else self.steady
         self._last = self._gone = 0.0
 
     def now(self) -> float:
         """Seconds by which time-outs run; simulated time that jumps back does not turn them back."""
-        last, self._last = self._last, 1e-9 * self._patience.now().nanoseconds
+        last, self._last = self._last, 1e-9 * self._timeout_clock.now().nanoseconds
         self._gone += max(0.0, last - self._last)
         return self._last + self._gone
 

@@ -30,14 +30,14 @@ from ..core.alignment import transform_covariance
 from ..core.estimate import Calibration, Estimate
 from ..core.state import LOST, Status
 from ..filter import ParticleFilter
-from ..identification.identity import UNKNOWN, Hypothesis, Identity
+from ..identification.identity import UNKNOWN, CandidateObject, Identity
 from . import markers
 
 
 class EstimatePublisher:
     """Publishes what one filter node knows.
 
-    What is only looked at (particles, cloud, hypotheses) is built while somebody subscribes, at most
+    What is only looked at (particles, cloud, hypotheses) is built only while it has subscribers, at most
     `view_rate` times per second of `clock` [s].
     """
 
@@ -74,7 +74,7 @@ class EstimatePublisher:
         """Publish the answer to the frame of `stamp` [ns]; `T_base_obj` (4, 4) while the filter is sure."""
         header = self._header(stamp)
         if not _finite(estimate):
-            # The status still goes out, so that whoever waits for the answer to this frame gets one.
+            # The status still goes out: every frame gets an answer.
             reason = "the filter's result is not finite and was withheld; call reinitialize_global_localization"
             self.status(stamp, dataclasses.replace(estimate.status, state=LOST, reason=reason))
             return
@@ -192,18 +192,18 @@ def _status_to_msg(status: Status, header: Header) -> FilterStatus:
 
 
 def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header) -> Detection3DArray:
-    """One detection for each object with a place, most probable first, and one for `unknown`, which has no pose.
+    """One detection for each object with a hypothesis, most probable first, and one for `unknown`, which has no pose.
 
     Scores are probabilities of sum 1; the pose is the object's in the base frame, with the gel at T_base_gel (4, 4) and
-    at the object's best place.
+    at the object's best hypothesis.
     """
     found = [
         ObjectHypothesisWithPose(
             hypothesis=ObjectHypothesis(class_id=each.name, score=each.probability),
             pose=_object_pose(each, T_base_gel),
         )
-        for each in identity.hypotheses
-        if each.places
+        for each in identity.objects
+        if each.hypotheses
     ]
     found.append(ObjectHypothesisWithPose(hypothesis=ObjectHypothesis(class_id=UNKNOWN, score=identity.unknown)))
     return Detection3DArray(
@@ -211,11 +211,11 @@ def object_hypotheses(identity: Identity, T_base_gel: np.ndarray, header: Header
     )
 
 
-def _object_pose(hypothesis: Hypothesis, T_base_gel: np.ndarray) -> PoseWithCovariance:
+def _object_pose(hypothesis: CandidateObject, T_base_gel: np.ndarray) -> PoseWithCovariance:
     """Of the object in the base frame; covariance about the base's axes (REP 103)."""
-    place = hypothesis.places[0]
-    T_gel_obj = se3.inverse(place.pose)
+    best = hypothesis.hypotheses[0]
+    T_gel_obj = se3.inverse(best.pose)
     T_base_obj = T_base_gel @ T_gel_obj
     turn = se3.turn(T_base_obj[:3, :3])
-    covariance = turn @ transform_covariance(place.covariance, T_gel_obj) @ turn.T
+    covariance = turn @ transform_covariance(best.covariance, T_gel_obj) @ turn.T
     return PoseWithCovariance(pose=pose_to_msg(T_base_obj), covariance=covariance.ravel().tolist())

@@ -33,7 +33,7 @@ _NODE = (
     Parameter(
         "objects",
         "",
-        "In place of mesh and codebook, where nobody knows which object it is: codebooks, folders of codebooks and "
+        "In place of mesh and codebook, where the object is not known: codebooks, folders of codebooks and "
         "meshes, separated by ','; a mesh gets a coarse codebook",
     ),
     Parameter(
@@ -81,7 +81,7 @@ _NODE = (
         "fingers",
         "",
         "Further sensors on the same object, NAMESPACE:GEL_FRAME separated by ',': codes and clouds come from the "
-        "topics in the namespace (relative to this node's, or absolute), their places from TF",
+        "topics in the namespace (relative to this node's, or absolute), their poses from TF",
     ),
     Parameter(
         "finger_tolerance",
@@ -131,7 +131,7 @@ _NODE = (
     Parameter(
         "suggestion_length",
         0.0,
-        "Longest way of a suggested motion, if who asks names none; 0: the object's diagonal",
+        "Longest way of a suggested motion, if the request names none; 0: the object's diagonal",
         unit="m",
         minimum=0.0,
         maximum=2.0,
@@ -140,7 +140,7 @@ _NODE = (
     Parameter(
         "suggestion_count",
         3,
-        "Suggested motions, if who asks does not say how many",
+        "Suggested motions, if the request does not say how many",
         minimum=1,
         maximum=24,
         read_only=False,

@@ -25,7 +25,7 @@ _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
 
 
 class FilterServices:
-    """Offers them for a node's localiser, None while the node is not active, which is said to whoever asks then.
+    """Offers the services for a node's localiser; while the node is not active (None), they answer that it is not.
 
     `change_object(mesh, codebook)` raises InputError if it leaves the old object.
     """
@@ -69,9 +69,9 @@ class FilterServices:
 
 
 class StartTopics:
-    """Subscribes both topics for a localiser; `on_bad(kind, reason)` is told of poses that cannot be used.
+    """Subscribes both topics for a localiser; `on_bad(kind, reason)` gets the poses that cannot be used.
 
-    `initialpose` is the gel frame's pose, in the object's frame or, once the object's place is known, in any
+    `initialpose` is the gel frame's pose, in the object's frame or, once the object's pose is known, in any
     other; `object_pose_prior` the object's pose in any frame. Both are taken at the newest transform: stamps
     of poses made by hand are often of another clock.
     """

@@ -26,11 +26,11 @@ from ..transforms.queue import Wait
 
 _FINGER = re.compile(r"\s*(/?[A-Za-z]\w*(?:/[A-Za-z]\w*)*)\s*:\s*([^\s:,]+)\s*", re.ASCII)
 # The code is made from the cloud, so that a cloud comes first or, overtaken, at once; else it was lost.
-PATIENCE = 0.25
+CLOUD_TIMEOUT = 0.25
 """s of waiting where messages may be lost."""
-_RELIABLE_PATIENCE = 5.0  # s; where none is lost, a busy machine is all that is waited for
+_RELIABLE_CLOUD_TIMEOUT = 5.0  # s; where none is lost, a busy machine is all that is waited for
 # Clouds that wait with codes whose transforms are late: over 4 s at 60 Hz.
-_KEPT = 256
+_KEPT_CLOUDS = 256
 
 
 def fingers_of(parameters: Parameters) -> dict[str, str]:
@@ -54,7 +54,7 @@ class FingerTopics:
     """All further fingers of one node.
 
     lookup: as `TransformSource.lookup`. now: seconds by which a finger falls silent. on_update: called after every
-    message, so that whoever waits can ask again. on_bad(kind, reason): told of what cannot be used. Attributes: counts,
+    message: what waits can ask again. on_bad(kind, reason): gets what cannot be used. Attributes: counts,
     of frames that each finger missed, by reason and name.
     """
 
@@ -75,7 +75,7 @@ class FingerTopics:
         self._silent: list[str] = []
 
     def _listen(self, name: str, frame: str) -> FingerMemory:
-        """Subscribe what a finger feels."""
+        """Subscribe what a finger measures."""
         depth, reliable = self._parameters["queue_depth"], self._parameters["reliable"]
         base = self._parameters["base_frame_id"]
         maps = None
@@ -89,7 +89,7 @@ class FingerTopics:
                 topic=f"{name}/tactile/points",
             )
 
-        def place(stamp: int) -> np.ndarray | Wait | None:
+        def pose_at(stamp: int) -> np.ndarray | Wait | None:
             try:
                 return self._lookup(base, frame, stamp)
             except (TransformError, InputError):
@@ -99,7 +99,7 @@ class FingerTopics:
             self._on_bad("bad_codes", f"{name}/tactile/code: {reason}")
 
         tolerance = round(1e9 * self._parameters["finger_tolerance"])
-        memory = FingerMemory(place, tolerance, maps, self._now, on_foreign)
+        memory = FingerMemory(pose_at, tolerance, maps, self._now, on_foreign)
 
         def on_code(msg: TactileCode) -> None:
             if memory.add(stamp_ns(msg.header.stamp), measurement_from_msg(msg)):
@@ -110,12 +110,12 @@ class FingerTopics:
         return memory
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether what a finger felt at `stamp` [ns] may still come, when the frame has `waited` seconds."""
+        """Whether what a finger measured at `stamp` [ns] may still come, when the frame has `waited` seconds."""
         waiting = [finger.awaited(stamp, waited) for finger in self._fingers.values()]  # all: each gives up by itself
         return any(waiting)
 
     def take(self, stamp: int, T_base_gel: np.ndarray, on: LoadedObject | None) -> dict[str, Measurement]:
-        """What the fingers feel at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
+        """What the fingers measure at `stamp` [ns], by name, with the reference's gel at T_base_gel (4, 4)."""
         found = {}
         for name, finger in self._fingers.items():
             touch = finger.take(stamp, T_base_gel, on)
@@ -135,13 +135,13 @@ class FingerTopics:
         return f"{reason}; without {', '.join(silent)}" if silent else reason
 
     def clear(self) -> None:
-        """Forget what was felt, and since when nothing was: the object was changed."""
+        """Forget what was measured, and since when nothing was: the object was changed."""
         for finger in self._fingers.values():
             finger.clear()
 
     def rewind(self, stamp: int) -> None:
-        """The reference's time ran back to `stamp` [ns]: forget what was felt before, but not what fingers that were
-        quicker have felt since."""
+        """The reference's time ran back to `stamp` [ns]: forget what was measured before, but not what fingers that
+        were quicker have measured since."""
         for finger in self._fingers.values():
             finger.rewind(stamp)
 
@@ -149,8 +149,8 @@ class FingerTopics:
 class MapSource:
     """Keeps the last clouds until their code asks for them.
 
-    on_cloud: called after every cloud, so that whoever waits can ask again. on_bad: called with a reason for each
-    cloud that cannot be used. Nothing is waited for while nobody publishes clouds: the filter does without.
+    on_cloud: called after every cloud: what waits can ask again. on_bad: called with a reason for each
+    cloud that cannot be used. While no node publishes clouds, nothing waits for them.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class MapSource:
         topic: str = "tactile/points",
     ):
         self._topic = topic
-        self._patience = _RELIABLE_PATIENCE if reliable else PATIENCE
+        self._timeout = _RELIABLE_CLOUD_TIMEOUT if reliable else CLOUD_TIMEOUT
         self._node, self._on_cloud, self._on_bad = node, on_cloud, on_bad
         self._clouds: OrderedDict[int, PointCloud2] = OrderedDict()
         # Live a code waits alone, but the clouds of its successors may already be there.
@@ -171,11 +171,11 @@ class MapSource:
         node.create_subscription(PointCloud2, topic, self._on_points, profile)
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether the cloud of `stamp` [ns] is still to come, when whoever asks has `waited` seconds for it.
+        """Whether the cloud of `stamp` [ns] is still to come, after `waited` seconds.
 
         Clouds come in order: one whose successor is there was lost.
         """
-        if waited >= self._patience or stamp in self._clouds:
+        if waited >= self._timeout or stamp in self._clouds:
             return False
         if self._clouds and next(reversed(self._clouds)) > stamp:
             return False
@@ -202,6 +202,6 @@ class MapSource:
         if self._clouds and stamp < next(reversed(self._clouds)):
             self._clouds.clear()  # time ran backwards: a looped bag
         self._clouds[stamp] = msg
-        while len(self._clouds) > _KEPT:
+        while len(self._clouds) > _KEPT_CLOUDS:
             self._clouds.popitem(last=False)
         self._on_cloud()

@@ -82,7 +82,7 @@ def hypotheses(modes: Sequence, header: Header, lifetime: float) -> MarkerArray:
     """Modes (weight, pose (4, 4), covariance (6, 6)), heaviest first, drawn for `lifetime` seconds.
 
     `modes`: two-sigma ellipsoids of the position, the dominant one green, lighter ones fainter; `mode_axes`:
-    the gel's axes at each mode; `mode_mass`: its share of the probability as text.
+    the gel's axes at each mode; `mode_mass`: its fraction of the probability as text.
     """
     markers = [_ellipsoid(i, mode) for i, mode in enumerate(modes)]
     markers += [_mass(i, mode) for i, mode in enumerate(modes)]

@@ -25,7 +25,7 @@ from ..localiser import Localiser
 from . import markers
 
 _INACTIVE = "the node is not active; activate it (ros2 lifecycle set)"
-_LONGEST = 2.0  # m; no object is larger
+_LONGEST_WAY = 2.0  # m; no object is larger
 
 
 class MotionAdvice:
@@ -59,7 +59,7 @@ class MotionAdvice:
         )
 
     def close(self) -> None:
-        """Take the action away: the node is destroyed, and nobody would execute the end of a goal."""
+        """Destroy the action server, before the node is destroyed: a goal could not be ended any more."""
         self._goals = []
         self._server.destroy()
 
@@ -69,7 +69,7 @@ class MotionAdvice:
             self._end(goal, False, reason)
 
     def changed(self, stamp: int) -> None:
-        """A frame of `stamp` [ns] was answered: tell whoever follows, and end what has come to its end."""
+        """Answer all goals anew after the frame of `stamp` [ns], and end those that are reached."""
         rate, now = self._parameters["suggestion_rate"], self._clock()
         if not self._converged() and rate > 0 and now - self._last < 1.0 / rate:
             return
@@ -89,7 +89,10 @@ class MotionAdvice:
             response.message = str(error)
             return response
         response.success, response.message = True, advice.message
-        response.indistinguishable, response.suggestions = advice.indistinguishable, self._told(advice, self._stamp())
+        response.indistinguishable, response.suggestions = (
+            advice.indistinguishable,
+            self._shown_as_messages(advice, self._stamp()),
+        )
         return response
 
     # --- the action
@@ -114,7 +117,9 @@ class MotionAdvice:
         except InputError:  # lifted on the way: the next touch is waited for
             return
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
-        goal.publish_feedback(action.SuggestMotion.Feedback(header=header, suggestions=self._told(advice, stamp)))
+        goal.publish_feedback(
+            action.SuggestMotion.Feedback(header=header, suggestions=self._shown_as_messages(advice, stamp))
+        )
         if advice.indistinguishable or self._converged():
             self._end(goal, True, advice.message, advice.indistinguishable)
 
@@ -137,10 +142,10 @@ class MotionAdvice:
     # --- both
 
     def _wanted(self, request: SuggestMotion.Request | action.SuggestMotion.Goal) -> Wanted:
-        """InputError on a request that nobody can mean."""
+        """The request with defaults filled in; InputError if its length is out of range."""
         length = request.max_length or self._parameters["suggestion_length"]
-        if not 0 <= length <= _LONGEST:
-            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST:g} m; 0 is the default")
+        if not 0 <= length <= _LONGEST_WAY:
+            raise InputError(f"max_length {length:g} is not between 0 and {_LONGEST_WAY:g} m; 0 is the default")
         return Wanted(length or None, request.lifts, request.count or self._parameters["suggestion_count"])
 
     def _advise(self, wanted: Wanted) -> Advice:
@@ -152,14 +157,14 @@ class MotionAdvice:
             raise InputError(localiser.waiting_for)
         estimate = localiser.estimate
         if estimate is None or not estimate.modes:
-            raise InputError("nothing was felt yet: touch the object first")
+            raise InputError("nothing was measured yet: touch the object first")
         if estimate.status.state == NO_CONTACT:
             raise InputError("the sensor touches nothing: touch the object first")
         if estimate.status.state == CONVERGED:
             return Advice([], False, f"nothing is left to find out: {estimate.status.reason}")
         return localiser.advise(wanted)
 
-    def _told(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
+    def _shown_as_messages(self, advice: Advice, stamp: int) -> list[SuggestionMsg]:
         header = Header(stamp=stamp_from_ns(stamp), frame_id=self._parameters["object_frame_id"])
         self._shown.publish(markers.suggested(advice.suggestions, header))
         return [_to_msg(each) for each in advice.suggestions]

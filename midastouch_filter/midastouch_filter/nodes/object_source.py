@@ -75,10 +75,10 @@ class ObjectSource:
         if self._parameters["init_mode"] != "uniform":
             raise InputError("objects: no pose on an object that nobody knows; set init_mode to uniform")
         if not self._config.refinement:
-            raise InputError("objects: told apart by their penetration maps; set refinement to true")
+            raise InputError("objects: distinguished by their penetration maps; set refinement to true")
 
     def requested(self, mesh: str, codebook: str, network_id: str) -> NewObject:
-        """The object that somebody on the network asks for: only from the folders that the parameters allow.
+        """The object that a service call asks for, which may come only from the folders that the parameters allow.
 
         A codebook of another network than `network_id`, whose codes come in, is refused: not one of them could be
         used ("": no code has come yet).
@@ -88,10 +88,10 @@ class ObjectSource:
         new = self._read(mesh, codebook)
         theirs = new.loaded.network_id
         if theirs and network_id and theirs != network_id:
-            mend = "build it again" if codebook else "set the parameter tcn of this node"
+            fix = "build it again" if codebook else "set the parameter tcn of this node"
             raise InputError(
                 f"{codebook or mesh}: built with the network {theirs}, but the codes that come are of {network_id}; "
-                f"{mend}, or restart tcn with that network first"
+                f"{fix}, or restart tcn with that network first"
             )
         return new
 

@@ -54,7 +54,7 @@ class ParticleFilterNode(ManagedNode):
         self.autostart()
 
     def say(self, doing: str) -> None:
-        """On `filter_status`, too, which whoever comes late hears as well."""
+        """On `filter_status`, too, which late subscribers receive as well."""
         super().say(doing)
         self._out.status(self._time.stamp(), Status(UNINITIALISED, doing))
 
@@ -75,8 +75,8 @@ class ParticleFilterNode(ManagedNode):
             self._take(first)
 
     def _on_catalogue(self, catalogue: Catalogue) -> CatalogueLocaliser:
-        for name, twin in catalogue.twins.items():
-            self.get_logger().warning(f"objects: {name} is the same mesh as {twin}; both are called {twin}")
+        for name, original in catalogue.duplicates.items():
+            self.get_logger().warning(f"objects: {name} is the same mesh as {original}; both are called {original}")
         return CatalogueLocaliser(
             catalogue,
             self._config,
@@ -105,7 +105,7 @@ class ParticleFilterNode(ManagedNode):
 
     def connect(self) -> None:
         """Listen to codes and transforms, from the beginning."""
-        if not self._localiser.untouched:  # what was felt counts no more: the object may have been moved meanwhile
+        if not self._localiser.untouched:  # what was measured counts no more: the object may have been moved meanwhile
             self._localiser.restart()
         self._codes = CodeProcessor(
             self, self._localiser, self._out, self._time, self._config.refinement, self._subscribe, self._advice.changed

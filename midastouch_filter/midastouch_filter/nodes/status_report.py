@@ -81,7 +81,8 @@ class StatusReport:
 
 
 def _in_words(calibration: Calibration) -> dict[str, str]:
-    """Mount and clock, axis by axis; what is not known better than before anything was felt is said to be unknown."""
+    """Mount and clock, axis by axis; what is not known better than before anything was measured is said to be
+    unknown."""
     offset, turn = np.split(se3.log(se3.inverse(calibration.mount)), 2)
     values = [*1e3 * offset, *np.degrees(turn), 1e3 * calibration.clock]
     sigmas = [*1e3 * calibration.sigma[:3], *np.degrees(calibration.sigma[3:6]), 1e3 * calibration.sigma[6]]

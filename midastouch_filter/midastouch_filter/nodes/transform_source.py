@@ -34,13 +34,13 @@ _JUMP_NS = round(JUMP_S * SECOND)
 class TransformSource:
     """Listens to TF in a thread of its own and answers `lookup` and `newest`.
 
-    `frames` are those whose places relative to each other are looked up. Only the transforms on the way between them
+    `frames` are those whose poses relative to each other are looked up. Only the transforms on the way between them
     are kept over time (all, while it is not known how they are linked); of every other frame just the newest. When a
     transform on the way jumps back in time, so has the recording, and all moving transforms are forgotten. Other frames
     may have clocks of their own.
 
     In the node's executor, `on_jump` is called with the stamp [ns] after a jump, `on_bad` with a reason for each
-    transform that was refused, and `on_update` when what a `lookup` was told to wait for has come.
+    transform that was refused, and `on_update` when what a `lookup` has to wait for has come.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class TransformSource:
         link.last = sample
 
     def _has_come(self) -> bool:
-        """Whether something that a `lookup` was told to wait for is there; it is not told twice."""
+        """Whether something that a `lookup` has to wait for is there; it is said once."""
         come = []
         for frames, stamp in self._awaited.items():
             with contextlib.suppress(TransformError):

@@ -14,20 +14,20 @@ from ..core.gates import Gates, Stopwatch
 from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.particles import Particles
-from ..core.places import Prior
+from ..core.pose_hypothesis import Prior
 from ..core.touch import Measurement
 from .refinement import Refinement
 
-_FEWEST = 100  # particles of a new mode
-_WORTH_PARTICLES = 0.005  # share of the belief below which a place gets none
-_MOST_BORN = 0.5  # of the number of particles, at one place
-_LEAST = 1e-9  # share that a refuted mode keeps, so that its weight stays finite
+_FEWEST_PARTICLES = 100  # particles of a new mode
+_LEAST_FRACTION = 0.005  # fraction of the belief below which a hypothesis gets none
+_LARGEST_NEW_FRACTION = 0.5  # of the number of particles, at one hypothesis
+_REFUTED_FRACTION = 1e-9  # share that a refuted mode keeps, so that its weight stays finite
 
 
 class CoarseOnly:
     """No fine stage: the belief is that of the codes alone.
 
-    Attributes: checked: whether other places were compared with the dominant mode, as far as that is asked for.
+    Attributes: checked: whether other hypotheses were compared with the dominant mode, as far as that is asked for.
     """
 
     checked = True
@@ -35,11 +35,11 @@ class CoarseOnly:
     def restart(self, prior: Prior | None) -> None:
         """The particles were drawn anew; `prior` is what is known of the present pose."""
 
-    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], places: int) -> None:
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
         """The look-up has other entries; arguments as `Reevaluation.score_anew`."""
 
-    def recall(self, felt: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
-        """After a restart: what was felt before it; arguments as of `Reevaluation.recall`."""
+    def recall(self, measured: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        """After a restart: what was measured before it; arguments as of `Reevaluation.recall`."""
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         """The first finger moved, None at rest; `path` [m] of the others."""
@@ -47,15 +47,15 @@ class CoarseOnly:
     def pool(self, belief: Belief, name: str, log_ratio: np.ndarray) -> None:
         """Change a finger's log-likelihood ratios (N,) before they are used."""
 
-    def __call__(self, belief: Belief, felt: list[Finger], tempering: float) -> bool:
-        """Change the belief by what was felt; whether maps explain the dominant mode."""
+    def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
+        """Change the belief by what was measured; whether maps explain the dominant mode."""
         return False
 
-    def reflect(self, belief: Belief, felt: list[Finger]) -> None:
-        """Change the belief by what the last touches say, these included; the answer to them is out."""
+    def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
+        """Change the belief by the last touches, the present ones included, after their estimate was given."""
 
     @property
-    def felt(self) -> np.ndarray:
+    def measured_gels(self) -> np.ndarray:
         """(F, 4, 4) of the gels of the last touches that are kept, in the frame of the present first one."""
         return np.empty((0, 4, 4))
 
@@ -65,7 +65,7 @@ class CoarseOnly:
 
 
 class FineStage(CoarseOnly):
-    """Aligns narrow modes to the felt maps.
+    """Aligns narrow modes to the measured maps.
 
     Args: refinement; config; gates; watch.
     Attribute: region, how far from the published pose the truth may be.
@@ -79,18 +79,18 @@ class FineStage(CoarseOnly):
         self.region.restart()
 
     def pool(self, belief: Belief, name: str, log_ratio: np.ndarray) -> None:
-        """Let a code speak for all modes that the last maps of the finger fitted as for one.
+        """Give a code the same weight for all modes that the last maps of the finger fitted.
 
         Between them the maps decide, which tell more: a code's small errors are the same all along an edge, and would
-        in time kill one of two places that feel alike.
+        in time kill one of two hypotheses that are alike.
         """
         if name in belief.aligned_to and len(belief.aligned) > 1:
             members = belief.members
             parts = [np.flatnonzero(members == k) for k in belief.aligned]
             pool_marginal_likelihoods(belief.particles.log_weights, log_ratio, parts)
 
-    def __call__(self, belief: Belief, felt: list[Finger], tempering: float) -> bool:
-        mapped = mapped_of(felt)
+    def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
+        mapped = mapped_of(measured)
         if not mapped:
             return False
         with self._watch.stage("refinement"):
@@ -118,9 +118,9 @@ class FineStage(CoarseOnly):
         return self._refinement.sharpened(belief.particles, belief.members, belief.modes, belief.aligned)
 
 
-def mapped_of(felt: list[Finger]) -> list[Finger]:
-    """The fingers that felt a penetration map."""
-    return [finger for finger in felt if finger.touch.penetration is not None]
+def mapped_of(measured: list[Finger]) -> list[Finger]:
+    """The fingers that measured a penetration map."""
+    return [finger for finger in measured if finger.touch.penetration is not None]
 
 
 def pool_marginal_likelihoods(log_weights: np.ndarray, log_ratio: np.ndarray, parts: Sequence[np.ndarray]) -> None:
@@ -140,19 +140,19 @@ def pool_marginal_likelihoods(log_weights: np.ndarray, log_ratio: np.ndarray, pa
         log_ratio[part] += together - gain
 
 
-def impose_shares(
+def impose_fractions(
     particles: Particles,
     members: np.ndarray,
     owners: Sequence[int | None],
-    shares: np.ndarray,
+    fractions: np.ndarray,
     elsewhere: float,
     draw: Callable[[int | None, int], Particles],
     exact: bool = True,
 ) -> tuple[Particles, int]:
-    """Particles that hold the shares (P,) of the belief at P places and the rest, `elsewhere`, outside of them.
+    """Particles that hold the fractions (P,) of the belief at P hypotheses and the rest, `elsewhere`, outside of them.
 
-    members (N,): mode of each particle, -1 for none; owners: for each place the mode that lies there, None if none
-    does: then `draw(place, count)` makes its particles, and `draw(None, count)` what is missing outside. Unless
+    members (N,): mode of each particle, -1 for none; owners: for each hypothesis the mode that lies there, None if none
+    does: then `draw(hypothesis, count)` makes its particles, and `draw(None, count)` what is missing outside. Unless
     `exact`, particles outside hold what they do, if it is more than `elsewhere`. Returns the number of new groups too.
     """
     group, owned = members + 1, [k + 1 for k in owners if k is not None]  # group 0: of no mode
@@ -163,21 +163,25 @@ def impose_shares(
     gain = np.zeros(len(held))
     new: list[Particles] = []
 
-    def born(place: int | None, share: float) -> None:
-        if share > _WORTH_PARTICLES:
-            drawn = draw(place, max(_FEWEST, round(min(share, _MOST_BORN) * len(particles))))
-            drawn.log_weights += np.log(share)
+    def born(hypothesis: int | None, fraction: float) -> None:
+        if fraction > _LEAST_FRACTION:
+            drawn = draw(
+                hypothesis, max(_FEWEST_PARTICLES, round(min(fraction, _LARGEST_NEW_FRACTION) * len(particles)))
+            )
+            drawn.log_weights += np.log(fraction)
             new.append(drawn)
 
     if now > rest:
-        gain[outside] = np.log(max(rest, _LEAST) / now)
+        gain[outside] = np.log(max(rest, _REFUTED_FRACTION) / now)
     else:
         born(None, rest - now)
-    for place, (k, wanted) in enumerate(zip(owners, shares * (1.0 - rest) / max(shares.sum(), _LEAST), strict=True)):
+    for hypothesis, (k, wanted) in enumerate(
+        zip(owners, fractions * (1.0 - rest) / max(fractions.sum(), _REFUTED_FRACTION), strict=True)
+    ):
         if k is None:
-            born(place, wanted)
+            born(hypothesis, wanted)
         else:
-            gain[k + 1] = np.log(max(wanted, _LEAST)) - np.log(max(held[k + 1], np.finfo(float).tiny))
+            gain[k + 1] = np.log(max(wanted, _REFUTED_FRACTION)) - np.log(max(held[k + 1], np.finfo(float).tiny))
     log_weights = particles.log_weights + gain[group]
     kept = Particles(particles.positions, particles.quaternions, log_weights, particles.entries)
     joined = Particles.joined([kept, *new])

@@ -1,4 +1,4 @@
-"""Coarse to fine: once particles form narrow modes, let the felt penetration map itself place them.
+"""Coarse to fine: once particles form narrow modes, let the measured penetration map itself place them.
 
 The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
 Gaussian the update by a penetration map has a closed form: `alignment.py` gives the posterior mean and covariance, and
@@ -88,8 +88,8 @@ class Refinement:
         """
         out = np.zeros(len(modes))
         if len(aligned) > 1:
-            chosen, misfit = list(aligned), 1.0 - np.array([each.fit for each in aligned.values()])
-            mass, evidence = np.array([modes[k].weight for k in chosen]), self._noise.misfit_evidence(misfit)
+            chosen, residual_ratio = list(aligned), 1.0 - np.array([each.fit for each in aligned.values()])
+            mass, evidence = np.array([modes[k].weight for k in chosen]), self._noise.residual_evidence(residual_ratio)
             gain = tempering * (evidence - evidence.max())
             out[chosen] = gain + np.log(mass.sum() / (mass * np.exp(gain)).sum())
         return out
@@ -129,8 +129,8 @@ class Refinement:
     def _agreed(self, found: list[Aligned]) -> Aligned | None:
         """The best of several optima that fit; None if another one, elsewhere, explains the map nearly as well.
 
-        Where none fits, the mode's own. (A pose that feels nothing at all leaves the prior wide, for which the evidence
-        praises it.)
+        Where none fits, the mode's own. (A pose that touches nothing at all leaves the prior wide, for which the
+        evidence praises it.)
         """
         fitting = [each for each in found if each.fit > self._config.penetration_fit]
         if not fitting:

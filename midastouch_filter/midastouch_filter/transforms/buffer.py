@@ -1,9 +1,9 @@
 """Trees of frames whose poses are known over time.
 
-Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a caller who is too
-early is told so and asks again when more transforms have come. A look-up interpolates each link at the asked stamp,
-linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead differs by
-millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
+Every link of the tree keeps a short history. Nothing is extrapolated and nothing is "latest": a look-up that
+comes too early fails, and may be repeated when more transforms have come. A look-up interpolates each link at the asked
+stamp, linearly in translation and spherically in rotation (the rule of tf2; interpolating on screw motions instead
+differs by millimetres on a lever of 0.1 m), then composes the links. It answers as tf2 does, of which it needs nothing.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class TransformBuffer:
         parent, child = parent.lstrip("/"), child.lstrip("/")
         try:
             if not parent or not child or parent == child:
-                raise InvalidTransformError("needs two different frame names; mend its publisher")
+                raise InvalidTransformError("needs two different frame names; fix its publisher")
             pose = checked_pose(transform)
             with self._lock:
                 return self._insert(parent, child, stamp_ns, pose, static)
@@ -148,7 +148,7 @@ class TransformBuffer:
         """T_target_source (4, 4) float64 at `stamp_ns`, through as many links as it takes.
 
         Raises UnknownFrameError, DisconnectedError, PastExtrapolationError or FutureExtrapolationError; if
-        links of the chain disagree, the past one, as waiting cannot mend it.
+        links of the chain disagree, the past one, as waiting cannot fix it.
         """
         names = target.lstrip("/"), source.lstrip("/")
         if names[0] == names[1]:

@@ -13,8 +13,8 @@ from midastouch_common.errors import InputError
 
 from .rigid import TransformError
 
-# Nobody is told of shorter waits: live, transforms often come some milliseconds after their image.
-_WORTH_SAYING = 0.05
+# Shorter waits are not reported: live, transforms often come some milliseconds after their image.
+_UNREPORTED_WAIT_S = 0.05
 # Bounds the memory while the clock of the time-out stands still: more than a minute of a sensor's codes.
 MOST_WAITING = 4096
 
@@ -65,7 +65,7 @@ class TransformQueue:
         self._lookup, self._hold, self._now, self._timeout, self._steady = lookup, hold, now, timeout, steady
         self._items: deque[tuple[int, Any, float, float]] = deque()
         self._lacks = ""
-        self._told: int | None = None
+        self._reported: int | None = None
 
     def __len__(self) -> int:
         return len(self._items)
@@ -82,17 +82,17 @@ class TransformQueue:
         """Forget everything that waits; returns the stamps [ns]."""
         stamps = [stamp for stamp, *_ in self._items]
         self._items.clear()
-        self._told = None
+        self._reported = None
         return stamps
 
-    def untold(self) -> Waiting | None:
+    def unreported(self) -> Waiting | None:
         """Once for each item that is the newest while the first has waited for a while; else None."""
         if not self._items:
             return None
         stamp = self._items[-1][0]
-        if stamp == self._told or self._steady() - self._items[0][3] < _WORTH_SAYING:
+        if stamp == self._reported or self._steady() - self._items[0][3] < _UNREPORTED_WAIT_S:
             return None
-        self._told = stamp
+        self._reported = stamp
         return Waiting(stamp, self._lacks)
 
     def pop(self) -> Ready | None:

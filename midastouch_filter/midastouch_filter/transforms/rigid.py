@@ -118,7 +118,7 @@ def checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
     if len(transform) != 7:
         raise InvalidTransformError(f"expected a (4, 4) matrix or 7 values, got shape {np.shape(transform)}")
     if not all(map(math.isfinite, transform)):
-        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
+        raise InvalidTransformError("holds NaN or infinite values; fix its publisher")
     x, y, z, qx, qy, qz, qw = transform
     square = qx * qx + qy * qy + qz * qz + qw * qw
     norm = math.sqrt(square)
@@ -130,7 +130,7 @@ def checked_pose(transform: np.ndarray | Sequence[float]) -> Pose:
 
 def _pose_of_matrix(matrix: np.ndarray) -> Pose:
     if not np.isfinite(matrix).all():
-        raise InvalidTransformError("holds NaN or infinite values; mend its publisher")
+        raise InvalidTransformError("holds NaN or infinite values; fix its publisher")
     rotation = matrix[:3, :3]
     rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() < _UNIT_TOLERANCE and np.linalg.det(rotation) > 0
     if not rigid or np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-9:

@@ -1,4 +1,4 @@
-"""Where to touch next: on an object whose two halves are alike, or differ in one place only."""
+"""Where to touch next: on an object whose two halves are alike, or differ in one hypothesis only."""
 
 import copy
 import math
@@ -22,7 +22,7 @@ CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
 HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
 KNOB = np.array([0.015, 0.025, -0.014])
-NOTHING_FELT = np.empty((0, 4, 4))
+NOTHING_MEASURED = np.empty((0, 4, 4))
 
 
 def model_of(world, mesh) -> ObjectModel:
@@ -47,30 +47,30 @@ def handed(world):
     return model_of(world, ObjectMesh.from_arrays(vertices, mesh.faces, "handed"))
 
 
-def twins(world, model, point=(0.02, 0.03, 0.012)) -> list[Hypothesis]:
+def copies(world, model, point=(0.02, 0.03, 0.012)) -> list[Hypothesis]:
     pose = world.poses_at(model.mesh, np.array([point]), np.zeros(1), 1e-3)[0]
-    return [Hypothesis(model, each, 0.5, True, misfit=0.05) for each in (pose, HALF_TURN @ pose)]
+    return [Hypothesis(model, each, 0.5, True, residual_ratio=0.05) for each in (pose, HALF_TURN @ pose)]
 
 
-def test_twins_are_said_to_be_indistinguishable(world, alike):
-    advice = advise(twins(world, alike), NOTHING_FELT, Wanted(), NOISE)
+def test_copies_are_said_to_be_indistinguishable(world, alike):
+    advice = advise(copies(world, alike), NOTHING_MEASURED, Wanted(), NOISE)
     assert advice.indistinguishable
     assert "nothing within reach" in advice.message
     assert advice.message.count("(50%)") == 2
     assert sum(each.information for each in advice.suggestions) < 0.2
 
 
-def test_it_leads_to_where_twins_differ(world, handed):
-    advice = advise(twins(world, handed), NOTHING_FELT, Wanted(), NOISE)
+def test_it_leads_to_where_copies_differ(world, handed):
+    advice = advise(copies(world, handed), NOTHING_MEASURED, Wanted(), NOISE)
     assert not advice.indistinguishable
     best = advice.suggestions[0]
     assert best.information > 0.3
     assert best.path[-1, 2, 3] < 0.0 < best.path[0, 2, 3]
-    assert "feels unlike" in best.reason
+    assert "differs from" in best.reason
 
 
 def test_what_is_out_of_reach_does_not_count(world, handed):
-    advice = advise(twins(world, handed), NOTHING_FELT, Wanted(max_length=0.012), NOISE)
+    advice = advise(copies(world, handed), NOTHING_MEASURED, Wanted(max_length=0.012), NOISE)
     assert advice.indistinguishable
     assert all(each.length <= 0.012 for each in advice.suggestions)
 
@@ -80,17 +80,17 @@ def test_of_two_objects_the_difference_counts(world, alike, handed):
     hypotheses = [
         Hypothesis(model, pose, 0.5, True, name, 0.05) for model, name in ((alike, "twofold"), (handed, "handed"))
     ]
-    advice = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE, on="handed")
+    advice = advise(hypotheses, NOTHING_MEASURED, Wanted(), NOISE, on="handed")
     assert "twofold at" in advice.message
     assert "handed at" in advice.message
     assert advice.suggestions[0].information > 0.3
     way = advice.suggestions[0].path[:, :3, 3]
     assert np.abs(handed.mesh.closest_points(way)[1]).max() < 2e-3
-    nowhere = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE, on="mug")
+    nowhere = advise(hypotheses, NOTHING_MEASURED, Wanted(), NOISE, on="mug")
     assert [each.path.shape for each in nowhere.suggestions] == [(0, 4, 4)] * len(nowhere.suggestions)
 
 
-def test_the_arm_carries_every_place_along(alike):
+def test_the_arm_carries_every_hypothesis_along(alike):
     starts, ways = alike.lookup.poses[:3], alike.lookup.poses[10:25].reshape(3, 5, 4, 4)
     poses = carried_along(starts, ways)
     for i in range(3):
@@ -100,51 +100,51 @@ def test_the_arm_carries_every_place_along(alike):
 
 
 @pytest.mark.parametrize(("off", "told"), [(0.0, False), (0.002, False), (0.03, True)])
-def test_a_twin_is_refuted_off_the_surface_only(world, alike, off, told):
+def test_a_copy_is_refuted_off_the_surface_only(world, alike, off, told):
     """By a millimetre its pose may be wrong: then the gel would hover, and not be somewhere else."""
-    right, twin = twins(world, alike)
+    right, copy = copies(world, alike)
     way = predict_slides(alike, right.pose[None], np.zeros(1), np.array([0.01, 0.02, 0.03]))[0][0, 0]
-    at_twin = HALF_TURN @ way @ se3.make(np.eye(3), np.array([0.0, 0.0, off]))
-    evidence = map_evidence(right, [twin], way, at_twin[:, None], NOISE)
+    at_copy = HALF_TURN @ way @ se3.make(np.eye(3), np.array([0.0, 0.0, off]))
+    evidence = map_evidence(right, [copy], way, at_copy[:, None], NOISE)
     assert evidence.shape == (4, 1)
     assert (np.abs(evidence).max() < 0.3) != told
     assert (evidence.min() > 2.0) == told
 
 
 def test_a_slide_is_worth_the_touch_at_its_end(world, handed):
-    many = advise(twins(world, handed), NOTHING_FELT, Wanted(count=8), NOISE).suggestions
+    many = advise(copies(world, handed), NOTHING_MEASURED, Wanted(count=8), NOISE).suggestions
     assert all(each.length >= CONFIG.correlation_length for each in many)
 
 
 def test_what_is_nearly_known_needs_less_to_be_certain(world, handed):
-    here, there = twins(world, handed)
-    for share, hopeless in (0.5, True), (0.9, False):
-        belief = [replace(here, probability=share), replace(there, probability=1 - share)]
-        assert advise(belief, NOTHING_FELT, Wanted(max_length=0.03), NOISE).indistinguishable == hopeless
+    here, there = copies(world, handed)
+    for fraction, hopeless in (0.5, True), (0.9, False):
+        belief = [replace(here, probability=fraction), replace(there, probability=1 - fraction)]
+        assert advise(belief, NOTHING_MEASURED, Wanted(max_length=0.03), NOISE).indistinguishable == hopeless
 
 
 def test_who_wants_certainty_gets_advice_too(world, handed):
     certain = copy.copy(handed)
     certain.config = replace(CONFIG, converged_probability=1.0)
-    advice = advise(twins(world, certain), NOTHING_FELT, Wanted(), NOISE)
+    advice = advise(copies(world, certain), NOTHING_MEASURED, Wanted(), NOISE)
     assert advice.suggestions
     assert all(np.isfinite(each.information) for each in advice.suggestions)
 
 
 def test_best_first_and_no_more_than_wanted(world, handed):
-    hypotheses = twins(world, handed)
-    many = advise(hypotheses, NOTHING_FELT, Wanted(count=8), NOISE).suggestions
+    hypotheses = copies(world, handed)
+    many = advise(hypotheses, NOTHING_MEASURED, Wanted(count=8), NOISE).suggestions
     rates = [each.information / each.cost for each in many]
     assert rates == sorted(rates, reverse=True)
-    assert len(advise(hypotheses, NOTHING_FELT, Wanted(count=1), NOISE).suggestions) == 1
+    assert len(advise(hypotheses, NOTHING_MEASURED, Wanted(count=1), NOISE).suggestions) == 1
     assert not any(each.lift for each in many)
 
 
-def test_what_was_felt_already_is_no_news(world, handed):
-    hypotheses = twins(world, handed)
-    best = advise(hypotheses, NOTHING_FELT, Wanted(), NOISE).suggestions[0]
-    felt = se3.inverse(best.path[0]) @ best.path
-    again = advise(hypotheses, felt, Wanted(count=8), NOISE).suggestions
+def test_what_was_measured_already_is_no_news(world, handed):
+    hypotheses = copies(world, handed)
+    best = advise(hypotheses, NOTHING_MEASURED, Wanted(), NOISE).suggestions[0]
+    measured = se3.inverse(best.path[0]) @ best.path
+    again = advise(hypotheses, measured, Wanted(count=8), NOISE).suggestions
     same = [each for each in again if each.heading == best.heading]
     assert all(each.information < 0.5 * best.information for each in same if each.length <= best.length)
 
@@ -187,7 +187,7 @@ def test_touches_lie_ever_farther_apart(length):
 def test_touches_near_earlier_ones_count_in_part():
     track = np.tile(np.eye(4), (1, 1, 3, 1, 1))
     track[0, 0, :, 0, 3] = [0.0, 0.015, 0.06]
-    news = independence_on_the_way(track, NOTHING_FELT, 0.03)
+    news = independence_on_the_way(track, NOTHING_MEASURED, 0.03)
     np.testing.assert_allclose(news[0, 0], [0.5, 1.0])
-    felt = se3.make(np.eye(3), np.array([[0.06, 0.0, 0.0]]))
-    np.testing.assert_allclose(independence_on_the_way(track, felt, 0.03)[0, 0], [0.5, 0.0])
+    measured = se3.make(np.eye(3), np.array([[0.06, 0.0, 0.0]]))
+    np.testing.assert_allclose(independence_on_the_way(track, measured, 0.03)[0, 0], [0.5, 0.0])

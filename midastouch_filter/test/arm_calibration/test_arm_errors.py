@@ -81,7 +81,7 @@ def test_what_is_learnt_is_taken_out_of_the_motion():
     assert lacks < 0.2 * np.linalg.norm(se3.log(se3.inverse(turn) @ told))
 
 
-def test_without_turns_the_place_of_the_mount_stays_unknown():
+def test_without_turns_the_position_of_the_mount_stays_unknown():
     rng = np.random.default_rng(6)
     truth = path(300, rng, turns=False)
     errors = make()
@@ -116,9 +116,9 @@ def test_a_push_is_noticed_within_ten_frames(frames):
         truth = path(140, rng)
         directions = rng.standard_normal((2, 3))
         directions *= np.array([[5e-3], [np.radians(5)]]) / np.linalg.norm(directions, axis=1, keepdims=True)
-        share = np.clip((np.arange(140) - 99) / frames, 0, 1)
+        fraction = np.clip((np.arange(140) - 99) / frames, 0, 1)
         about = truth[100]
-        pushed = about @ se3.exp(share[:, None] * directions.reshape(6)) @ se3.inverse(about) @ truth
+        pushed = about @ se3.exp(fraction[:, None] * directions.reshape(6)) @ se3.inverse(about) @ truth
         errors = make()
         jumps, jump = slide(errors, truth, with_jitter(pushed, rng), rng)
         assert jumps
@@ -143,7 +143,7 @@ def test_pushes_are_not_looked_for_unless_asked():
     assert slide(make(jump=None), truth, measured, rng)[0] == []
 
 
-def test_a_restart_forgets_the_place_and_keeps_mount_and_clock():
+def test_a_restart_forgets_the_pose_and_keeps_mount_and_clock():
     rng = np.random.default_rng(11)
     truth = path(300, rng)
     mount = se3.exp([2e-3, 0, 0, 0, 0.03, 0])

@@ -34,7 +34,7 @@ def jitter():
     return se3.exp(noise * np.repeat([2e-4, math.radians(0.4)], 3))
 
 
-def test_a_push_is_told_and_followed(world, mapped_slide, jitter):
+def test_a_push_is_reported_and_followed(world, mapped_slide, jitter):
     poses = mapped_slide.poses
     push = poses[80] @ se3.exp([2e-3, 2e-3, 4e-3, 0.06, 0.06, 0]) @ se3.inverse(poses[80])
     measured = poses @ jitter
@@ -89,7 +89,7 @@ def odometry():
     return ContactOdometry(SENSOR, NoiseModel.of(CONFIG), CONFIG.object_jump + 2 * CONFIG.jitter)
 
 
-def felt(mesh, poses):
+def measured(mesh, poses):
     return np.maximum(PenetrationRenderer(mesh, SENSOR).render(np.asarray(poses)), 0)
 
 
@@ -97,7 +97,7 @@ def test_the_motion_over_a_bump_is_found_whatever_the_arm_says(world, odometry):
     rng = np.random.default_rng(3)
     wrong, misled = [], []
     for slide in (world.make_slide(world.mesh, 2, rng) for _ in range(20)):
-        first, second = felt(world.mesh, slide)
+        first, second = measured(world.mesh, slide)
         motion = se3.inverse(slide[0]) @ slide[1]
         arm = motion @ se3.exp([0, 0, 2e-3, 0, 0, 0])  # the object slips towards the gel
         odometry.keep(first, None)
@@ -107,7 +107,7 @@ def test_the_motion_over_a_bump_is_found_whatever_the_arm_says(world, odometry):
     assert np.median(wrong) < 0.1 * np.median(misled)
 
 
-def test_where_nothing_is_felt_the_guess_stands(odometry):
+def test_where_nothing_is_measured_the_guess_stands(odometry):
     nothing = np.zeros(SENSOR.gel_depth.shape, np.float32)
     guess = se3.exp([1e-3, 0, 5e-4, 0, 0.01, 0])
     odometry.keep(nothing, None)
@@ -115,7 +115,7 @@ def test_where_nothing_is_felt_the_guess_stands(odometry):
 
 
 def test_there_is_no_motion_to_the_first_map(world, odometry):
-    first, second = felt(world.mesh, world.poses[:2])
+    first, second = measured(world.mesh, world.poses[:2])
     assert odometry.register(first, np.eye(4)) is None
     odometry.keep(first, None)
     assert odometry.is_last(first)

@@ -34,7 +34,7 @@ def sensor():
 
 @pytest.fixture(scope="module")
 def touches(tool, sensor):
-    """Poses on the tool and what they feel, averaged from full resolution."""
+    """Poses on the tool and what they measure, averaged from full resolution."""
     sampling = ContactSampling(press=(0.5e-3, 1.2e-3), free_fraction=0.0)
     poses = sample_contact_poses(tool, 40, np.random.default_rng(0), sensor, sampling)
     maps = PenetrationRenderer(tool, sensor.scaled(4)).render(poses)
@@ -46,7 +46,7 @@ def errors(poses, truth):
     return np.linalg.norm(delta[:, :3], axis=1), np.linalg.norm(delta[:, 3:], axis=1), delta
 
 
-def test_finds_the_pose_that_felt_the_penetration(tool, sensor, touches):
+def test_finds_the_pose_that_measured_the_penetration(tool, sensor, touches):
     poses, penetrations = touches
     rng = np.random.default_rng(1)
     starts = poses @ se3.exp(rng.standard_normal((len(poses), 6)) * np.sqrt(np.diag(PRIOR)))
@@ -56,14 +56,14 @@ def test_finds_the_pose_that_felt_the_penetration(tool, sensor, touches):
     t1, r1, delta = errors(np.stack([a.pose for a in aligned]), poses)
     assert np.median(t1) < 0.35 * np.median(t0)
     assert np.median(r1) < 0.35 * np.median(r0)
-    # what the press and the tilt are is felt everywhere
+    # what the press and the tilt are is measured everywhere
     assert np.median(np.abs(delta[:, 2])) < 1e-4
     nees = [d @ np.linalg.solve(a.covariance, d) for d, a in zip(delta, aligned, strict=True)]
     assert np.median(nees) < 8
 
 
 def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
-    """On a ball only three of six directions are felt: not the yaw, and rolling along is rotation at once."""
+    """On a ball only three of six directions are measured: not the yaw, and rolling along is rotation at once."""
     ball = ObjectMesh.load(bundled_objects()["ball"])
     pose = se3.make(np.eye(3), [0, 0, 0.029])
     penetration = PenetrationRenderer(ball, sensor).render(pose[None])[0]
@@ -74,7 +74,7 @@ def test_directions_the_contact_does_not_tell_keep_their_prior(sensor):
     assert np.linalg.norm(aligned.pose[:3, 3] - pose[:3, 3]) < 2e-4
 
 
-def test_evidence_prefers_the_right_place(tool, sensor, touches):
+def test_evidence_prefers_the_right_pose(tool, sensor, touches):
     poses, penetrations = touches
     alignment = PenetrationAlignment(tool, sensor, NOISE)
     right = [alignment.align(p, PRIOR, r).log_evidence for p, r in zip(poses, penetrations, strict=True)]
@@ -82,7 +82,7 @@ def test_evidence_prefers_the_right_place(tool, sensor, touches):
     assert (np.array(right) > np.array(wrong)).mean() > 0.9
 
 
-def test_nothing_felt_is_finite(tool, sensor):
+def test_nothing_measured_is_finite(tool, sensor):
     aligned = PenetrationAlignment(tool, sensor, NOISE).align(
         se3.make(np.eye(3), [1.0, 0, 0]), PRIOR, np.zeros((80, 60), np.float32)
     )
@@ -97,7 +97,7 @@ OFF = np.array([1e-3, -8e-4, 4e-4, 0.02, -0.02, 0.02])
 
 @pytest.fixture(scope="module")
 def hand():
-    """An alignment, poses (2, 4, 4) of two fingers on the tool and the penetrations they feel."""
+    """An alignment, poses (2, 4, 4) of two fingers on the tool and the penetrations they measure."""
     tool = ObjectMesh.load(bundled_objects()["handle_tool"])
     sensor = SensorModel.load("digit_tacto")
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
@@ -110,7 +110,7 @@ def hand():
     return alignment, poses, penetrations
 
 
-def felt(penetration, T_gel_finger=None):
+def measured(penetration, T_gel_finger=None):
     return Measurement(True, penetration=penetration, T_gel_finger=T_gel_finger)
 
 
@@ -128,7 +128,7 @@ def test_of_the_reference_alone_it_is_the_alignment(hand):
     start = poses[0] @ se3.exp(OFF)
     alone, found = (
         alignment.align(start, np.diag(VARIANCE), penetrations[0]),
-        joint(hand, start, [felt(penetrations[0])]),
+        joint(hand, start, [measured(penetrations[0])]),
     )
     for name in ("pose", "covariance", "log_evidence", "fit"):
         np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
@@ -138,8 +138,8 @@ def test_a_second_finger_makes_it_surer_and_better(hand):
     _, poses, penetrations = hand
     start = poses[0] @ se3.exp(OFF)
     between = se3.inverse(poses[0]) @ poses[1]
-    one = joint(hand, start, [felt(penetrations[0])])
-    two = joint(hand, start, [felt(penetrations[0]), felt(penetrations[1], between)])
+    one = joint(hand, start, [measured(penetrations[0])])
+    two = joint(hand, start, [measured(penetrations[0]), measured(penetrations[1], between)])
     assert two.fit > 0.8
     assert np.linalg.det(two.covariance) < 0.5 * np.linalg.det(one.covariance)
     assert (np.linalg.eigvalsh(two.covariance) > 0).all()
@@ -151,7 +151,7 @@ def test_the_second_finger_alone_tells_of_the_reference(hand):
     _, poses, penetrations = hand
     start = poses[0] @ se3.exp(OFF)
     between = se3.inverse(poses[0]) @ poses[1]
-    found = joint(hand, start, [felt(penetrations[1], between)])
+    found = joint(hand, start, [measured(penetrations[1], between)])
     assert found.fit > 0.8
     gel_before, gel_after = start @ between, found.pose @ between
     assert distance(gel_after, poses[1]) < 0.6 * distance(gel_before, poses[1])
@@ -161,26 +161,26 @@ def test_the_order_of_the_fingers_does_not_matter(hand):
     _, poses, penetrations = hand
     start = poses[0] @ se3.exp(0.3 * OFF)
     between = se3.inverse(poses[0]) @ poses[1]
-    touches = [felt(penetrations[0], np.eye(4)), felt(penetrations[1], between)]
+    touches = [measured(penetrations[0], np.eye(4)), measured(penetrations[1], between)]
     a, b = joint(hand, start, touches), joint(hand, start, touches[::-1])
     assert distance(a.pose, b.pose) < 1e-4
     assert a.log_evidence == pytest.approx(b.log_evidence, rel=0.1, abs=0.5)
 
 
-def test_a_finger_that_feels_another_place_spoils_fit_and_evidence(hand):
+def test_a_finger_that_measures_elsewhere_spoils_fit_and_evidence(hand):
     _, poses, penetrations = hand
     between = se3.inverse(poses[0]) @ poses[1]
-    right = joint(hand, poses[0], [felt(penetrations[0]), felt(penetrations[1], between)])
+    right = joint(hand, poses[0], [measured(penetrations[0]), measured(penetrations[1], between)])
     elsewhere = between @ se3.exp(np.array([0.01, 0.005, 0, 0, 0, 1.5]))
-    wrong = joint(hand, poses[0], [felt(penetrations[0]), felt(penetrations[1], elsewhere)])
+    wrong = joint(hand, poses[0], [measured(penetrations[0]), measured(penetrations[1], elsewhere)])
     assert wrong.fit < right.fit - 0.2
     assert wrong.log_evidence < right.log_evidence - 3
 
 
-def test_a_finger_whose_place_is_not_known_says_little(hand):
+def test_a_finger_whose_pose_is_not_known_says_little(hand):
     _, poses, penetrations = hand
     start = poses[0] @ se3.exp(OFF)
-    touches = [felt(penetrations[1], se3.inverse(poses[0]) @ poses[1])]
+    touches = [measured(penetrations[1], se3.inverse(poses[0]) @ poses[1])]
     sure, unsure = joint(hand, start, touches), joint(hand, start, touches, finger_error=np.diag(100 * VARIANCE))
     assert np.linalg.det(unsure.covariance) > np.linalg.det(sure.covariance)
     assert np.linalg.slogdet(unsure.covariance)[1] == pytest.approx(np.log(VARIANCE).sum(), abs=2)

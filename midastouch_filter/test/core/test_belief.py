@@ -22,7 +22,7 @@ def moment_about(pose, particles, weights):
     return (weights[:, None] * d).T @ d
 
 
-def test_other_places_are_part_of_it():
+def test_other_hypotheses_are_part_of_it():
     rng = np.random.default_rng(0)
     particles, weights = spread(300, rng)
     pose = se3.exp(np.array([0.01, 0.02, 0.03, 0.4, 0.5, 0.6]))

@@ -1,4 +1,4 @@
-"""What one finger feels beside others: its likelihood, what of it counts, and what is refused."""
+"""What one finger measures beside others: its likelihood, what of it counts, and what is refused."""
 
 import math
 
@@ -47,9 +47,9 @@ def fingers(parts, gates):
     return Fingers(make, None, gates)
 
 
-def felt(fingers, motion=None, **touches):
-    """Those that feel something new after the first one moved by `motion` (4, 4)."""
-    return fingers.feel(touches, None if motion is None else Odometry.from_matrix(motion))
+def measured(fingers, motion=None, **touches):
+    """Those that measure something new after the first one moved by `motion` (4, 4)."""
+    return fingers.measure(touches, None if motion is None else Odometry.from_matrix(motion))
 
 
 def touch(T_gel_finger, code=None, **changes):
@@ -71,7 +71,7 @@ def cloud(parts, world):
 def test_where_the_reference_is_a_finger_weighs_like_it(fingers, parts, cloud, world):
     lookup, surface, model, _ = parts
     code = world.encode(world.poses[:1])[0]
-    (evidence,) = felt(fingers, twin=touch(np.eye(4), code))
+    (evidence,) = measured(fingers, copy=touch(np.eye(4), code))
     distance = lookup.follow(cloud)
     model.score_codebook(code)
     expected = surface.log_weight(cloud, distance) + model.log_likelihood(cloud)
@@ -97,14 +97,14 @@ def test_the_particle_that_has_both_fingers_right_is_weighed_best(fingers, world
         poses = np.concatenate([gels[:1], world.random_poses(world.mesh, 200, rng)])
         particles = Particles.from_poses(poses, lookup.exact(poses))
         fingers.restart()
-        (evidence,) = felt(fingers, other=touch(se3.inverse(gels[0]) @ gels[1], code))
+        (evidence,) = measured(fingers, other=touch(se3.inverse(gels[0]) @ gels[1], code))
         right += evidence.log_ratio(particles, None).argmax() == 0
     assert right >= 18
 
 
 def test_far_from_the_surface_nothing_is_proven(fingers, cloud, world):
     code = world.encode(world.poses[:1])[0]
-    (evidence,) = felt(fingers, other=touch(se3.make(np.eye(3), np.array([0, 0, 0.5])), code))
+    (evidence,) = measured(fingers, other=touch(se3.make(np.eye(3), np.array([0, 0, 0.5])), code))
     log_ratio = evidence.log_ratio(cloud, None)
     assert np.isfinite(log_ratio).all()
     assert (log_ratio <= math.log(0.05)).all()
@@ -113,9 +113,9 @@ def test_far_from_the_surface_nothing_is_proven(fingers, cloud, world):
 def test_a_finger_that_touches_nothing_is_only_kept_out_of_the_object(fingers, parts, cloud):
     inside, outside, aside = (se3.make(np.eye(3), np.array([0, 0, z])) for z in (-5e-3, 5e-3, 0.3))
     weights = []
-    for place in (inside, outside, aside):
+    for pose in (inside, outside, aside):
         fingers.restart()
-        (evidence,) = felt(fingers, other=touch(place))
+        (evidence,) = measured(fingers, other=touch(pose))
         weights.append(evidence.log_ratio(cloud, None))
     assert np.median(weights[0]) < -1
     assert np.median(weights[1]) == 0
@@ -144,7 +144,7 @@ def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monke
         poses = start @ se3.inverse(slides[0][0]) @ slides[0][k]
         particles = Particles.from_poses(poses, lookup.exact(poses))
         T_gel_finger = se3.inverse(slides[0][k]) @ slides[1][k]
-        (evidence,) = felt(fingers, MOVED, other=touch(T_gel_finger, world.encode(slides[1][k : k + 1])[0]))
+        (evidence,) = measured(fingers, MOVED, other=touch(T_gel_finger, world.encode(slides[1][k : k + 1])[0]))
         evidence.log_ratio(particles, None)
         found, there = walked.pop()
         nearest = world.poses[lookup.exact(there)]
@@ -159,49 +159,49 @@ def test_walks_find_the_entries_that_a_search_would(fingers, parts, world, monke
 # --------------------------------------------------------------------------- what counts
 
 
-def test_what_is_felt_again_is_not_counted_again(fingers, world):
+def test_what_is_measured_again_is_not_counted_again(fingers, world):
     codes = world.encode(world.poses[:3])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    (first,) = felt(fingers, other=touch(place, codes[0]))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    (first,) = measured(fingers, other=touch(pose, codes[0]))
     assert first.tempering == 1.0
     count([first])
-    assert felt(fingers, other=touch(place, codes[1])) == []  # at rest
-    (second,) = felt(fingers, MOVED, other=touch(place, codes[1]))
+    assert measured(fingers, other=touch(pose, codes[1])) == []  # at rest
+    (second,) = measured(fingers, MOVED, other=touch(pose, codes[1]))
     assert 0 < second.tempering < 0.3
     count([second])
-    assert felt(fingers, MOVED, other=touch(place, codes[1])) == []  # the same image
+    assert measured(fingers, MOVED, other=touch(pose, codes[1])) == []  # the same image
     fingers.force_update()
-    assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
+    assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
     fingers.restart()
-    assert felt(fingers, other=touch(place, codes[1]))[0].tempering == 1.0
+    assert measured(fingers, other=touch(pose, codes[1]))[0].tempering == 1.0
 
 
 def test_touches_in_contact_and_in_the_air_are_counted_apart(fingers, world):
-    """What was felt in the air says nothing about the patch that is touched next, and the other way round."""
+    """What was measured in the air says nothing about the patch that is touched next, and the other way round."""
     codes = world.encode(world.poses[:3])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    count(felt(fingers, other=touch(place, codes[0])))
-    (free,) = felt(fingers, MOVED, other=touch(place))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    count(measured(fingers, other=touch(pose, codes[0])))
+    (free,) = measured(fingers, MOVED, other=touch(pose))
     assert free.tempering == 1.0
     free.count()
-    (again,) = felt(fingers, MOVED, other=touch(place))
+    (again,) = measured(fingers, MOVED, other=touch(pose))
     assert again.tempering < 0.3
     again.count()
-    (landed,) = felt(fingers, MOVED, other=touch(place, codes[1]))
+    (landed,) = measured(fingers, MOVED, other=touch(pose, codes[1]))
     path = 3 * (2e-3 + 0.01 * 0.05)
     assert landed.tempering == pytest.approx(path / CONFIG.correlation_length, rel=0.05)
 
 
 def test_a_finger_that_moves_alone_tells_something(fingers, world):
     codes = world.encode(world.poses[:2])
-    place = se3.make(np.eye(3), np.array([0, 0, -0.04]))
-    count(felt(fingers, other=touch(place, codes[0])))
-    (moved,) = felt(fingers, other=touch(place @ MOVED, codes[1]))
+    pose = se3.make(np.eye(3), np.array([0, 0, -0.04]))
+    count(measured(fingers, other=touch(pose, codes[0])))
+    (moved,) = measured(fingers, other=touch(pose @ MOVED, codes[1]))
     assert moved.tempering == pytest.approx((2e-3 + 0.01 * 0.05) / CONFIG.correlation_length, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("place", "kind", "reason"),
+    ("pose", "kind", "reason"),
     [
         (np.full((4, 4), np.nan), "bad_finger_pose", "finger left: pose is not finite"),
         (2 * np.eye(4), "bad_finger_pose", "finger left: pose is not a rigid transform"),
@@ -209,14 +209,14 @@ def test_a_finger_that_moves_alone_tells_something(fingers, world):
         (se3.make(np.eye(3), np.array([1e300, 0, 0])), "bad_finger_pose", "finger left: pose is 1e+300 m from"),
     ],
 )
-def test_finger_poses_that_are_none_are_refused(fingers, gates, world, place, kind, reason):
-    assert felt(fingers, left=touch(place, world.codebook.codes[0])) == []
+def test_finger_poses_that_are_none_are_refused(fingers, gates, world, pose, kind, reason):
+    assert measured(fingers, left=touch(pose, world.codebook.codes[0])) == []
     assert gates.counts[kind] == 1
     assert gates.note.startswith(reason)
 
 
 @pytest.mark.parametrize("code", [np.full(64, np.nan), np.zeros(64), np.ones(5)])
 def test_codes_that_are_none_are_refused(fingers, gates, code):
-    assert felt(fingers, left=touch(np.eye(4), code)) == []
+    assert measured(fingers, left=touch(np.eye(4), code)) == []
     assert gates.counts["bad_code"] == 1
     assert gates.note.startswith("finger left: code")

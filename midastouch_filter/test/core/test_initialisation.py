@@ -6,7 +6,7 @@ from midastouch_filter.core import initialisation
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.motion_model import MotionModel
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.workers import Workers
 
 
@@ -44,10 +44,10 @@ COVARIANCE[0, 5] = COVARIANCE[5, 0] = 1.5e-4
 JITTER = np.diag([5e-4] * 3 + [0.01] * 3) ** 2
 
 
-def test_particles_at_a_place_are_spread_as_it_says(lookup):
-    place = Place(lookup.poses[4000], COVARIANCE, 0.5)
-    born = source(lookup, JITTER).at(place, 40_000)
-    offset = se3.log(se3.inverse(place.pose) @ born.poses)
+def test_particles_at_a_hypothesis_are_spread_as_it_says(lookup):
+    hypothesis = PoseHypothesis(lookup.poses[4000], COVARIANCE, 0.5)
+    born = source(lookup, JITTER).at(hypothesis, 40_000)
+    offset = se3.log(se3.inverse(hypothesis.pose) @ born.poses)
     spread = np.sqrt(np.diag(COVARIANCE + JITTER))
     np.testing.assert_allclose(np.cov(offset.T) / np.outer(spread, spread),
                                (COVARIANCE + JITTER) / np.outer(spread, spread), atol=0.03)  # fmt: skip
@@ -55,10 +55,10 @@ def test_particles_at_a_place_are_spread_as_it_says(lookup):
     assert born.weights.sum() == pytest.approx(1)
 
 
-def test_particles_among_places_lie_where_the_scores_say(lookup):
-    places = lookup.poses[[10, 4000]]
-    born = source(lookup, JITTER).among(places, np.log([0.25, 0.75]), COVARIANCE, 20_000)
-    distance = np.linalg.norm(born.positions[:, None] - places[:, :3, 3], axis=2)
+def test_particles_among_hypotheses_lie_where_the_scores_say(lookup):
+    hypotheses = lookup.poses[[10, 4000]]
+    born = source(lookup, JITTER).among(hypotheses, np.log([0.25, 0.75]), COVARIANCE, 20_000)
+    distance = np.linalg.norm(born.positions[:, None] - hypotheses[:, :3, 3], axis=2)
     assert (distance.min(axis=1) < 0.01).all()
     assert (distance.argmin(axis=1) == 1).mean() == pytest.approx(0.75, abs=0.02)
 
@@ -69,7 +69,7 @@ def test_born_particles_know_their_entries(lookup):
 
 
 def test_births_do_not_depend_on_the_number_of_threads(lookup):
-    one, two = (source(lookup, JITTER, 3, threads).at(Place(lookup.poses[7], COVARIANCE, 1.0), 9000)
+    one, two = (source(lookup, JITTER, 3, threads).at(PoseHypothesis(lookup.poses[7], COVARIANCE, 1.0), 9000)
                 for threads in (1, 2))  # fmt: skip
     np.testing.assert_array_equal(one.poses, two.poses)
     np.testing.assert_array_equal(one.entries, two.entries)

@@ -52,7 +52,7 @@ def test_touches_before_a_lift_go_before_any_after_it():
     assert [each.stretch for each in window.keyframes] == [1, 2, 2, 2]
 
 
-def test_a_touch_takes_the_place_of_one_nearby():
+def test_a_touch_replaces_one_nearby():
     window = KeyframeWindow(8, 0.02, correlation=0.01, shortlist=3)
     keep(window, 3)
     there, back = window.motion, np.linalg.inv(STEP)
@@ -95,7 +95,7 @@ def test_touches_count_by_their_distance_to_all_earlier_ones():
     np.testing.assert_allclose(independence(window.keyframes, 0.005), 1)
 
 
-def test_further_fingers_are_aligned_to_once_the_place_is_settled():
+def test_further_fingers_are_aligned_to_once_the_pose_is_settled():
     window = KeyframeWindow(2, 0.02, correlation=0.01, shortlist=3)
     blind, first, second = (Measurement(True, penetration=p) for p in (None, np.zeros(1), np.ones(1)))
     window.keep([blind, first, second], 3 * SILENT)

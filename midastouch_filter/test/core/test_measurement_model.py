@@ -68,9 +68,9 @@ def test_draws_the_best_matches_by_their_likelihood(world):
     m = model(world)
     m.score_codebook(world.codebook.codes[11])
     drawn = m.draw_matches(4000, np.random.default_rng(0))
-    share = np.exp(m.log_ratio.astype(float))
-    best = np.argsort(-share)[:50]
-    expected = share[best].sum() / share.sum()
+    fraction = np.exp(m.log_ratio.astype(float))
+    best = np.argsort(-fraction)[:50]
+    expected = fraction[best].sum() / fraction.sum()
     assert np.isin(drawn, best).mean() == pytest.approx(expected, abs=0.03)
 
 
@@ -99,5 +99,5 @@ def test_refuses_a_book_without_calibration_or_with_nan(world):
     codes, meta = world.codebook.codes, world.codebook.meta
     with pytest.raises(InputError, match="temperature"):
         MeasurementModel(codes, meta | {"temperature": 0.0}, FilterConfig(), WORKERS)
-    with pytest.raises(InputError, match="not finite"):
+    with pytest.raises(InputError, match="build-codebook"):
         MeasurementModel(np.full_like(codes, np.nan), meta, FilterConfig(), WORKERS)

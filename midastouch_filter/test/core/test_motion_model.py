@@ -110,12 +110,12 @@ def test_exploration_anneals_while_one_mode_dominates_and_comes_back():
     exploration = Exploration(FilterConfig(converged_mass=0.8, noise_converged=0.25))
     for _ in range(3):
         exploration.update(0.5, 1.0)
-    assert exploration.share == 1.0
-    shares = []
+    assert exploration.fraction == 1.0
+    fractions = []
     for _ in range(20):
         exploration.update(0.9, 0.5)
-        shares.append(exploration.share)
-    assert (np.diff(shares) <= 0).all()
-    assert shares[-1] == 0.25
+        fractions.append(exploration.fraction)
+    assert (np.diff(fractions) <= 0).all()
+    assert fractions[-1] == 0.25
     exploration.update(0.5, 1.0)
-    assert exploration.share > 0.25
+    assert exploration.fraction > 0.25

@@ -14,16 +14,16 @@ weights = arrays(float, st.integers(1, 200), elements=st.floats(0, 1e3, allow_su
 
 
 @given(weights, st.integers(1, 500), st.integers(0, 2**32))
-def test_each_particle_is_drawn_its_share_of_times(w, n, seed):
+def test_each_particle_is_drawn_its_part_of_times(w, n, seed):
     ancestors = resampling.systematic(w, n, np.random.default_rng(seed))
     drawn = np.bincount(ancestors, minlength=len(w))
-    share = n * w / w.sum()
+    fraction = n * w / w.sum()
     assert len(ancestors) == n
     assert (np.diff(ancestors) >= 0).all()
     assert (drawn[w == 0] == 0).all()
     # the sums round at limits that fall exactly on a draw, hence one draw of slack
-    assert (drawn >= np.floor(share) - 1).all()
-    assert (drawn <= np.ceil(share) + 1).all()
+    assert (drawn >= np.floor(fraction) - 1).all()
+    assert (drawn <= np.ceil(fraction) + 1).all()
 
 
 def test_expectation_is_unbiased():

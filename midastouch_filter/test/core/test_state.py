@@ -27,7 +27,7 @@ def test_starts_uninitialised_and_says_so(machine):
         (narrow(), state.CONVERGED, "95%"),
         (narrow(mode_mass=0.5), state.AMBIGUOUS, "50%"),
         (narrow(spread_t=0.02), state.AMBIGUOUS, "20.0 mm"),
-        (narrow(checked=False), state.AMBIGUOUS, "not compared with other places"),
+        (narrow(checked=False), state.AMBIGUOUS, "not compared with other hypotheses"),
         (narrow(spread_r=1.0), state.AMBIGUOUS, "1.00 rad"),
         (narrow(error=0.03), state.AMBIGUOUS, "known to 30.0 mm only"),
         (narrow(in_contact=False), state.NO_CONTACT, "touches nothing"),

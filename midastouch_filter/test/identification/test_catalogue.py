@@ -87,13 +87,17 @@ def test_what_has_no_room_is_read_again_when_it_is_asked_for(shelf):
 @pytest.mark.parametrize(
     ("change", "part", "said"),
     [
-        (lambda mesh, book: book.unlink(), "codebook", "fleeting.npz: no such codebook"),
-        (lambda mesh, book: mesh.unlink(), "mesh", "fleeting.ply: no such mesh"),
-        (lambda mesh, book: mesh.write_bytes(mesh.with_stem("small").read_bytes()), "mesh", "fleeting.ply: .* changed"),
+        (lambda mesh, book: book.unlink(), "codebook", "fleeting.npz"),
+        (lambda mesh, book: mesh.unlink(), "mesh", "fleeting.ply"),
+        (
+            lambda mesh, book: mesh.write_bytes(mesh.with_stem("small").read_bytes()),
+            "mesh",
+            "fleeting.ply.*start again",
+        ),
         (
             lambda mesh, book: book.write_bytes(book.with_stem("small").read_bytes()),
             "codebook",
-            "fleeting.npz: .* changed",
+            "fleeting.npz.*start again",
         ),
     ],
 )
@@ -124,13 +128,13 @@ def test_a_folder_stands_for_its_codebooks(shelf, tmp_path):
         (tmp_path / book.name).symlink_to(book)
     assert len(read(tmp_path)) == 2
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="without codebooks"):
+    with pytest.raises(InputError, match=r"empty.*build-codebook"):
         read(tmp_path / "empty")
 
 
 def test_the_same_mesh_under_another_name_counts_once(shelf):
-    catalogue = read(*shelf.books, shelf.add("twin"))
-    assert catalogue.twins == {"twin": "bumpy"}
+    catalogue = read(*shelf.books, shelf.add("again"))
+    assert catalogue.duplicates == {"again": "bumpy"}
     assert len(catalogue) == 2
 
 
@@ -141,15 +145,18 @@ def test_an_object_can_be_left_out(shelf):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda shelf: shelf.folder / "missing.npz", "missing.npz: no such codebook file"),
+        (lambda shelf: shelf.folder / "missing.npz", "missing.npz"),
         (lambda shelf: shelf.add("other_network", 0.7, tcn="another"), "other_network.npz.*network another"),
         (lambda shelf: shelf.add("other_sensor", 0.7, sensor="digit_real"), "other_sensor.npz.*sensor digit_real"),
         (
             lambda shelf: shelf.add("other_gel", 0.7, sensor_model=OTHER_GEL),
-            "other_gel.npz.*sensor digit_tacto with another",
+            "other_gel.npz.*digit_tacto",
         ),
-        (lambda shelf: shelf.add("moved", 0.7, mesh_path="/nowhere/moved.ply"), "moved.npz: its mesh '/nowhere"),
-        (lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"), "changed.npz: its mesh .* has changed"),
+        (lambda shelf: shelf.add("moved", 0.7, mesh_path="/nowhere/moved.ply"), "moved.npz.*/nowhere"),
+        (
+            lambda shelf: shelf.add("changed", 0.7, mesh_sha256="0"),
+            "changed.npz.*again",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_named(shelf, make, said):
@@ -157,7 +164,7 @@ def test_what_cannot_be_used_is_named(shelf, make, said):
         read(*shelf.books, make(shelf))
 
 
-@pytest.mark.parametrize(("factor", "said"), [(1000.0, "looks like millimetres"), (5e-3, "too small to be felt")])
+@pytest.mark.parametrize(("factor", "said"), [(1000.0, "looks like millimetres"), (5e-3, "too small")])
 def test_an_object_of_no_size_to_be_touched_is_refused(world, shelf, factor, said):
     path = shelf.folder / "of_no_size.ply"
     trimesh.Trimesh(factor * world.mesh.vertices, world.mesh.faces, process=False).export(path)
@@ -170,10 +177,10 @@ def test_two_objects_of_one_name_are_refused(shelf, tmp_path):
     mesh.name = "bumpy"
     first = ObjectMesh.load(shelf.folder / "bumpy.ply")
     books = [Codebook.load(book) for book in shelf.books]
-    with pytest.raises(InputError, match=r"small\.ply: another object is called 'bumpy'"):
+    with pytest.raises(InputError, match=r"small\.ply.*'bumpy'"):
         Catalogue.of([(first, books[0], None), (mesh, books[1], None)], NOISE)
 
 
 def test_an_empty_catalogue_is_refused():
-    with pytest.raises(InputError, match="none given"):
+    with pytest.raises(InputError, match=r"objects.*codebooks"):
         read()

@@ -86,8 +86,8 @@ def test_it_starts_again_without_an_object(shelf, run):
     assert other.localiser.object.name == "bumpy_1"
 
 
-def test_possible_places_carry_models_for_who_asks_where_to_touch_next(run):
-    possible = run.localiser.possible_places()
+def test_possible_poses_carry_models_for_who_asks_where_to_touch_next(run):
+    possible = run.localiser.possible_poses()
     assert possible[0].name == "bumpy_2"
     assert possible[0].model.alignment is not None
     assert sum(each.probability for each in possible) <= 1.0
@@ -99,7 +99,7 @@ def test_where_to_touch_next_tells_objects_apart(shelf):
     truth, frames = shelf.touches(1)
     for k in range(len(truth)):
         run.slide(truth[k : k + 1], frames[k : k + 1])
-        names = {each.name for each in run.localiser.possible_places()}
+        names = {each.name for each in run.localiser.possible_poses()}
         if len(names) > 1:
             break
     assert len(names) > 1
@@ -112,7 +112,7 @@ def test_an_object_that_somebody_names_is_not_doubted(shelf):
     run = Run(shelf.catalogue)
     run.localiser.set_object(shelf.catalogue.entries[0].load(CONFIG, 0))
     assert run.localiser.identity is None
-    assert run.localiser.possible_places() == []
+    assert run.localiser.possible_poses() == []
     assert run.localiser.advise(Wanted(0.05, False, 3)) is None
     run.slide(*shelf.touches(1, steps=30))
     assert run.localiser.object.name == "bumpy_1"

@@ -1,4 +1,4 @@
-"""Three ellipsoids with bumps at other places: which one is slid over?"""
+"""Three ellipsoids with bumps at other hypotheses: which one is slid over?"""
 
 from dataclasses import replace
 
@@ -9,9 +9,10 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
-from midastouch_filter.core.places import Place
+from midastouch_filter.core.pose_hypothesis import PoseHypothesis
 from midastouch_filter.core.touch import Measurement
-from midastouch_filter.identification.identity import UNKNOWN, Contest, Identification
+from midastouch_filter.identification.identification import Identification
+from midastouch_filter.identification.identity import UNKNOWN, Contest
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -25,12 +26,12 @@ def identified(catalogue, frames):
 
 
 @pytest.mark.parametrize("k", [0, 1, 2])
-def test_the_object_and_the_place_are_found(shelf, k):
+def test_the_object_and_the_pose_are_found(shelf, k):
     truth, frames = shelf.touches(k)
     identity = identified(shelf.catalogue, frames)
     assert identity.answer == f"bumpy_{k + 1}"
     assert identity.leading.probability > 0.9
-    assert np.linalg.norm(identity.leading.places[0].pose[:3, 3] - truth[-1][:3, 3]) < 2e-3
+    assert np.linalg.norm(identity.leading.hypotheses[0].pose[:3, 3] - truth[-1][:3, 3]) < 2e-3
 
 
 def test_an_object_that_is_not_in_the_catalogue_is_unknown(shelf):
@@ -47,7 +48,7 @@ def test_an_object_that_is_exchanged_while_the_sensor_is_lifted_is_found(shelf):
     lifted = [(up, Measurement(False)), (down, second[0][1])]
     identity = identified(shelf.catalogue, [*first, *lifted, *second[1:]])
     assert identity.answer == "bumpy_2"
-    assert np.linalg.norm(identity.leading.places[0].pose[:3, 3] - truth[-1][:3, 3]) < 3e-3
+    assert np.linalg.norm(identity.leading.hypotheses[0].pose[:3, 3] - truth[-1][:3, 3]) < 3e-3
 
 
 def test_probabilities_are_one_together_from_the_beginning(shelf):
@@ -55,25 +56,25 @@ def test_probabilities_are_one_together_from_the_beginning(shelf):
     _, frames = shelf.touches(0, steps=40)
     for moved, touch in frames:
         found = identification.identity
-        shares = [each.probability for each in found.hypotheses]
-        assert sum(shares) + found.unknown == pytest.approx(1.0)
+        fractions = [each.probability for each in found.objects]
+        assert sum(fractions) + found.unknown == pytest.approx(1.0)
         identification.step(moved, touch)
     identification.restart()
-    assert [each.probability for each in identification.identity.hypotheses] == pytest.approx([0.2] * 3)
+    assert [each.probability for each in identification.identity.objects] == pytest.approx([0.2] * 3)
 
 
-def test_places_move_with_the_gel(shelf):
+def test_hypotheses_move_with_the_gel(shelf):
     identification = Identification(shelf.catalogue, CONFIG, NOISE)
     _, frames = shelf.touches(0)
     for moved, touch in frames:
         identification.step(moved, touch)
-    before = identification.identity.leading.places[0].pose
+    before = identification.identity.leading.hypotheses[0].pose
     step = se3.exp([0.005, 0.0, 0.002, 0.0, 0.1, 0.0])  # a gap, no lift yet
-    felt = identification.felt
-    assert len(felt) > 5
+    measured = identification.measured_gels
+    assert len(measured) > 5
     identification.step(step, Measurement(False))
-    assert np.allclose(identification.felt, se3.inverse(step) @ felt)
-    assert np.allclose(identification.identity.leading.places[0].pose, before @ step)
+    assert np.allclose(identification.measured_gels, se3.inverse(step) @ measured)
+    assert np.allclose(identification.identity.leading.hypotheses[0].pose, before @ step)
 
 
 def test_the_same_touches_give_the_same_answer(shelf):
@@ -99,42 +100,51 @@ def test_what_cannot_be_used_is_passed_over(shelf):
 
 
 def test_maps_that_fit_one_after_the_other_speak_more_than_maps_that_pull_apart():
-    place = Place(np.eye(4), np.eye(6), 0.0)
-    misfit, strain = np.full((2, 4), 0.1), np.array([4 * [1.0], 4 * [15.0]])
-    contest = Contest(np.array([0, 1]), [place, place], misfit, strain, np.ones(4), np.full(4, 1e-3))
+    hypothesis = PoseHypothesis(np.eye(4), np.eye(6), 0.0)
+    residual_ratio, squared_innovation = np.full((2, 4), 0.1), np.array([4 * [1.0], 4 * [15.0]])
+    contest = Contest(
+        np.array([0, 1]), [hypothesis, hypothesis], residual_ratio, squared_innovation, np.ones(4), np.full(4, 1e-3)
+    )
     (one, other), unknown = contest.posterior(NOISE, 2, 0.5)
     assert one > 5 * other
     assert one + other + unknown == pytest.approx(1.0)
 
 
-def contest(owner, misfit, touches):
-    place = Place(np.eye(4), np.eye(6), 0.0)
-    misfit = np.tile(np.array(misfit)[:, None], touches)
-    return Contest(np.array(owner), [place] * len(owner), misfit, 0 * misfit, np.ones(touches), np.full(touches, 1e-3))
+def contest(owner, residual_ratio, touches):
+    hypothesis = PoseHypothesis(np.eye(4), np.eye(6), 0.0)
+    residual_ratio = np.tile(np.array(residual_ratio)[:, None], touches)
+    return Contest(
+        np.array(owner),
+        [hypothesis] * len(owner),
+        residual_ratio,
+        0 * residual_ratio,
+        np.ones(touches),
+        np.full(touches, 1e-3),
+    )
 
 
 @pytest.mark.parametrize("owner", [[0], [0, 0, 0, 1]])
-def test_touches_that_say_nothing_leave_the_probabilities_of_before_however_many_places_were_followed(owner):
-    shares, unknown = contest(owner, [NOISE.foreign_misfit] * len(owner), 3).posterior(NOISE, 2, 0.4)
-    assert np.bincount(owner, shares)[0] == pytest.approx(0.3, abs=1e-3)
+def test_touches_that_say_nothing_leave_the_probabilities_of_before_however_many_hypotheses_were_followed(owner):
+    fractions, unknown = contest(owner, [NOISE.foreign_residual] * len(owner), 3).posterior(NOISE, 2, 0.4)
+    assert np.bincount(owner, fractions)[0] == pytest.approx(0.3, abs=1e-3)
     assert unknown == pytest.approx(1 - 0.3 * len(set(owner)), abs=1e-3)
 
 
 @pytest.mark.parametrize("unknown", [0.001, 0.01, 0.5, 0.999])
 def test_the_prior_of_an_unknown_object_is_honoured_however_small(unknown):
-    lifted = replace(contest([0, 0, 0, 1], [NOISE.foreign_misfit] * 4, 32), change=np.full(32, 0.2))
-    shares, none = lifted.posterior(NOISE, 2, unknown)
+    lifted = replace(contest([0, 0, 0, 1], [NOISE.foreign_residual] * 4, 32), change=np.full(32, 0.2))
+    fractions, none = lifted.posterior(NOISE, 2, unknown)
     assert none == pytest.approx(unknown, abs=1e-3)
-    assert np.bincount([0, 0, 0, 1], shares) == pytest.approx([(1 - unknown) / 2] * 2, abs=1e-3)
+    assert np.bincount([0, 0, 0, 1], fractions) == pytest.approx([(1 - unknown) / 2] * 2, abs=1e-3)
 
 
-def test_an_object_is_as_probable_as_its_best_place_whatever_else_was_followed_on_it():
+def test_an_object_is_as_probable_as_its_best_hypothesis_whatever_else_was_followed_on_it():
     (one, _), alone = contest([0, 1], [0.1, 0.1], 4).posterior(NOISE, 2, 0.5)
-    shares, among_others = contest([0, 0, 0, 1], [0.1, 0.9, 0.1, 0.1], 4).posterior(NOISE, 2, 0.5)
-    assert np.bincount([0, 0, 0, 1], shares) == pytest.approx([one, one], rel=0.01)
+    fractions, among_others = contest([0, 0, 0, 1], [0.1, 0.9, 0.1, 0.1], 4).posterior(NOISE, 2, 0.5)
+    assert np.bincount([0, 0, 0, 1], fractions) == pytest.approx([one, one], rel=0.01)
     assert among_others == pytest.approx(alone, rel=0.01)
-    assert shares[0] == pytest.approx(shares[2])
-    assert shares[1] < 0.05
+    assert fractions[0] == pytest.approx(fractions[2])
+    assert fractions[1] < 0.05
 
 
 def test_what_many_objects_explain_an_unknown_one_explains_as_well():

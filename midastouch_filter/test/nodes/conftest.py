@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 @pytest.fixture
-def patience(monkeypatch) -> types.SimpleNamespace:
+def timeout_clock(monkeypatch) -> types.SimpleNamespace:
     """The seconds `now` by which time-outs of filter nodes run, which the test moves."""
     clock = types.SimpleNamespace(now=0.0)
     monkeypatch.setattr(NodeClock, "now", lambda self: clock.now)

@@ -35,8 +35,8 @@ class FakeFilter:
     """Believes the motion it is told: the estimate is the start moved by the odometry.
 
     Attributes: object, of which nothing is known; starts, odometry, measurements, others, elapsed and wanted, what it
-    was asked; state, calibration and alike, whether places cannot be told apart, what it answers; reflections, how
-    many measurements had come each time it was asked to reflect on them.
+    was asked; state, calibration and alike, whether hypotheses cannot be distinguished, what it answers;
+    deferred_updates, how many measurements had come at each `deferred_update`.
     """
 
     def __init__(self):
@@ -46,7 +46,7 @@ class FakeFilter:
         self.measurements: list = []
         self.others: list = []
         self.elapsed: list = []
-        self.reflections: list[int] = []
+        self.deferred_updates: list[int] = []
         self.calibration: Calibration | None = None
         self.forced = 0
         self.state = AMBIGUOUS
@@ -81,15 +81,15 @@ class FakeFilter:
         status = Status(self.state, "as told", 800, 400.0, 2, 0.75, 1e-3, 0.1, -0.5, {"at_rest": 3}, {"modes": 0.5})
         return Estimate(modes, status, covariance, self.calibration)
 
-    def reflect(self) -> None:
-        self.reflections.append(len(self.measurements))
+    def deferred_update(self) -> None:
+        self.deferred_updates.append(len(self.measurements))
 
     def advise(self, wanted) -> Advice:
         self.wanted.append(wanted)
         path = np.stack([translation(x) for x in (0.0, 0.01, 0.02)])
-        slide = Suggestion(0.5, 0.02, False, 0.6, 0.02, "after 20 mm two places feel unlike", path)
+        slide = Suggestion(0.5, 0.02, False, 0.6, 0.02, "after 20 mm two hypotheses differ", path)
         lift = Suggestion(-0.5, 0.04, True, 0.1, 0.06, "touched again 40 mm away", path[[0, 2]])
-        return Advice([slide, lift][: wanted.count], self.alike, "two places compete")
+        return Advice([slide, lift][: wanted.count], self.alike, "two hypotheses compete")
 
     @property
     def poses(self) -> np.ndarray:

@@ -69,7 +69,7 @@ class CatalogueBench:
             )
 
 
-def test_the_object_is_named_with_its_place(graph, shelf, folder):
+def test_the_object_is_named_with_its_pose(graph, shelf, folder):
     bench = CatalogueBench(graph, folder)
     graph.spin_until(lambda: bench.statuses, "the status at start")
     truth, frames = shelf.touches(2, steps=60)
@@ -93,10 +93,10 @@ def test_the_object_is_named_with_its_place(graph, shelf, folder):
 @pytest.mark.parametrize(
     ("objects", "parameters", "said"),
     [
-        ("/nowhere/cup.npz", {}, "/nowhere/cup.npz: no such codebook file"),
-        ("", {"mesh": "/data/cup.ply"}, "Give either of them"),
-        ("", {"init_mode": "wait"}, "set init_mode to uniform"),
-        ("", {"refinement": False}, "set refinement to true"),
+        ("/nowhere/cup.npz", {}, "/nowhere/cup.npz"),
+        ("", {"mesh": "/data/cup.ply"}, "mesh or codebook"),
+        ("", {"init_mode": "wait"}, "init_mode.*uniform"),
+        ("", {"refinement": False}, "refinement.*true"),
     ],
 )
 def test_what_cannot_be_is_said(graph, folder, objects, parameters, said):

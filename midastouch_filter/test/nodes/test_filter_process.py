@@ -126,14 +126,14 @@ def running(graph, objects):
 def test_it_switches_between_objects(running, graph):
     assert running.frame().n_particles > 0
     for name, complaint in (
-        ("broken", "broken.ply: cannot be read as a mesh"),
-        ("missing", "missing.ply: no such mesh file"),
+        ("broken", "broken.ply"),
+        ("missing", "missing.ply"),
         ("foreign", "network other"),
     ):
         answer = running.set_object(name)
         assert not answer.success
         assert complaint in answer.message
-    assert "built for the mesh 'box'" in running.set_object("ball", "box").message
+    assert "'box'" in running.set_object("ball", "box").message
     assert running.frame().state in ("ambiguous", "converged")
     assert running.meshes[-1].markers[-1].mesh_resource.endswith("/box.ply")
 
@@ -142,7 +142,7 @@ def test_it_switches_between_objects(running, graph):
     graph.spin_until(lambda: running.meshes[-1].markers[-1].mesh_resource.endswith("/ball.ply"), "the mesh")
 
 
-def test_it_starts_where_it_is_told(running, graph):
+def test_it_starts_where_it_is_asked_to(running, graph):
     clouds = graph.listen(PoseArray, "particles")
     starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
     priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")

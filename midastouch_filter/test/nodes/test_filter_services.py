@@ -1,16 +1,20 @@
-"""The services of the node."""
+"""What others ask of the node: its services, and where it starts."""
 
 from __future__ import annotations
 
+import math
 import types
 
 import numpy as np
 import pytest
 from filter_bench import OBJECT, T_BASE_OBJ, Bench
-from filter_fakes import DIAGONAL, SECOND, pose_msg, translation
+from filter_fakes import DIAGONAL, SECOND, pose_msg, tf_msg, translation
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from std_srvs.srv import Empty
 from visualization_msgs.msg import Marker, MarkerArray
 
+from midastouch_common import se3
+from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.nodes.filter_services import StartTopics
 from midastouch_filter.transforms import TransformBuffer
 from midastouch_msgs.srv import SetObject
@@ -106,3 +110,68 @@ def test_a_frame_that_nobody_names_is_refused(topics, topic):
     ((kind, reason),) = topics.bad
     assert kind == f"bad_{topic}"
     assert "moon" in reason
+
+
+def test_init_mode_pose(graph):
+    parameters = {"init_mode": "pose", "initial_pose.x": 0.02, "initial_pose.yaw": math.pi / 2}
+    bench = Bench(graph, **OBJECT, **parameters)
+    pose, sigma_t, sigma_r = bench.filter.starts[0]
+    expected = [[0, -1, 0, 0.02], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    np.testing.assert_allclose(pose, expected, atol=1e-12)
+    assert (sigma_t, sigma_r) == (0.02, 0.35)
+
+
+def test_init_mode_wait_and_initialpose(graph):
+    bench = Bench(graph, **OBJECT, init_mode="wait")
+    starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
+    assert bench.frame(SECOND, T_BASE_OBJ).state == "uninitialised"
+    given = se3.make(se3.random_rotations(1, np.random.default_rng(0))[0], np.array([0.01, 0.02, 0.03]))
+    # as RViz sends it: no information in z, roll, pitch
+    starts.publish(pose_msg("object", given, (0.25, 0.25, 0, 0, 0, (math.pi / 12) ** 2)))
+    graph.spin_until(lambda: bench.filter.starts)
+    pose, sigma_t, sigma_r = bench.filter.starts[0]
+    np.testing.assert_allclose(pose, given, atol=1e-9)
+    assert (sigma_t, sigma_r) == pytest.approx((DIAGONAL / 3, math.radians(60)))
+    assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous"
+
+
+def test_initialpose_in_another_frame_needs_to_know_where_the_object_is(graph):
+    bench = Bench(graph, **OBJECT)
+    starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
+    bench.frame(SECOND, T_BASE_OBJ)
+    in_base = pose_msg("base_link", T_BASE_OBJ @ translation(0.05))
+    starts.publish(in_base)
+    graph.spin_until(lambda: bench.node.diagnostics.counts.get("bad_initialpose") == 1)
+    assert bench.filter.starts == ["uniform"]
+    bench.filter.state = CONVERGED
+    bench.frame(2 * SECOND, T_BASE_OBJ)
+    starts.publish(in_base)
+    graph.spin_until(lambda: len(bench.filter.starts) == 2)
+    np.testing.assert_allclose(bench.filter.starts[1][0], translation(0.05), atol=1e-9)
+
+
+def test_unusable_poses_are_refused(graph):
+    bench = Bench(graph, **OBJECT)
+    starts = graph.publisher(PoseWithCovarianceStamped, "initialpose")
+    not_finite = pose_msg("object", np.eye(4))
+    not_finite.pose.pose.position.x = math.nan
+    no_rotation = pose_msg("object", np.eye(4))
+    no_rotation.pose.pose.orientation.w = 0.0
+    negative = pose_msg("object", np.eye(4), (-1.0,) + (1.0,) * 5)
+    for msg in (not_finite, no_rotation, negative):
+        starts.publish(msg)
+    graph.spin_until(lambda: bench.node.diagnostics.counts.get("bad_initialpose") == 3)
+    assert bench.filter.starts == ["uniform"]
+
+
+def test_object_pose_prior_starts_at_the_next_frame(graph):
+    bench = Bench(graph, **OBJECT, init_mode="wait")
+    priors = graph.publisher(PoseWithCovarianceStamped, "object_pose_prior")
+    bench.tf.publish(tf_msg(SECOND, translation(0, 0, 1), "base_link", "camera"))
+    assert bench.frame(SECOND).state == "uninitialised"  # whose transform came after the camera's
+    T_camera_obj = se3.inverse(translation(0, 0, 1)) @ T_BASE_OBJ
+    for frame in ("camera", ""):  # the second, which is refused, tells that the first was read
+        priors.publish(pose_msg(frame, T_camera_obj))
+    graph.spin_until(lambda: bench.node.diagnostics.counts.get("bad_object_pose_prior"), "the priors")
+    assert bench.frame(2 * SECOND, T_BASE_OBJ @ translation(0.03)).state == "ambiguous"
+    np.testing.assert_allclose(bench.filter.starts[0][0], translation(0.03), atol=1e-9)

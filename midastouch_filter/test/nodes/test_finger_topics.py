@@ -50,14 +50,14 @@ class Hand(Bench):
         return self.answers(stamp)[-1]
 
     def frame(self, stamp: int, fingers=(0, 1), **code) -> FilterStatus:
-        """A frame in which these fingers feel something, without clouds."""
+        """A frame in which these fingers measure something, without clouds."""
         self.place(stamp, translation(1e-9 * stamp * 0.01))
         for finger in sorted(fingers, reverse=True):
             self.touches[finger].publish(code_msg(stamp, **code))
         return self.answer(stamp)
 
 
-def test_each_frame_has_what_the_other_finger_felt_and_where(graph):
+def test_each_frame_has_what_the_other_finger_measured_and_where(graph):
     hand = Hand(graph, refinement=False)
     for k in range(1, 4):
         hand.frame(k * SECOND)
@@ -105,10 +105,10 @@ def test_a_frame_waits_for_the_other_fingers_code_and_cloud(graph):
         )
 
 
-def test_a_finger_that_falls_silent_is_left_out_and_named(graph, patience):
+def test_a_finger_that_falls_silent_is_left_out_and_named(graph, timeout_clock):
     hand = Hand(graph, refinement=False, input_timeout=0.3)
     assert "without" not in hand.frame(SECOND).reason
-    patience.now += 0.35
+    timeout_clock.now += 0.35
     status = hand.frame(2 * SECOND, (0,))
     assert status.reason.endswith("; without /right")
     assert status.state == "ambiguous"
@@ -120,10 +120,10 @@ def test_a_finger_that_falls_silent_is_left_out_and_named(graph, patience):
     assert list(hand.filter.others[-1]) == ["/right"]
 
 
-def test_a_finger_that_is_back_is_no_longer_named(graph, patience):
+def test_a_finger_that_is_back_is_no_longer_named(graph, timeout_clock):
     hand = Hand(graph, refinement=False, input_timeout=0.3)
     hand.frame(SECOND)
-    patience.now += 0.35
+    timeout_clock.now += 0.35
     assert hand.frame(2 * SECOND, (0,)).reason.endswith("; without /right")
     hand.touches[1].publish(code_msg(3 * SECOND))
 
@@ -152,7 +152,7 @@ def test_a_finger_that_lags_is_waited_for_once(graph):
     assert list(hand.filter.others[-1]) == ["/right"]
 
 
-def test_a_finger_without_a_place_is_left_out(graph):
+def test_a_finger_without_a_hypothesis_is_left_out(graph):
     hand = Hand(graph, refinement=False, fingers="/right:nowhere")
     status = hand.frame(SECOND)
     assert skipped(status)["missing_transform of /right"] == 1
@@ -176,7 +176,7 @@ def test_codes_of_another_network_cost_that_finger_only(graph):
     assert hand.node.diagnostics.counts["bad_codes"] == 1
 
 
-def test_time_that_runs_back_forgets_what_fingers_felt(graph):
+def test_time_that_runs_back_forgets_what_fingers_measured(graph):
     hand = Hand(graph, refinement=False)
     for loop in range(2):
         hand.statuses.clear()
@@ -231,7 +231,7 @@ def penetration(depth: float) -> np.ndarray:
 
 
 def test_each_code_gets_the_map_of_its_own_cloud(graph, monkeypatch):
-    monkeypatch.setattr(finger_topics, "PATIENCE", 30.0)
+    monkeypatch.setattr(finger_topics, "CLOUD_TIMEOUT", 30.0)
     bench = Bench(graph, **OBJECT)
     clouds = graph.publisher(PointCloud2, "tactile/points")
     depths = [1e-3, 5e-4, 2e-4]

@@ -1,4 +1,4 @@
-"""How long a frame waits for what a further finger felt: arithmetic of stamps, without DDS."""
+"""How long a frame waits for what a further finger measured: arithmetic of stamps, without DDS."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class World:
         )
         (self._on_code,) = callbacks
 
-    def feel(self, stamp: int) -> None:
+    def measure(self, stamp: int) -> None:
         self._on_code(code_msg(stamp))
 
     def awaited(self, stamp: int, waited: float = 0.0) -> bool:
@@ -51,19 +51,19 @@ def world() -> World:
     return World()
 
 
-def test_a_place_that_never_comes_holds_up_one_frame_only(world):
-    world.feel(100 * MS)
+def test_a_pose_that_never_comes_holds_up_one_frame_only(world):
+    world.measure(100 * MS)
     assert world.awaited(100 * MS)
     assert not world.awaited(100 * MS, waited=0.3)
     for stamp in (133 * MS, 166 * MS):
-        world.feel(stamp)
+        world.measure(stamp)
         assert not world.awaited(stamp)
 
 
-def test_a_place_that_came_in_the_end_is_waited_for_again(world):
-    world.feel(100 * MS)
+def test_a_pose_that_came_in_the_end_is_waited_for_again(world):
+    world.measure(100 * MS)
     world.awaited(100 * MS, waited=0.3)
-    world.feel(133 * MS)
+    world.measure(133 * MS)
     world.placed = 110 * MS
     assert world.awaited(133 * MS)
     world.placed = 140 * MS
@@ -71,17 +71,17 @@ def test_a_place_that_came_in_the_end_is_waited_for_again(world):
 
 
 def test_time_that_runs_back_forgets_what_was_waited_for_in_vain(world):
-    world.feel(100 * MS)
+    world.measure(100 * MS)
     world.awaited(100 * MS, waited=0.3)
     world.fingers.clear()
-    world.feel(33 * MS)
+    world.measure(33 * MS)
     assert world.awaited(33 * MS)
 
 
 def test_silence_counts_from_when_time_ran_back(world):
     """Simulated time: a finger that dies while a bag runs is still missed when the bag has begun again."""
     world.now = 300.0
-    world.feel(300_000 * MS)
+    world.measure(300_000 * MS)
     world.now = 0.0
     world.fingers.clear()
     world.fingers.take(33 * MS, np.eye(4), None)

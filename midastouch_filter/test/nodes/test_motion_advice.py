@@ -23,7 +23,7 @@ def ask(graph, **wanted) -> SuggestMotion.Response:
 
 
 def touched(graph, **parameters) -> Bench:
-    """The node once it has felt something."""
+    """The node once it has measured something."""
     bench = Bench(graph, **OBJECT, **parameters)
     bench.frame(SECOND, T_BASE_OBJ)
     return bench
@@ -57,7 +57,7 @@ def test_suggestions_come_as_they_were_made(graph):
     bench = touched(graph)
     shown = graph.listen(MarkerArray, "suggestions")
     answer = ask(graph, max_length=0.1, lifts=True, count=2)
-    assert (answer.success, answer.message, answer.indistinguishable) == (True, "two places compete", False)
+    assert (answer.success, answer.message, answer.indistinguishable) == (True, "two hypotheses compete", False)
     wanted = bench.filter.wanted[-1]
     assert (wanted.max_length, wanted.lifts, wanted.count) == (0.1, True, 2)
     slide, lift = answer.suggestions
@@ -85,7 +85,7 @@ def test_who_asks_too_early_hears_why(graph):
     assert Follower(graph).result()[0] == GoalStatus.STATUS_ABORTED
 
 
-def test_convergence_is_told_however_slow_the_answers(graph):
+def test_convergence_is_reported_however_slow_the_answers(graph):
     bench = touched(graph, suggestion_rate=0.001)
     follower = Follower(graph)
     bench.filter.state = "converged"
@@ -95,7 +95,7 @@ def test_convergence_is_told_however_slow_the_answers(graph):
 
 def test_before_a_touch_there_is_no_advice(graph):
     bench = Bench(graph, **OBJECT)
-    assert "nothing was felt" in ask(graph).message
+    assert "nothing was measured" in ask(graph).message
     bench.filter.state = "no_contact"
     bench.frame(SECOND, T_BASE_OBJ)
     refused = ask(graph)
@@ -130,7 +130,7 @@ def test_the_action_follows_the_belief_until_it_has_converged(graph):
     assert (status, result.success, result.indistinguishable) == (GoalStatus.STATUS_SUCCEEDED, True, False)
 
 
-def test_the_action_ends_where_nothing_can_be_told_apart(graph):
+def test_the_action_ends_where_nothing_can_be_distinguished(graph):
     bench = touched(graph, suggestion_rate=0.0)
     follower = Follower(graph)
     bench.filter.alike = True
@@ -164,4 +164,4 @@ def test_a_node_that_is_deactivated_ends_the_action(graph):
     assert graph.change_state("particle_filter", "deactivate")
     status, result = follower.result()
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
-    assert "not active" in ask(graph).message
+    assert "ros2 lifecycle set" in ask(graph).message

@@ -37,10 +37,10 @@ def test_a_package_may_link_to_its_sources(package, tmp_path):
 @pytest.mark.parametrize(
     ("address", "complaint"),
     [
-        ("", "no mesh given"),
-        ("package://nothing/mug.ply", "no package 'nothing'"),
-        ("package://toys/../../../etc/passwd", "leaves its package"),
-        ("package:///etc/passwd", "no package ''"),
+        ("", "mesh"),
+        ("package://nothing/mug.ply", "'nothing'.*mesh"),
+        ("package://toys/../../../etc/passwd", "package.*mesh"),
+        ("package:///etc/passwd", "package.*mesh"),
         ("~nobody-of-this-name/mug.ply", "home directory"),
         ("file://[mug.ply", "IPv6"),
     ],

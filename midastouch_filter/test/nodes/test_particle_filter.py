@@ -14,8 +14,10 @@ from tf2_msgs.msg import TFMessage
 
 from midastouch_common.errors import InputError
 from midastouch_common.message_arrays import pose_from_msg, stamp_ns
+from midastouch_filter.core.presets import PRESETS
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.nodes.estimate_publisher import EstimatePublisher
+from midastouch_filter.nodes.filter_parameters import config_of
 from midastouch_filter.nodes.particle_filter import ParticleFilterNode
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
@@ -47,7 +49,7 @@ def test_every_code_is_answered_with_its_stamp_and_the_whole_estimate(graph):
     np.testing.assert_allclose(np.diagonal(covariance), [1e-6, 2e-6, 3e-6, 1e-4, 2e-4, 3e-4])
 
 
-def test_the_filter_reflects_once_its_answer_is_out(graph, monkeypatch):
+def test_the_filter_does_the_deferred_update_once_its_answer_is_out(graph, monkeypatch):
     happened = []
 
     def noted(owner, name):
@@ -55,19 +57,19 @@ def test_the_filter_reflects_once_its_answer_is_out(graph, monkeypatch):
         monkeypatch.setattr(owner, name, lambda *args: (happened.append(name), do(*args))[1])
 
     noted(EstimatePublisher, "estimate")
-    noted(FakeFilter, "reflect")
+    noted(FakeFilter, "deferred_update")
     bench = Bench(graph, **OBJECT)
     for k in (1, 2):
         bench.frame(k * SECOND, T_BASE_OBJ)
     graph.spin_until(lambda: len(happened) == 4, "the last reflection")
-    assert happened == ["estimate", "reflect"] * 2
+    assert happened == ["estimate", "deferred_update"] * 2
 
 
-def test_silence_is_stale_once(graph, patience, brisk_health):
+def test_silence_is_stale_once(graph, timeout_clock, brisk_health):
     bench = Bench(graph, **OBJECT)
     bench.frame(SECOND, T_BASE_OBJ)
     before = time.time_ns()
-    patience.now += REPLAY["input_timeout"] + 1.0
+    timeout_clock.now += REPLAY["input_timeout"] + 1.0
     graph.spin_until(lambda: bench.statuses[-1].state == "stale")
     assert "no tactile/code" in bench.statuses[-1].reason
     assert before < stamp_ns(bench.statuses[-1].header.stamp) < time.time_ns(), "of no image, but of now"
@@ -114,3 +116,16 @@ def test_code_handed_over_in_one_process(graph):
 def test_bad_parameters_fail_at_start(graph, parameters, complaint):
     with pytest.raises(InputError, match=complaint):
         graph.add(lambda **options: ParticleFilterNode(load=loader_of([]), **options), parameters)
+
+
+def test_a_preset_gives_defaults_and_what_is_set_goes_over_it(graph):
+    node = graph.add(ParticleFilterNode, {"preset": "fast", "max_particles": 1234, "autostart": False})
+    config = config_of(node.parameters)
+    assert config.max_particles == 1234 != PRESETS["fast"]["max_particles"]
+    assert config.refined_modes == PRESETS["fast"]["refined_modes"]
+    assert node.get_parameter("refined_modes").value == config.refined_modes
+
+
+def test_an_unknown_preset_ends_the_node(graph):
+    with pytest.raises(InputError, match=r"'preset'.*fast, balanced, accurate"):
+        graph.add(ParticleFilterNode, {"preset": "quick"})

@@ -55,7 +55,7 @@ def test_no_message_waits_for_the_next_while_the_executor_is_busy(graph, read):
     assert missed == []
 
 
-def test_a_publisher_that_cannot_be_heard_is_told_of(graph, read, capfd):
+def test_a_publisher_that_cannot_be_heard_is_reported(graph, read, capfd):
     unreliable = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     graph.companion.create_publisher(Header, "read", unreliable)
     said = []

@@ -34,7 +34,7 @@ def sensor():
 
 @pytest.fixture(scope="module")
 def touch(tool, sensor):
-    """A pose on the tool's edge and what is felt there, and another pose far away."""
+    """A pose on the tool's edge and what is measured there, and another pose far away."""
     sampling = ContactSampling(press=(8e-4, 1e-3), edge_fraction=1.0, free_fraction=0.0)
     poses = sample_contact_poses(tool, 2, np.random.default_rng(4), sensor, sampling)
     return poses[0], reduced_penetration(PenetrationRenderer(tool, sensor.scaled(0.5)).render(poses[:1])[0]), poses[1]
@@ -66,7 +66,7 @@ def test_reduced_penetration_is_the_block_mean():
     assert reduced[3, 5] == penetration[6:8, 10:12].mean()
 
 
-def test_a_narrow_mode_moves_to_what_is_felt(refinement, touch):
+def test_a_narrow_mode_moves_to_what_is_measured(refinement, touch):
     truth, penetration, _ = touch
     start = truth @ se3.exp(np.array([1.5e-3, -1e-3, 4e-4, 0.02, -0.02, 0.03]))
     particles = cloud(start, 400, np.random.default_rng(0))
@@ -128,7 +128,7 @@ def test_mass_moves_to_the_mode_that_fits(refinement, touch):
     aligned = refinement.apply(particles, members, modes, [Measurement(True, penetration=penetration)])
     mass = 0.5 * np.exp(refinement.gains(modes, aligned, 0.5))
     assert mass.sum() == pytest.approx(1)
-    most = np.ptp(NoiseModel.of(FilterConfig()).misfit_evidence(np.array([0.0, 1.0])))  # here of half a touch
+    most = np.ptp(NoiseModel.of(FilterConfig()).residual_evidence(np.array([0.0, 1.0])))  # here of half a touch
     assert 0.8 < mass[1] <= 1 / (1 + np.exp(-0.5 * most)) + 1e-9
 
 
@@ -164,7 +164,7 @@ def wide_mode(touch, spread=6e-3):
 
 
 @pytest.mark.parametrize(("nats", "agreed"), [(1.0, False), (10.0, True)])
-def test_a_wide_mode_moves_only_if_one_of_its_places_is_clearly_best(touch, nats, agreed):
+def test_a_wide_mode_moves_only_if_one_of_its_hypotheses_is_clearly_best(touch, nats, agreed):
     particles, mode, optima = *wide_mode(touch), TwoOptima(nats)
     before = particles.positions.copy()
     aligned = make_refinement(optima).apply(
@@ -186,7 +186,7 @@ def test_a_narrow_mode_is_aligned_from_its_mean_alone(touch):
     assert optima.starts == 1
 
 
-def test_places_that_feel_nothing_of_it_move_nothing(touch):
+def test_hypotheses_that_measure_nothing_of_it_move_nothing(touch):
     particles, mode, optima = *wide_mode(touch), TwoOptima(1.0, fit=0.1)
     before = particles.positions.copy()
     assert (

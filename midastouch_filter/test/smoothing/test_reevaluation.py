@@ -10,7 +10,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.keyframes import KeyframeWindow
 from midastouch_filter.core.lookup import PoseLookup
 from midastouch_filter.core.noise_model import Effort, NoiseModel
-from midastouch_filter.core.places import Prior, pose_distance
+from midastouch_filter.core.pose_hypothesis import Prior, pose_distance
 from midastouch_filter.core.touch import MAP_SCALE, Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.reevaluation import Reevaluation
@@ -23,13 +23,13 @@ HALF_TURN = se3.make(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
 
 
 def calibrated(distance):
-    """Log-likelihood ratios of entries so far from a place that a code points to [m], against chance."""
+    """Log-likelihood ratios of entries so far from a hypothesis that a code points to [m], against chance."""
     likelihood = np.exp(-0.5 * (distance / 0.008) ** 2) + 0.01
     return np.log(likelihood / likelihood.mean())
 
 
-def felt(penetration, log_ratio, T_gel_finger=None):
-    """What one finger felt, and what its code says of every codebook entry."""
+def measured(penetration, log_ratio, T_gel_finger=None):
+    """What one finger measured, and what its code says of every codebook entry."""
     return Measurement(True, penetration=penetration, T_gel_finger=T_gel_finger), log_ratio
 
 
@@ -49,12 +49,12 @@ class Counted(PenetrationAlignment):
 
 
 class Slide:
-    """A slide over an object, with the codes' opinion that each of some places could be the right one.
+    """A slide over an object, with the codes' opinion that each of some hypotheses could be the right one.
 
     Args: world, of `conftest.py`; mesh; truth (K, 4, 4), poses of the touches.
     """
 
-    others: tuple | list = ()  # what a second finger feels, touch by touch
+    others: tuple | list = ()  # what a second finger measures, touch by touch
     effort = Effort()
 
     def __init__(self, world, mesh, truth):
@@ -65,19 +65,19 @@ class Slide:
         self.truth = truth
         self.penetrations = np.maximum(PenetrationRenderer(mesh, coarse).render(truth), 0)
 
-    def scores(self, places: list[np.ndarray], k: int) -> np.ndarray:
-        """What the code of touch k says of every codebook entry; places as of `run`."""
+    def scores(self, hypotheses: list[np.ndarray], k: int) -> np.ndarray:
+        """What the code of touch k says of every codebook entry; hypotheses as of `run`."""
         nearest = np.full(len(self.book), np.inf)
-        for place in places:
-            pose = place @ self.truth[k]
+        for hypothesis in hypotheses:
+            pose = hypothesis @ self.truth[k]
             gap = np.linalg.norm(self.book[:, :3, 3] - pose[:3, 3], axis=1)
             angle = se3.rotation_angle(np.swapaxes(self.book[:, :3, :3], 1, 2) @ pose[:3, :3])
             nearest = np.minimum(nearest, np.hypot(gap, 0.01 * angle))
         return calibrated(nearest)
 
-    def run(self, places: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
-        """Touch along the slide, then replay; `places` (4, 4): object motions after which codes fit as well."""
-        self.reevaluation = reevaluation = Reevaluation(self.lookup, self.alignment, PLACES, CONFIG, NOISE, self.effort)
+    def run(self, hypotheses: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
+        """Touch along the slide, then replay; `hypotheses` (4, 4): object motions after which codes fit as well."""
+        self.reevaluation = reevaluation = Reevaluation(self.lookup, self.alignment, POSES, CONFIG, NOISE, self.effort)
         reevaluation.restart(prior)
         self.slices = []  # alignments in each
         for k, penetration in enumerate(self.penetrations):
@@ -85,7 +85,7 @@ class Slide:
                 step = se3.inverse(self.truth[k - 1]) @ self.truth[k]
                 reevaluation.moved(step, CONFIG.smoothing_spacing)
             assert reevaluation.due
-            keep(reevaluation, felt(penetration, self.scores(places, k)), *self.others[k : k + 1])
+            keep(reevaluation, measured(penetration, self.scores(hypotheses, k)), *self.others[k : k + 1])
             assert not reevaluation.due
         for _ in range(1000):
             before = self.alignment.done
@@ -93,7 +93,7 @@ class Slide:
             self.slices.append(self.alignment.done - before)
             if answer is not None:
                 self.exhaustive, self.elsewhere = answer.exhaustive, answer.elsewhere
-                return answer.places
+                return answer.hypotheses
         return None
 
 
@@ -104,7 +104,7 @@ def over_bumps(world, twofold: bool) -> Slide:
 
 
 def grooved_tube(groove: float) -> ObjectMesh:
-    """A tube of 60 mm diameter and 120 mm length about z that feels the same after each `groove` [m] along z."""
+    """A tube of 60 mm diameter and 120 mm length about z that measures the same after each `groove` [m] along z."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 121)[:-1], np.linspace(-0.06, 0.06, 241))
     radius = 0.03 + 0.0005 * np.cos(2 * np.pi * along / groove) + 0.001 * np.cos(3 * around)
     vertices = np.stack([radius * np.cos(around), radius * np.sin(around), along], axis=-1).reshape(-1, 3)
@@ -125,51 +125,51 @@ def uneven(world):
     return over_bumps(world, twofold=False)
 
 
-PLACES = 1000
+POSES = 1000
 
 
-def share_at(places, pose):
-    return sum(place.probability for place in places if pose_distance(place.pose, pose) < 0.006)
+def probability_at(hypotheses, pose):
+    return sum(hypothesis.probability for hypothesis in hypotheses if pose_distance(hypothesis.pose, pose) < 0.006)
 
 
 def test_a_wrong_mode_is_found_out(uneven):
     truth = uneven.truth[-1]
-    places = uneven.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    hypotheses = uneven.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
     assert uneven.exhaustive
-    assert share_at(places, truth) > 0.99
-    assert len(places) > 1
-    distance = np.linalg.norm(places[0].pose[:3, 3] - truth[:3, 3])
+    assert probability_at(hypotheses, truth) > 0.99
+    assert len(hypotheses) > 1
+    distance = np.linalg.norm(hypotheses[0].pose[:3, 3] - truth[:3, 3])
     assert distance < 1.5e-3
 
 
-def test_a_place_closely_beside_a_mode_is_told_as_another(world):
+def test_a_pose_closely_beside_a_mode_is_found_as_another(world):
     mesh, angle = grooved_tube(groove=0.012), np.linspace(0, 4, 14)
     around = 0.03 * np.stack([np.cos(angle), np.sin(angle), np.zeros(14)], axis=1)
     grooved = Slide(world, mesh, world.poses_at(mesh, around, np.zeros(14), 1e-3))
     truth = grooved.truth[-1]
     beside = [se3.make(np.eye(3), [0, 0, z]) for z in (-0.012, 0.012)]
-    places = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
+    hypotheses = grooved.run([np.eye(4), *beside], [beside[0] @ truth])
     assert grooved.exhaustive
-    shares = [share_at(places, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
-    assert sum(shares) > 0.95
-    assert min(shares) > 0.1
+    fractions = [probability_at(hypotheses, pose) for pose in (truth, beside[0] @ truth, beside[1] @ truth)]
+    assert sum(fractions) > 0.95
+    assert min(fractions) > 0.1
 
 
-def test_twins_are_told_as_twins(symmetric):
+def test_copies_are_found_as_copies(symmetric):
     truth = symmetric.truth[-1]
-    places = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
-    shares = share_at(places, truth), share_at(places, HALF_TURN @ truth)
-    assert sum(shares) > 0.95
-    assert min(shares) > 0.2
+    hypotheses = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth])
+    fractions = probability_at(hypotheses, truth), probability_at(hypotheses, HALF_TURN @ truth)
+    assert sum(fractions) > 0.95
+    assert min(fractions) > 0.2
 
 
-def test_what_was_known_of_the_start_decides_between_twins(symmetric):
+def test_what_was_known_of_the_start_decides_between_copies(symmetric):
     truth = symmetric.truth[-1]
     prior = Prior(symmetric.truth[0], 0.05, np.radians(60))
-    places = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth], prior)
-    assert share_at(places, truth) > 0.9
+    hypotheses = symmetric.run([np.eye(4), HALF_TURN], [HALF_TURN @ truth], prior)
+    assert probability_at(hypotheses, truth) > 0.9
     # half a turn is three sigmas, and the way to the other side counts too
-    assert 1e-4 < share_at(places, HALF_TURN @ truth) < 0.05
+    assert 1e-4 < probability_at(hypotheses, HALF_TURN @ truth) < 0.05
 
 
 def test_touches_of_another_window_count_at_once(uneven):
@@ -178,16 +178,16 @@ def test_touches_of_another_window_count_at_once(uneven):
     for k, penetration in enumerate(uneven.penetrations):
         if k:
             window.moved(se3.inverse(uneven.truth[k - 1]) @ uneven.truth[k], CONFIG.smoothing_spacing, in_contact=True)
-        touch, score = felt(penetration, uneven.scores([np.eye(4), HALF_TURN], k))
+        touch, score = measured(penetration, uneven.scores([np.eye(4), HALF_TURN], k))
         scores[id(touch)] = score
         window.keep([touch], [score])
-    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, PLACES, CONFIG, NOISE, Effort())
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, POSES, CONFIG, NOISE, Effort())
     assert reevaluation.rests(contradicted=True)
     reevaluation.recall(window, lambda touch: scores[id(touch)])
     assert not reevaluation.rests(contradicted=False)
     answers = (reevaluation.compare([HALF_TURN @ uneven.truth[-1]]) for _ in range(1000))
     found = next(answer for answer in answers if answer is not None)
-    assert share_at(found.places, uneven.truth[-1]) > 0.99
+    assert probability_at(found.hypotheses, uneven.truth[-1]) > 0.99
 
 
 def test_one_touch_says_nothing(symmetric):
@@ -198,7 +198,7 @@ def test_one_touch_says_nothing(symmetric):
     assert short.reevaluation.rests(contradicted=True)
 
 
-def test_a_replay_is_done_in_slices_and_not_at_once_again(symmetric):
+def test_a_comparison_is_done_in_slices_and_not_at_once_again(symmetric):
     truth = symmetric.truth[-1]
     assert symmetric.run([np.eye(4), HALF_TURN], [truth]) is not None
     most = symmetric.effort.alignments_per_step
@@ -217,9 +217,9 @@ def test_when_codes_say_nothing_the_comparison_is_not_exhaustive(uneven, monkeyp
 
 
 def test_covariances_are_finite_and_positive(uneven):
-    places = uneven.run([np.eye(4), HALF_TURN], [uneven.truth[-1]])
-    for place in places:
-        assert (np.linalg.eigvalsh(0.5 * (place.covariance + place.covariance.T)) > 0).all()
+    hypotheses = uneven.run([np.eye(4), HALF_TURN], [uneven.truth[-1]])
+    for hypothesis in hypotheses:
+        assert (np.linalg.eigvalsh(0.5 * (hypothesis.covariance + hypothesis.covariance.T)) > 0).all()
 
 
 def test_a_prior_is_never_more_than_a_hint():
@@ -238,7 +238,7 @@ def test_distances_are_continuous_at_half_turns():
 def next_touch(slide):
     """One more touch, where the slide ends, by codes that tell nothing."""
     slide.reevaluation.moved(se3.exp([CONFIG.smoothing_spacing, 0, 0, 0, 0, 0]), CONFIG.smoothing_spacing)
-    keep(slide.reevaluation, felt(slide.penetrations[-1], np.zeros(len(slide.book))))
+    keep(slide.reevaluation, measured(slide.penetrations[-1], np.zeros(len(slide.book))))
 
 
 def test_it_waits_ever_longer_unless_contradicted(uneven):
@@ -270,8 +270,9 @@ def test_what_was_asked_before_a_lift_is_not_answered(uneven):
     assert answer.elsewhere > 0
 
 
-def test_an_object_moved_untold_is_found_where_it_is_now(uneven):
-    """The sensor is lifted after the first half; the second half is felt as if the object had been turned before."""
+def test_an_object_moved_unreported_is_found_where_it_is_now(uneven):
+    """The sensor is lifted after the first half; the second half is measured as if the object had been turned
+    before."""
     half = len(uneven.truth) // 2
     moved = Slide.__new__(Slide)
     moved.__dict__.update(uneven.__dict__)
@@ -287,13 +288,13 @@ def test_an_object_moved_untold_is_found_where_it_is_now(uneven):
         gap = np.linalg.norm(book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
         log_ratio = calibrated(np.hypot(gap, 0.01 * angle))
-        keep(reevaluation, felt(uneven.penetrations[k], log_ratio))
+        keep(reevaluation, measured(uneven.penetrations[k], log_ratio))
     answer = next(filter(None, (reevaluation.compare([wrong]) for _ in range(1000))))
-    assert share_at(answer.places, uneven.truth[half - 1]) > 0.9
-    assert share_at(answer.places, wrong) < 0.01
+    assert probability_at(answer.hypotheses, uneven.truth[half - 1]) > 0.9
+    assert probability_at(answer.hypotheses, wrong) < 0.01
 
 
-def test_what_another_finger_felt_tells_twins_apart(world):
+def test_what_another_finger_measured_tells_copies_apart(world):
     """The first finger slides where the object looks the same after half a turn, the second where it does not."""
     mesh = world.bumpy_mesh(twofold=True, handed_below=True)
     slide = Slide.__new__(Slide)
@@ -306,20 +307,23 @@ def test_what_another_finger_felt_tells_twins_apart(world):
     slide.truth, below = (world.poses_at(mesh, circle + np.array([0, 0, z]), 0.5 * turns, 1e-3) for z in (0.04, -0.04))
     renderer = PenetrationRenderer(mesh, sensor)
     slide.penetrations = np.maximum(renderer.render(slide.truth), 0)
-    felt_below, between = np.maximum(renderer.render(below), 0), se3.inverse(slide.truth) @ below
+    measured_below, between = np.maximum(renderer.render(below), 0), se3.inverse(slide.truth) @ below
     truth, wrong = slide.truth[-1], HALF_TURN @ slide.truth[-1]
     alone = slide.run([np.eye(4), HALF_TURN], [wrong])
-    assert share_at(alone, wrong) > 0.1
+    assert probability_at(alone, wrong) > 0.1
     silent = np.zeros(len(slide.book))
-    slide.others = [felt(penetration, silent, place) for penetration, place in zip(felt_below, between, strict=True)]
+    slide.others = [
+        measured(penetration, silent, hypothesis)
+        for penetration, hypothesis in zip(measured_below, between, strict=True)
+    ]
     together = slide.run([np.eye(4), HALF_TURN], [wrong])
-    assert share_at(together, truth) > 0.9
-    assert share_at(together, wrong) < 1e-3
+    assert probability_at(together, truth) > 0.9
+    assert probability_at(together, wrong) < 1e-3
 
 
 def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
-    """Codes of the second finger alone bring up the right place, where the first finger feels nothing."""
-    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, PLACES, CONFIG, NOISE, Effort())
+    """Codes of the second finger alone bring up the right hypothesis, where the first finger measures nothing."""
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, POSES, CONFIG, NOISE, Effort())
     between = se3.exp(np.array([0.02, 0, 0.05, 0.3, 0.2, 0.1]))
     for k, penetration in enumerate(uneven.penetrations):
         if k:
@@ -328,8 +332,8 @@ def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
         gap = np.linalg.norm(uneven.book[:, :3, 3] - uneven.truth[k][:3, 3], axis=1)
         angle = se3.rotation_angle(np.swapaxes(uneven.book[:, :3, :3], 1, 2) @ uneven.truth[k][:3, :3])
         log_ratio = calibrated(np.hypot(gap, 0.01 * angle))
-        keep(reevaluation, felt(penetration, log_ratio, between))
+        keep(reevaluation, measured(penetration, log_ratio, between))
     truth = uneven.truth[-1] @ se3.inverse(between)
     wrong = HALF_TURN @ truth
     answer = next(filter(None, (reevaluation.compare([wrong]) for _ in range(1000))))
-    assert share_at(answer.places, truth) > 0.9
+    assert probability_at(answer.hypotheses, truth) > 0.9

@@ -105,7 +105,7 @@ def test_static_transform_holds_at_every_stamp_and_is_replaced():
     np.testing.assert_allclose(buffer.lookup("link", "gel", SECOND), second, atol=1e-12)
 
 
-def test_unknown_frame_and_disconnected_trees_are_told_apart():
+def test_unknown_frame_and_disconnected_trees_are_distinguished():
     buffer = TransformBuffer()
     moving(buffer, "base", "gel", [IDENTITY, IDENTITY])
     moving(buffer, "world", "object", [IDENTITY, IDENTITY])
@@ -197,10 +197,10 @@ def test_any_order_of_stamps_answers_as_a_sorted_history(steps, seed):
             after = next(i for i, t in enumerate(stamps) if t >= asked)
             start, end = known[stamps[max(after - 1, 0)]], known[stamps[after]]
             span = stamps[after] - stamps[max(after - 1, 0)]
-            share = (asked - stamps[after - 1]) / span if span else 1.0
-            rotation = Slerp([0, 1], Rotation.from_matrix([start[:3, :3], end[:3, :3]]))(share).as_matrix()
+            fraction = (asked - stamps[after - 1]) / span if span else 1.0
+            rotation = Slerp([0, 1], Rotation.from_matrix([start[:3, :3], end[:3, :3]]))(fraction).as_matrix()
             np.testing.assert_allclose(got[:3, :3], rotation, atol=1e-8)
-            np.testing.assert_allclose(got[:3, 3], (1 - share) * start[:3, 3] + share * end[:3, 3], atol=1e-9)
+            np.testing.assert_allclose(got[:3, 3], (1 - fraction) * start[:3, 3] + fraction * end[:3, 3], atol=1e-9)
 
 
 def test_latest_common_stamp_is_that_of_the_slowest_edge():
@@ -260,7 +260,7 @@ def test_almost_unit_quaternions_are_normalised():
 
 @pytest.mark.parametrize(("parent", "child"), [("gel", "gel"), ("", "gel"), ("base", ""), ("base", "/base")])
 def test_frame_names_must_be_two_different_ones(parent, child):
-    with pytest.raises(InvalidTransformError, match="two different frame names"):
+    with pytest.raises(InvalidTransformError, match="frame names"):
         TransformBuffer().insert(parent, child, SECOND, IDENTITY)
 
 
@@ -268,7 +268,7 @@ def test_a_loop_is_refused_and_the_tree_stays_usable():
     buffer = TransformBuffer()
     buffer.insert("base", "tool", SECOND, IDENTITY)
     buffer.insert("tool", "gel", SECOND, IDENTITY)
-    with pytest.raises(InvalidTransformError, match="closes a loop"):
+    with pytest.raises(InvalidTransformError, match=r"'base'.*'gel'"):
         buffer.insert("gel", "base", SECOND, IDENTITY)
     np.testing.assert_allclose(buffer.lookup("base", "gel", SECOND), IDENTITY)
 

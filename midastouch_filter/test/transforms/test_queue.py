@@ -25,9 +25,9 @@ class World:
             raise PastExtrapolationError("before the history")
         return np.eye(4) * stamp if stamp <= self.known else Wait(f"newest is {self.known}")
 
-    def untold(self) -> tuple[int, str] | None:
+    def unreported(self) -> tuple[int, str] | None:
         self.popped()
-        waiting = self.queue.untold()
+        waiting = self.queue.unreported()
         return waiting and (waiting.stamp, waiting.reason)
 
     def popped(self) -> list:
@@ -86,39 +86,39 @@ def test_clear_forgets_what_waits():
     world = World()
     world.queue.push(1, "x")
     world.now = 0.9
-    assert world.untold() == (1, "no transform yet: newest is 0")
+    assert world.unreported() == (1, "no transform yet: newest is 0")
     assert world.queue.clear() == [1]
     world.known = 1
     assert world.popped() == []
-    assert world.untold() is None
+    assert world.unreported() is None
     world.known = 0
     world.queue.push(1, "the same again")
     world.now = 1.5
-    assert world.untold() == (1, "no transform yet: newest is 0")
+    assert world.unreported() == (1, "no transform yet: newest is 0")
 
 
-def test_a_wait_is_told_once_per_item_when_the_first_has_waited_for_a_while():
+def test_a_wait_is_reported_once_per_item_when_the_first_has_waited_for_a_while():
     world = World(timeout=10.0)
     world.queue.push(1, "item 1")
     world.now = 0.01
-    assert world.untold() is None, "live, most transforms come within milliseconds"
+    assert world.unreported() is None, "live, most transforms come within milliseconds"
     world.now = 0.06
-    assert world.untold() == (1, "no transform yet: newest is 0")
-    assert world.untold() is None
+    assert world.unreported() == (1, "no transform yet: newest is 0")
+    assert world.unreported() is None
     world.queue.push(2, "item 2")
     world.queue.push(3, "item 3")
-    assert world.untold() == (3, "no transform yet: newest is 0"), "at once: the first has waited for long"
-    assert world.untold() is None
+    assert world.unreported() == (3, "no transform yet: newest is 0"), "at once: the first has waited for long"
+    assert world.unreported() is None
     world.known = 2
     assert len(world.popped()) == 2
-    assert world.untold() is None, "of this one it was said"
+    assert world.unreported() is None, "of this one it was said"
     world.known = 3
     world.popped()
-    assert world.untold() is None
+    assert world.unreported() is None
     world.held.add("item 4")
     world.queue.push(4, "item 4")
     world.now = 1.0
-    stamp, reason = world.untold()
+    stamp, reason = world.unreported()
     assert stamp == 4
     assert "still to come" in reason
 

@@ -1,0 +1,173 @@
+"""The verdict on a stream, for /diagnostics: OK, WARN or ERROR, the reason, and the figures behind it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from midastouch_common.clock_offset import ClockOffset
+
+from .frames import Frame, MonotonicClock, ReaderState, ReaderStatus, SourceInfo
+from .stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
+
+_SLOW_RATE_FRACTION = 0.9
+_LONGEST_SILENCE_S = 3.0
+_FROZEN_AFTER_S = 1.0
+
+
+class Level(IntEnum):
+    """Numbers of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class HealthReport:
+    """What to publish.
+
+    Attributes:
+        level: the worst of all findings.
+        message: the findings, worst first.
+        values: figures by name, as text.
+        uneven: the finding about stamps that are not evenly spaced, which no image shows; empty without one.
+    """
+
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+    uneven: str = ""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The measurements that the verdict rests on.
+
+    Attributes:
+        reader: the reader's counters.
+        rate: measured frames per second, None while that is not known.
+        backward: stamps that did not advance.
+        image: state of the newest image, None before the first.
+        jitter: by how much stamps deviate from even spacing, seconds; None while that is not known.
+        jitter_limit: by how much they may, seconds.
+    """
+
+    reader: ReaderStatus
+    rate: float | None
+    backward: int
+    image: ImageReport | None
+    jitter: float | None
+    jitter_limit: float
+
+
+def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
+    """The verdict on one moment."""
+    findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
+    level = findings[0][0] if findings else Level.OK
+    message = "; ".join(text for _, text in findings) or _quiet_message(evidence.reader.state)
+    return HealthReport(level, message, _values(evidence, clock), _uneven(evidence))
+
+
+def _quiet_message(state: ReaderState) -> str:
+    return "capture is off" if state is ReaderState.STOPPED else state.value
+
+
+def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
+    reader = evidence.reader
+    if reader.silent_s > _LONGEST_SILENCE_S:
+        return [(Level.ERROR, f"the device driver hangs since {reader.silent_s:.0f} s; replug the sensor")]
+    if reader.state in (ReaderState.CONNECTING, ReaderState.DISCONNECTED, ReaderState.FAILED):
+        return [(Level.ERROR, f"{reader.state.value}: {reader.last_error or 'opening the camera'}")]
+    if reader.state is not ReaderState.STREAMING:
+        return []
+    findings = [(Level.WARN, warning) for warning in reader.info.warnings]
+    if evidence.rate is not None and evidence.rate < _SLOW_RATE_FRACTION * reader.info.fps:
+        findings.append((Level.WARN, f"{evidence.rate:.1f} frames/s instead of {reader.info.fps:g}"))
+    if evidence.backward:
+        findings.append((Level.WARN, f"{evidence.backward} time stamps did not advance"))
+    if uneven := _uneven(evidence):
+        findings.append((Level.WARN, uneven))
+    if evidence.image is not None and evidence.image.problem:
+        findings.append((Level.WARN, evidence.image.problem))
+    return findings
+
+
+def _uneven(evidence: Evidence) -> str:
+    reader = evidence.reader
+    if reader.state is not ReaderState.STREAMING or evidence.jitter is None:
+        return ""
+    if evidence.jitter <= evidence.jitter_limit:
+        return ""
+    return (
+        f"time stamps are uneven by {1e3 * evidence.jitter:.1f} ms (limit {1e3 * evidence.jitter_limit:g} ms); "
+        "check use_buffer_timestamps and the load of this computer"
+    )
+
+
+def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
+    reader = evidence.reader
+    values = {
+        "state": reader.state.value,
+        "frames": str(reader.frames),
+        "lost_frames": str(reader.lost),
+        "corrupt_frames": str(reader.corrupt),
+        "overwritten_frames": str(reader.overwritten),
+        "reconnects": str(reader.reconnects),
+        "last_error": reader.last_error,
+        "clock_offset_s": f"{clock.offset_ns * 1e-9:.6f}",
+        "clock_steps": str(clock.steps),
+        "last_clock_step_s": f"{clock.last_step_ns * 1e-9:.6f}",
+    }
+    if reader.info is not None:
+        values["source"] = reader.info.name
+        values["expected_fps"] = f"{reader.info.fps:g}"
+    if evidence.rate is not None:
+        values["fps"] = f"{evidence.rate:.2f}"
+    if evidence.jitter is not None:
+        values["stamp_jitter_s"] = f"{evidence.jitter:.6f}"
+    if evidence.image is not None:
+        values["image_mean"] = f"{evidence.image.mean:.1f}"
+        values["image_saturated"] = f"{evidence.image.saturated:.3f}"
+        values["image_repeats"] = str(evidence.image.repeats)
+    return values
+
+
+class StreamMonitor:
+    """Watches one stream; used by one thread.
+
+    Args:
+        clock: the host's monotonic clock.
+        offset: its distance to wall time.
+    """
+
+    def __init__(self, clock: MonotonicClock | None = None, offset: ClockOffset | None = None) -> None:
+        self._clock = clock or MonotonicClock()
+        self._offset = offset or ClockOffset()
+        self._rate: RateMonitor | None = None
+        self._health: ImageHealth | None = None
+        self._image: ImageReport | None = None
+        self._jitter = JitterMonitor()
+
+    def opened(self, info: SourceInfo) -> None:
+        """The camera was opened (again): what was measured before is forgotten."""
+        self._rate = RateMonitor(info.fps, self._clock.now_ns())
+        self._health = ImageHealth(round(_FROZEN_AFTER_S * info.fps))
+        self._image = None
+        self._jitter = JitterMonitor()
+
+    def stamp(self, frame: Frame) -> int:
+        """Takes note of a frame and returns its acquisition in wall time, nanoseconds."""
+        self._rate.add(frame.stamp_monotonic_ns)
+        self._image = self._health.update(frame.image)
+        self._offset.update()
+        stamp_ns = self._offset.to_wall_ns(frame.stamp_monotonic_ns)
+        self._jitter.add(stamp_ns, frame.sequence)
+        return stamp_ns
+
+    def report(self, reader: ReaderStatus, jitter_limit: float) -> HealthReport:
+        """The verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
+        rate = self._rate.rate(self._clock.now_ns()) if self._rate else None
+        backward = self._rate.backward if self._rate else 0
+        evidence = Evidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)
+        return assess(evidence, self._offset)

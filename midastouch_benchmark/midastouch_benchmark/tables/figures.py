@@ -1,0 +1,68 @@
+"""The figures of docs/evaluation.md: one cell of a table of reports/README.md each, so that both pages agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from . import accuracy, exploring, perception, speed, trust
+from .reports import Table
+
+FIGURES = (
+    ("error of the particles, start as the paper's", accuracy.localisation, "accuracy", "particles, mean"),
+    ("right at the end, nothing known at the start", accuracy.localisation, "accuracy_uniform", "right"),
+    ("the same on ten further objects", accuracy.localisation, "uniform_held_out", "right"),
+    ("right at the end on shorter slides: this filter", accuracy.peers, "as shipped", "right"),
+    ("... the paper's filter, on the same trials", accuracy.peers, "the paper's filter", "right"),
+    (
+        "of `converged` frames, wrong, nothing known at the start",
+        trust.converged, "accuracy_uniform", "of converged frames, wrong",
+    ),
+    ("... the tool is 2 mm, 2 deg off", trust.converged, "tool_bias", "of converged frames, wrong"),
+    ("truth in the 95 % region of `converged` frames", trust.regions, "accuracy", "95 %, `converged`"),
+    (
+        "frames until right again: object moved by 50 mm while nothing touched it",
+        trust.events, "kidnap", "frames until right again, median",
+    ),
+    ("right answer to which of ten objects it is", exploring.identification, "identify", "right at the end"),
+    (
+        "path of a finger that goes where `suggest_motion` says, until right",
+        exploring.exploration, "exploration", "path until right, median",
+    ),
+    ("first pose on an object without a codebook, after", accuracy.start, "start", "pose after, median"),
+    (
+        "error through the light of two calibrated real sensors, over that in the training's light",
+        perception.real, "real_sensor_calibrated", "mean error over TACTO's",
+    ),
+    (
+        "depth read from presses of a real DIGIT, over the ball's",
+        perception.presses, "presses_d20641_calibrated", "deepest",
+    ),
+    ("image to pose at 60 images a second, median; 99th percentile", speed.load, "load_eyebolt", "image to pose"),
+)  # fmt: skip
+"""What it is, its table, a report or text in the first cell that names its row, and how its column begins."""
+_OTHER_REPORT = {accuracy.peers: "peers"}
+"""Report of a table whose rows name none."""
+
+
+def figures() -> Table:
+    """Number, what, figure with its interval, and report of each."""
+    rows = [
+        [number, what, _cell(table, row, column), f"[{_report(table, row)}]"]
+        for number, (what, table, row, column) in enumerate(FIGURES, start=1)
+    ]
+    return ["", "what", "figure (95 % interval)", "report"], rows
+
+
+def reports() -> set[str]:
+    """Names of the reports that the figures come from."""
+    return {_report(table, row) for _, table, row, _ in FIGURES}
+
+
+def _report(table: Callable[[], Table], row: str) -> str:
+    return _OTHER_REPORT.get(table, row)
+
+
+def _cell(table: Callable[[], Table], row: str, column: str) -> object:
+    header, rows = table()
+    where = next(i for i, name in enumerate(header) if name.startswith(column))
+    return next(cells[where] for cells in rows if cells[-1] == f"[{row}]" or str(cells[0]).startswith(row))

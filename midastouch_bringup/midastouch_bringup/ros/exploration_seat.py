@@ -1,0 +1,154 @@
+"""Where a person sits during an exploration: sees how it goes, and has keys."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from midastouch_common.message_arrays import stamp_ns
+from midastouch_common.ros import qos
+from midastouch_filter.nodes.object_source import resolve
+from midastouch_msgs.msg import ExplorerStatus, FilterStatus, Suggestion
+from midastouch_msgs.srv import SetObject
+from midastouch_perception.objects import bundled_objects
+
+from ..explore.result import Ended
+from ..output_paths import quick_codebook
+from ..progress import progress_bar
+
+KEYS_HELP = (
+    "arrows: slide; l: lift, touch elsewhere; p: push the object; o: another object; "
+    "space: take over, or let it go on; q: end"
+)
+_NUDGE = 0.01  # m
+_HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  # of the gel's plane
+_END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
+
+
+class Seat(Node):
+    """Where a person sits: sees how it goes, and has keys.
+
+    Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
+    that of the object; since_change_ns, how long it has been that, in the finger's time.
+    """
+
+    def __init__(self, mesh: str, context: rclpy.Context):
+        super().__init__("explore", context=context)
+        self.mesh, self._newest, self._changed = mesh, 0, 0
+        self.ended: Ended | None = None
+        self._first_at: float | None = None
+        self.answering = 0.0
+        self._pressed: SimpleQueue[Callable[[], object]] = SimpleQueue()
+        self._holds_back = True
+        self._explorer, self._filter, self._bar = ExplorerStatus(), "", progress_bar(unit="image")
+        self._move = self.create_publisher(Suggestion, "explorer/move", qos.COMMAND)
+        self._callable = {
+            name: self.create_client(Trigger, f"explorer/{name}") for name in ("pause", "resume", "push", "lift")
+        }
+        self._set_object = self.create_client(SetObject, "explorer/set_object")
+        self.create_subscription(MarkerArray, "explorer/object_mesh", self._on_mesh, qos.latched())
+        self.create_subscription(ExplorerStatus, "explorer/status", self._on_explorer, qos.latched())
+        self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
+
+    def keys(self) -> dict[str, Callable[[], None]]:
+        """What the keys of `Keyboard` do; it is done by `carry_out_keys`."""
+        does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
+        does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
+        does |= {"o": self._change_object, " ": self._turn_over, "q": self._quit}
+        return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
+
+    def let_begin(self) -> None:
+        """Let the explorer go that was started paused, once it is, unless a person has taken it since."""
+        if self._holds_back and self._paused and self._callable["resume"].service_is_ready():
+            self._holds_back = False
+            self._call("resume")
+
+    def carry_out_keys(self) -> None:
+        """Do what the pressed keys mean, in the thread that spins."""
+        try:
+            while True:
+                self._pressed.get_nowait()()
+                self._holds_back = self._holds_back and not self._paused
+        except Empty:
+            return
+
+    def destroy_node(self) -> None:
+        """Leave the progress as it is."""
+        self._bar.close()
+        super().destroy_node()
+
+    def _nudge(self, heading: float) -> None:
+        self._move.publish(Suggestion(heading=heading, length=_NUDGE))
+
+    def _call(self, name: str) -> None:
+        if self._callable[name].service_is_ready():
+            self._callable[name].call_async(Trigger.Request())
+
+    def _change_object(self) -> None:
+        """Ask for the bundled object after this one."""
+        objects = {name: str(path) for name, path in sorted(bundled_objects().items())}
+        names, now = list(objects), Path(self.mesh).stem
+        following = names[(names.index(now) + 1) % len(names) if now in names else 0]
+        codebook = quick_codebook(following).resolve()
+        request = SetObject.Request(mesh_path=objects[following])
+        request.codebook_path = str(codebook) if codebook.is_file() else ""
+        if self._set_object.service_is_ready():
+            self._set_object.call_async(request)
+
+    def _turn_over(self) -> None:
+        self._call("resume" if self._paused else "pause")
+
+    def _quit(self) -> None:
+        self.ended = Ended.of(self._explorer, by_hand=True)
+
+    def fail(self, why: str) -> None:
+        """It ended because a node died."""
+        self.ended = replace(Ended.of(self._explorer), state="failed", reason=why)
+
+    @property
+    def _paused(self) -> bool:
+        return self._explorer.state == ExplorerStatus.STATE_PAUSED
+
+    @property
+    def since_change_ns(self) -> int:
+        return self._newest - self._changed
+
+    def _on_mesh(self, markers: MarkerArray) -> None:
+        for marker in markers.markers:
+            address = marker.mesh_resource
+            if marker.action == Marker.ADD and address and (path := file_of(address)) != self.mesh:
+                self.mesh, self._changed = path, self._newest
+
+    def _on_filter(self, status: FilterStatus) -> None:
+        if status.state == FilterStatus.STATE_WAITING:
+            return
+        self._newest = stamp_ns(status.header.stamp)
+        self._first_at = self._first_at or time.monotonic()
+        self.answering = time.monotonic() - self._first_at
+        self._filter = f"{status.state}, {status.n_particles} particles"
+        self._bar.update()
+        self._show()
+
+    def _on_explorer(self, status: ExplorerStatus) -> None:
+        self._explorer = status
+        self._show()
+        if status.state in _END_STATES and self.ended is None:
+            self.ended = Ended.of(status)
+
+    def _show(self) -> None:
+        path = f"{1e3 * self._explorer.path_length:.0f} mm"
+        self._bar.set_postfix_str(f"{self._explorer.state} {path} | {self._filter}", refresh=False)
+
+
+def file_of(address: str) -> str:
+    """The file that the address of a mesh means."""
+    return str(resolve(address, "mesh").resolve())

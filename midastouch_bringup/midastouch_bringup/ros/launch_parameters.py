@@ -1,0 +1,172 @@
+"""The parameters of all nodes, from parameter files and launch arguments.
+
+As `launch_arguments`, it and what it imports keep to the standard library and to what launch brings along.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from midastouch_common.errors import InputError
+from midastouch_perception.objects import bundled_objects
+
+from ..output_paths import codebook_path, quick_codebook
+from ..processes.parameter_files import merged, read_parameters
+from .launch_arguments import ARGUMENTS, STREAM_NODES
+
+FILES = ("params_file", "setup_file", "params_overlay")
+"""Arguments that name parameter files, each laid over those before."""
+
+
+def parameters(given: Mapping[str, str]) -> dict[str, dict]:
+    """Parameters by node: params_file, setup_file over it, then params_overlay, and the arguments over all.
+
+    given: values by name, of all arguments that the set-up takes. Raises InputError for a value that means nothing,
+    for a file whose sensor is another than the argument's, and for an arm without its address.
+    """
+    paths = [given[name] for name in FILES if given.get(name)]
+    files = [_read(path) for path in paths]
+    for path, nodes in zip(paths, files, strict=True):
+        _require_same_sensor(path, nodes, given.get("sensor_model"))
+    overrides: dict[str, dict] = {}
+    for name, argument in ARGUMENTS.items():
+        if given.get(name):
+            value = _converted(name, given[name])
+            for node, parameter in argument.sets:
+                overrides.setdefault(node, {})[parameter] = value
+    for node in STREAM_NODES:
+        overrides.setdefault(node, {})["use_sim_time"] = given.get("use_sim_time") == "true"
+    if given.get("object"):
+        found = overrides["particle_filter"]
+        found.setdefault("mesh", bundled_mesh(given["object"]))
+        found.setdefault("codebook", str(codebook_path(given["object"], given.get("sensor_model", "")).resolve()))
+        for node in ("digit_sim", "explorer"):
+            overrides.setdefault(node, {}).setdefault("mesh", bundled_mesh(given["object"]))
+    if given.get("objects"):
+        objects = ",".join(_named(name, given.get("sensor_model", "")) for name in given["objects"].split(","))
+        # what else names an object then is the one that digit_sim simulates
+        overrides["particle_filter"] |= {"objects": objects, "mesh": "", "codebook": ""}
+    if given.get("bag") and not given.get("background"):
+        overrides["tdn"] |= _background_of(Path(given["bag"]))
+    if given.get("tf_prefix"):
+        for node in ("particle_filter", "explorer"):
+            overrides.setdefault(node, {})["base_frame_id"] = f"{given['tf_prefix']}base_link"
+    if prefix := given.get("sensor_prefix"):
+        for node in ("digit_driver", "digit_sim"):
+            overrides.setdefault(node, {})["frame_id"] = f"{prefix}digit_optical_frame"
+        for node in ("digit_sim", "tdn", "particle_filter", "explorer"):
+            overrides.setdefault(node, {})["sensor_frame_id"] = f"{prefix}digit_gel_frame"
+    nodes = merged([*files, overrides])
+    _require_address(given, nodes.get("ur_tf", {}).get("robot_ip"))
+    return nodes
+
+
+def bundled_mesh(name: str) -> str:
+    """Path of a bundled object's mesh. Raises InputError when there is none of that name."""
+    objects = bundled_objects()
+    if name not in objects:
+        raise InputError(
+            f"object:={name}: not bundled; there are {', '.join(objects)}; for another give mesh:= and codebook:="
+        )
+    return str(objects[name])
+
+
+def _named(one: str, sensor: str) -> str:
+    """One of `objects`: of a bundled object the codebook for that sensor, as long as there is none its mesh."""
+    name = one.strip()
+    if name not in bundled_objects():
+        return name
+    codebook = codebook_path(name, sensor).resolve()
+    return str(codebook) if codebook.is_file() else bundled_mesh(name)
+
+
+def explored(given: Mapping[str, str]) -> dict[str, str]:
+    """Mesh and codebook of the object of an exploration: what is given, else those of the bundled object; and the
+    `objects` that it may be for the filter, itself among them, empty if there is no other."""
+    mesh = given["mesh"] or bundled_mesh(given["object"])
+    codebook = given["codebook"] or _quick(Path(mesh).stem)
+    names = [name.strip() for name in given["objects"].split(",")]
+    others = [name for name in names if name and name != Path(mesh).stem]
+    books = [_quick(name) if name in bundled_objects() else name for name in others]
+    return {"mesh": mesh, "codebook": codebook, "objects": ",".join([*books, codebook]) if books else ""}
+
+
+def quick_codebooks(given: Mapping[str, str]) -> dict[str, str]:
+    """Meshes by the paths of the codebooks of an exploration that are built where they are missing."""
+    what = explored(given)
+    meshes = {_quick(name): str(path) for name, path in bundled_objects().items()}
+    books = {path: meshes[path] for path in what["objects"].split(",") if path in meshes}
+    return books if given["codebook"] else {**books, what["codebook"]: what["mesh"]}
+
+
+def _quick(name: str) -> str:
+    return str(quick_codebook(name).resolve())
+
+
+def _require_address(given: Mapping[str, str], of_ur_tf: str | None) -> None:
+    """InputError for an arm that is to be reached at no address; `of_ur_tf`: what ur_tf gets."""
+    arm = given.get("arm")
+    mock = given.get("use_mock_hardware") == "true"
+    if (arm == "rtde" and not of_ur_tf) or (arm == "ur_driver" and not given["robot_ip"] and not mock):
+        raise InputError(f"arm:={arm}: at which address? Give that of the arm's controller, robot_ip:=ADDRESS")
+
+
+def _read(path: str) -> dict[str, dict]:
+    """A parameter file. InputError for a node's name that is nearly one of ours: nobody would read its parameters."""
+    ours = {node for argument in ARGUMENTS.values() for node, _ in argument.sets}.union(STREAM_NODES)
+    nodes = read_parameters(path)
+    for node in nodes.keys() - ours:
+        if meant := difflib.get_close_matches(node, ours, n=1, cutoff=0.75):
+            raise InputError(f"{path}: no node '{node}'; did you mean {meant[0]}?")
+    return nodes
+
+
+def _require_same_sensor(path: str, nodes: Mapping[str, dict], sensor: str | None) -> None:
+    """InputError if a parameter file has another sensor than the argument, whose default some set-ups have."""
+    for node in ("tdn", "tcn", "particle_filter"):
+        theirs = nodes.get(node, {}).get("sensor_model", sensor)
+        if sensor and theirs != sensor:
+            raise InputError(
+                f"{path}: {node} has the sensor_model {theirs}, but the argument says {sensor}; "
+                f"take it out of the file, or give sensor_model:={theirs}"
+            )
+
+
+def _converted(name: str, text: str) -> object:
+    read, expected = _KINDS[ARGUMENTS[name].kind]
+    try:
+        return read(text)
+    except ValueError as error:
+        raise InputError(f"{name}:={text}: must be {expected}") from error
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(number := float(text)):
+        raise ValueError(text)
+    return number
+
+
+def _yes(text: str) -> bool:
+    if text not in ("true", "false"):
+        raise ValueError(text)
+    return text == "true"
+
+
+# how a value is read, and what it must be
+_KINDS: dict[type, tuple[Callable[[str], object], str]] = {
+    str: (str, "text"),
+    int: (int, "a whole number"),
+    float: (_finite, "a number"),
+    bool: (_yes, "true or false"),
+}
+
+
+def _background_of(recording: Path) -> dict[str, str]:
+    """Where a sequence folder holds the sensor's no-contact image, else the images to estimate it from."""
+    for inside in ("background.png", "tactile_images", "frames"):
+        if (recording / inside).exists():
+            return {"background": str((recording / inside).resolve())}
+    return {}

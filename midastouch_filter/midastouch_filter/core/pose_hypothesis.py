@@ -1,0 +1,73 @@
+"""Hypotheses on the object that may explain what was measured, and what is known of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from midastouch_common import se3
+from midastouch_common.pose_metric import ROTATION_SCALE
+
+from .alignment import transform_covariance
+
+ANOTHER = 0.01
+"""m: a hypothesis farther than this from the truth is a wrong answer, so it is another hypothesis; 1 rad counts as 10
+mm."""
+
+APART = 0.015
+"""m: competitors nearer to each other than this are so alike that one is followed for all; never less than
+`ANOTHER`."""
+
+
+@dataclass(frozen=True)
+class PoseHypothesis:
+    """One explanation of the last touches: pose (4, 4) `T_obj_gel` at present; covariance (6, 6) in its own frame;
+    probability."""
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    probability: float
+
+    def moved(self, transform: np.ndarray) -> PoseHypothesis:
+        """After the gel moved by `transform` (4, 4)."""
+        return replace(self, pose=self.pose @ transform, covariance=transform_covariance(self.covariance, transform))
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Where the start was thought to be: pose (4, 4), sigma_t [m] and sigma_r [rad] per axis."""
+
+    pose: np.ndarray
+    sigma_t: float
+    sigma_r: float
+
+    def log_density(self, poses: np.ndarray, floor: float) -> np.ndarray:
+        """(N,) nats of poses (N, 4, 4) below the prior's own pose, but no less than `floor`."""
+        error = se3.log(se3.inverse(self.pose) @ poses)
+        squared = (error[:, :3] ** 2).sum(axis=1) / self.sigma_t**2 + (error[:, 3:] ** 2).sum(axis=1) / self.sigma_r**2
+        return np.maximum(-0.5 * squared, floor)
+
+
+def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Pose distances (...) [m] as the look-up's, of (..., 4, 4) and (..., 4, 4), broadcast."""
+    squared = np.square(a - b)
+    # the Frobenius norm between two rotations is 2 sqrt(2) sin(angle / 2)
+    turned = 0.5 * ROTATION_SCALE**2 * squared[..., :3, :3].sum(axis=(-2, -1))
+    return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
+
+
+def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float) -> np.ndarray:
+    """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`."""
+    return (pose_distance(np.reshape(taken, (-1, 1, 4, 4)), poses) > apart).all(axis=0)
+
+
+def distinct(poses: np.ndarray, order: Iterable[int], apart: float) -> list[int]:
+    """Those of `order`, among poses (N, 4, 4), that are farther than `apart` [m] from all that were chosen before."""
+    free, chosen = np.ones(len(poses), bool), []
+    for i in order:
+        if free[i]:
+            chosen.append(int(i))
+            free &= pose_distance(poses[i], poses) > apart
+    return chosen

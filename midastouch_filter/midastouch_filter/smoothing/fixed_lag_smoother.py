@@ -1,0 +1,148 @@
+"""Fixed-lag smoothing: what the last touches together say of the modes that codes and maps have found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from midastouch_common import se3
+
+from ..core.belief import Belief
+from ..core.config import FilterConfig
+from ..core.estimate import Mode
+from ..core.fingers import Finger
+from ..core.gates import Gates, Stopwatch
+from ..core.initialisation import ParticleSource
+from ..core.keyframes import KeyframeWindow
+from ..core.motion_model import Odometry
+from ..core.noise_model import NoiseModel
+from ..core.particles import Particles
+from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, pose_distance
+from ..core.resampling import Resampler
+from ..core.touch import Measurement
+from ..refinement.fine_stage import FineStage, impose_fractions, mapped_of
+from ..refinement.refinement import Refinement, is_narrow
+from .reevaluation import Comparison, Reevaluation
+
+_NEGLIGIBLE_CHANGE = 0.02  # change of a hypothesis' fraction of the belief
+
+
+class FixedLagSmoother(FineStage):
+    """A fine stage that compares the modes with other hypotheses, by the last touches.
+
+    Args: refinement; reevaluation; config; noise; source of particles for new modes; resample; gates; watch.
+    """
+
+    def __init__(
+        self,
+        refinement: Refinement,
+        reevaluation: Reevaluation,
+        config: FilterConfig,
+        noise: NoiseModel,
+        source: ParticleSource,
+        resample: Resampler,
+        gates: Gates,
+        watch: Stopwatch,
+    ):
+        super().__init__(refinement, config, gates, watch)
+        self._reevaluation, self._noise = reevaluation, noise
+        self._source, self._resample = source, resample
+
+    def restart(self, prior: Prior | None) -> None:
+        super().restart(prior)
+        self.checked = False
+        self._known: Comparison | None = None
+        self._known_at = np.eye(4)
+        self._reevaluation.restart(prior)
+
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
+        self._reevaluation.score_anew(log_ratio_of, n_poses)
+
+    def recall(self, measured: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
+        self._reevaluation.recall(measured, log_ratio_of)
+
+    def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
+        if motion is None:
+            self._reevaluation.moved(np.eye(4), path, in_contact)
+        else:
+            self._reevaluation.moved(motion.transform, motion.path, in_contact)
+        self.checked = self.checked and not self._reevaluation.lifted
+
+    def __call__(self, belief: Belief, measured: list[Finger], tempering: float) -> bool:
+        explained = super().__call__(belief, measured, tempering)
+        if mapped_of(measured):
+            self.checked = explained and self._is_trusted(belief)
+        return explained
+
+    def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
+        if mapped_of(measured):
+            with self._watch.stage("hindsight"):
+                self._reevaluate(belief, measured)
+
+    def _reevaluate(self, belief: Belief, measured: list[Finger]) -> None:
+        """Keep the touch, and go on asking whether other hypotheses explain the last ones as well."""
+        reevaluation = self._reevaluation
+        if reevaluation.due:
+            touching = [finger for finger in measured if finger.touch.in_contact]
+            reevaluation.keep(
+                [finger.touch for finger in touching], [finger.log_ratio_of_codebook() for finger in touching]
+            )
+        narrow = [mode for mode in belief.modes if is_narrow(mode, self._config)]
+        contradicted = bool(narrow) and narrow[0] is belief.modes[0] and 0 not in belief.aligned
+        if not self._gates.skips("unrivalled", reevaluation.rests(contradicted)):
+            comparison = reevaluation.compare([mode.pose for mode in narrow[: self._config.refined_modes]])
+            if comparison is not None:
+                self._believe(belief, comparison)
+                self._known, self._known_at = comparison, reevaluation.motion
+
+    def _is_trusted(self, belief: Belief) -> bool:
+        """Whether the last comparison found the dominant mode probable enough, and left no hypothesis out."""
+        known, reevaluation = self._known, self._reevaluation
+        if known is None or not known.exhaustive or reevaluation.lifted:
+            return False
+        pose = belief.modes[0].pose @ (se3.inverse(reevaluation.motion) @ self._known_at)
+        return known.probability_at(pose) >= self._config.converged_probability
+
+    def _believe(self, belief: Belief, comparison: Comparison) -> None:
+        """Give the modes the probability of their hypotheses, and competitors that have no particles some of their
+        own."""
+        owners = list(self._modes_at(belief.modes, comparison.hypotheses))
+        fractions = np.array([hypothesis.probability for hypothesis in comparison.hypotheses])
+        held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
+        if np.abs(held - fractions).max() < _NEGLIGIBLE_CHANGE:
+            return
+        particles, new = impose_fractions(
+            belief.particles,
+            belief.members,
+            owners,
+            fractions,
+            comparison.elsewhere,
+            lambda hypothesis, count: self._born(comparison, hypothesis, count),
+            exact=comparison.exhaustive,
+        )
+        self._gates.count("rivals", new)
+        before = belief.modes[0].pose
+        belief.hold(particles)
+        self._resample(belief, needed=True)
+        belief.cluster()
+        if pose_distance(before, belief.modes[0].pose) > ANOTHER:
+            self.region.restart()  # what maps corrected there says nothing of how they will fit here
+
+    def _born(self, comparison: Comparison, hypothesis: int | None, count: int) -> Particles:
+        """Particles at one of the hypotheses, or (None) wherever codes put them."""
+        if hypothesis is None:
+            return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
+        return self._source.at(comparison.hypotheses[hypothesis], count)
+
+    def _modes_at(self, modes: list[Mode], hypotheses: list[PoseHypothesis]) -> Iterator[int | None]:
+        """The narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
+        at, held = (np.stack([each.pose for each in some]) for some in (hypotheses, modes))
+        distance = pose_distance(at[:, None], held)
+        for i, k in enumerate(distance.argmin(axis=1)):
+            is_at = distance[i, k] < self._config.mode_radius and distance[:, k].argmin() == i
+            yield int(k) if is_at and is_narrow(modes[k], self._config) else None
+
+    @property
+    def measured_gels(self) -> np.ndarray:
+        return self._reevaluation.measured_gels

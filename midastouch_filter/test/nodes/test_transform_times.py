@@ -1,0 +1,203 @@
+"""Codes in time: transforms that come late or never; stamps that repeat, are late or run backwards."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from filter_bench import OBJECT, T_BASE_OBJ, Bench, skipped
+from filter_fakes import SECOND, code_msg, tf_msg, translation
+from rosgraph_msgs.msg import Clock
+
+from midastouch_common.message_arrays import stamp_ns
+
+pytestmark = pytest.mark.dds
+
+
+def test_codes_wait_for_their_transform_in_order(graph):
+    bench = Bench(graph, **OBJECT)
+    for stamp in (1, 2, 3):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    graph.spin_until(lambda: bench.waited(3 * SECOND), "the word that it waits")
+    assert "no transform yet: frame 'base_link'" in bench.waits[-1].reason
+    assert bench.statuses == []
+    for stamp in (1, 2, 3):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(0.01 * stamp)))
+    graph.spin_until(lambda: len(bench.statuses) == 3)
+    assert bench.answered() == [SECOND, 2 * SECOND, 3 * SECOND]
+    np.testing.assert_allclose(bench.filter.odometry[2], translation(0.01), atol=1e-9)
+    told = [stamp_ns(status.header.stamp) for status in bench.waits]
+    assert len(set(told)) == len(told), "each is told once"
+
+
+def test_transforms_are_interpolated_at_the_stamp_of_the_image(graph):
+    bench = Bench(graph, **OBJECT)
+    for stamp, x in ((1, 0.0), (2, 0.1), (3, 0.2)):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(x)))
+    for stamp in (1.25, 2.5):
+        bench.codes.publish(code_msg(round(stamp * SECOND)))
+    graph.spin_until(lambda: len(bench.statuses) == 2)
+    np.testing.assert_allclose(bench.filter.odometry[1], translation(0.125), atol=1e-9)
+
+
+def test_transform_that_never_comes_is_stale_with_a_reason(graph):
+    bench = Bench(graph, **OBJECT, transform_timeout=0.2)
+    bench.codes.publish(code_msg(SECOND))
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.answered() == [SECOND]
+    assert bench.statuses[0].state == "stale"
+    assert "digit_gel_frame" in bench.statuses[0].reason
+    assert bench.frame(2 * SECOND, T_BASE_OBJ).state == "ambiguous", "it recovers"
+
+
+def test_image_older_than_all_transforms_is_given_up_at_once(graph):
+    bench = Bench(graph, **OBJECT, transform_timeout=600.0)
+    for stamp in (10, 11):
+        bench.tf.publish(tf_msg(stamp * SECOND, T_BASE_OBJ))
+    # an answer shows that the transforms are there
+    bench.codes.publish(code_msg(round(9.9 * SECOND)))
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.statuses[0].state == "stale"
+    assert "history starts" in bench.statuses[0].reason
+    bench.codes.publish(code_msg(11 * SECOND))
+    graph.spin_until(lambda: len(bench.statuses) == 2)
+    assert bench.statuses[1].state == "ambiguous"
+
+
+def simulated_clock(bench: Bench) -> Callable[[float], None]:
+    """A function that sets the node's clock [s]."""
+    clock = bench.graph.publisher(Clock, "/clock")
+
+    def tick(seconds: float) -> None:
+        now = round(seconds * SECOND)
+        clock.publish(Clock(clock=code_msg(now).header.stamp))
+        bench.graph.spin_until(lambda: bench.node.get_clock().now().nanoseconds == now)
+
+    return tick
+
+
+def test_paused_simulated_time_does_not_run_out(graph):
+    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
+    tick = simulated_clock(bench)
+
+    tick(10.0)
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    graph.spin_for(0.6)
+    assert bench.statuses == []
+    tick(10.5)
+    graph.spin_until(lambda: bench.statuses)
+    assert bench.statuses[0].state == "stale"
+
+
+def test_simulated_time_that_jumps_back_does_not_stretch_the_timeout(graph):
+    bench = Bench(graph, **OBJECT, use_sim_time=True, transform_timeout=0.2)
+    tick = simulated_clock(bench)
+
+    tick(1e6)
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    tenths = itertools.count(100)
+
+    def goes_on() -> bool:
+        tick(0.1 * next(tenths))
+        return bool(bench.statuses)
+
+    graph.spin_until(goes_on, "the answer")
+    assert bench.statuses[0].state == "stale"
+
+
+def test_looped_bag_restarts_once_per_loop(graph):
+    bench = Bench(graph, **OBJECT)
+    for loop in (1, 2, 3):
+        for stamp in (100, 101, 102):
+            assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
+        assert bench.filter.starts == ["uniform"] * loop
+        assert bench.filter.odometry[-3] is None
+    status = bench.statuses[-1]
+    assert skipped(status)["time_jumps"] == 2
+
+
+def test_other_frames_may_have_clocks_of_their_own(graph):
+    """A camera that starts its clock again, a robot beside this one: nothing that the filter asks for."""
+    bench = Bench(graph, **OBJECT)
+    for stamp in (100, 101):
+        bench.frame(stamp * SECOND, translation(0.01 * stamp))
+    for other in (5000, 3, 4000, 2):
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "base_link", "camera"))
+        bench.tf.publish(tf_msg(other * SECOND, translation(0.1), "map", "base_link"))
+    for stamp in (102, 103):
+        assert bench.frame(stamp * SECOND, translation(0.01 * stamp)).state == "ambiguous"
+    assert bench.filter.starts == ["uniform"]
+    assert len(bench.filter.odometry) == 4
+    status = bench.statuses[-1]
+    assert skipped(status)["time_jumps"] == 0
+
+
+def test_looped_bag_whose_code_overtakes_its_transform(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(1.0))
+    bench.codes.publish(code_msg(10 * SECOND))
+    graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
+    assert bench.filter.starts == ["uniform"]
+    bench.tf.publish(tf_msg(10 * SECOND, translation(0.1)))
+    graph.spin_until(lambda: bench.answered()[-1] == 10 * SECOND)
+    assert bench.statuses[-1].state == "ambiguous"
+    assert bench.filter.starts == ["uniform"] * 2
+
+
+def test_a_second_code_tells_of_a_loop_before_any_transform(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(1.0))
+    for stamp in (10, 11):
+        bench.codes.publish(code_msg(stamp * SECOND))
+    graph.spin_until(lambda: len(bench.filter.starts) == 2, "the restart")
+    for stamp in (10, 11):
+        bench.tf.publish(tf_msg(stamp * SECOND, translation(0.1)))
+    graph.spin_until(lambda: bench.answered()[-2:] == [10 * SECOND, 11 * SECOND])
+    assert [status.state for status in bench.statuses[-2:]] == ["ambiguous"] * 2
+
+
+@pytest.mark.parametrize("wrong", [0, 50, 103, 5000])
+def test_a_single_wrong_stamp_is_dropped_and_said(graph, wrong):
+    """Of a driver that loses its clock for one image."""
+    bench = Bench(graph, **OBJECT)
+    bench.frame(100 * SECOND, translation(0.0))
+    bench.codes.publish(code_msg(wrong * SECOND))
+    graph.spin_until(lambda: bench.waited(wrong * SECOND), "the word that it waits")
+    for stamp in (101, 102):
+        assert bench.frame(stamp * SECOND, translation(0.01)).state == "ambiguous"
+    assert bench.filter.starts == ["uniform"]
+    np.testing.assert_allclose(bench.filter.odometry[1], translation(0.01), atol=1e-9)
+    (refused,) = bench.answers(wrong * SECOND)
+    assert refused.state == "stale"
+    assert "dropped" in refused.reason
+    assert skipped(bench.statuses[-1])["odd_stamps"] == bench.node.diagnostics.counts["odd_stamps"] == 1
+    assert skipped(bench.statuses[-1])["time_jumps"] == 0
+
+
+def test_a_wrong_stamp_that_nobody_follows_is_answered_in_the_end(graph, timeout_clock):
+    bench = Bench(graph, **OBJECT, transform_timeout=0.5)
+    bench.frame(100 * SECOND)
+    bench.codes.publish(code_msg(0))
+    graph.spin_until(lambda: bench.waited(0), "the word that it waits")
+    timeout_clock.now += 0.6
+    graph.spin_until(lambda: bench.answers(0), "the answer")
+    assert bench.statuses[-1].state == "stale"
+    assert bench.filter.starts == ["uniform"]
+
+
+def test_repeated_and_late_stamps_are_answered_but_not_counted_twice(graph):
+    bench = Bench(graph, **OBJECT)
+    bench.frame(10 * SECOND, T_BASE_OBJ)
+    for stamp in (10 * SECOND, 10 * SECOND - 100_000_000):
+        bench.codes.publish(code_msg(stamp))
+    graph.spin_until(lambda: len(bench.statuses) == 3)
+    assert len(bench.filter.measurements) == 1
+    assert [status.state for status in bench.statuses] == ["ambiguous", "stale", "stale"]
+    assert "out of order" in bench.statuses[-1].reason
+    assert bench.answered()[1:] == [10 * SECOND, 10 * SECOND - 100_000_000]
+    status = bench.statuses[-1]
+    assert skipped(status)["out_of_order"] == 2
