@@ -58,8 +58,8 @@ def main() -> None:
     sums: dict[tuple[str, str], set[str]] = {}
     newest: dict[str, str] = {}
     for interpreter in parser.parse_args().interpreters:
-        # What Python 3.11 takes is wanted of every later version too: fewer combinations to test.
-        # 3.10 is left out of this, as several packages have dropped it.
+        # Later versions get what Python 3.11 gets: fewer combinations to test.
+        # Python 3.10 is the exception, as several packages have dropped it.
         python, packages = resolve(interpreter, [f"{name}=={version}" for name, version in newest.items()])
         if python != "3.10":
             newest.update({name: version for name, (version, _) in packages.items()})

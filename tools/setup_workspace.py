@@ -1,11 +1,10 @@
 """Make .venv ready: ROS 2 from PyPI wheels, the pinned packages, our messages, our Python packages.
 
-Called by every target of the Makefile. Each step leaves a stamp that holds a hash of what it was made
-from, written when the step has succeeded; a step whose stamp is right is not done again, so a second
-call takes a fraction of a second. A set-up that was interrupted while packages were being installed
-starts from an empty environment (pip's cache makes that quick), as nobody can say what it holds.
+Every target of the Makefile calls it. Each step that succeeds writes a stamp with a hash of its inputs. A step whose
+stamp is right is skipped, so a second call takes a fraction of a second. A set-up that was interrupted while it
+installed packages starts again from an empty environment, because its state is unknown; pip's cache makes that quick.
 
-Runs on the standard library of any Python 3, to be able to say that 3.10 or later is needed.
+It uses nothing but the standard library of any Python 3, so that an old Python, too, can report that 3.10 is needed.
 """
 
 import argparse
@@ -37,7 +36,7 @@ INTERFACES = [ROOT / "tools/ros_wheels/tf2_msgs", ROOT / "tools/ros_wheels/visio
 KERNELS = ROOT / "midastouch_kernels"
 PACKAGES = sorted(manifest.parent for manifest in ROOT.glob("*/setup.py"))
 
-# Read by Python at every start in the environment: the one place for the variables that ROS wants and the
+# Python reads this at every start in the environment. It is the one place for the variables that ROS needs and the
 # wheels do not set. Fast DDS is the only middleware among the wheels.
 ENVIRONMENT_PTH = """\
 import os, sys; os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix); \
@@ -59,7 +58,7 @@ def content_hash(paths, *extra):
 
 
 class Progress:
-    """One line per step: on a terminal with a running clock, else written at its start and its end."""
+    """One line per step: with a running clock on a terminal, otherwise written at the start and the end of the step."""
 
     def __init__(self, title, lock):
         self.lock = lock
@@ -80,9 +79,9 @@ class Progress:
 
 
 def run(command, progress, fix, **environment):
-    """Run a command, its output into the log. Raises SetupError with the end of its output and the fix."""
+    """Run a command and write its output into the log. Raises SetupError with the end of that output and the fix."""
     variables = {**os.environ, **environment}
-    # The Python of the environment re-executes itself to set these; another Python's must not stay.
+    # The environment's Python re-executes itself once and marks that here; the mark of another Python must go.
     variables.pop("_ROS_WHEELS_BOOTSTRAP_COMPLETE", None)
     with LOG.open("ab") as log:
         log.write(f"\n$ {' '.join(map(str, command))}\n".encode())
@@ -95,7 +94,7 @@ def run(command, progress, fix, **environment):
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
-            # Inherited, the lock outlives this process if that is killed while the command goes on.
+            # The command inherits the lock, which then outlasts this process if that is killed.
             pass_fds=[progress.lock.fileno()],
         )
         try:
@@ -148,7 +147,7 @@ def build_with_cmake(progress, sources):
     for source in sources:
         fix = f"Compiling {source.name} failed. If the compiler or cmake has changed, rm -rf .venv and run make again."
         build = VENV / "build" / source.name
-        # A message that is gone from the sources must go from the environment as well.
+        # A message that was removed from the sources must be removed from the environment as well.
         manifest = build / "install_manifest.txt"
         for installed in manifest.read_text().splitlines() if manifest.exists() else []:
             Path(installed).unlink(missing_ok=True)
@@ -164,7 +163,7 @@ def install_packages(progress):
     command = [*PIP_INSTALL, "--no-deps", "--no-build-isolation"]
     command += [argument for package in PACKAGES for argument in ("--editable", package)]
     run(command, progress, "Installing the packages of this workspace failed.")
-    # What colcon would install to share (package.xml, launch, config, ...) is found by link: always current.
+    # What colcon would install to share (package.xml, launch, config, ...) is linked, so that it is always current.
     index = VENV / "share" / "ament_index" / "resource_index" / "packages"
     for package in PACKAGES:
         for link, target in (
@@ -176,8 +175,8 @@ def install_packages(progress):
             link.symlink_to(target)
 
 
-def discard_what_cannot_be_trusted():
-    """Remove an environment that was moved, has lost its Python, or was interrupted half-installed."""
+def remove_unusable_environment():
+    """Remove an environment that was moved, has lost its Python, or whose installation was interrupted."""
     if not VENV.exists():
         return
     if not STAMPS.exists():
@@ -192,14 +191,14 @@ def discard_what_cannot_be_trusted():
     elif made_for.read_text() != environment_key():
         reason = "it was made in another folder"
     if reason:
-        print(f".venv is made anew: {reason}")
+        print(f".venv is made again: {reason}")
         shutil.rmtree(VENV)
 
 
 def leave_environment():
-    """Where the environment's own Python was called (it is activated), go on in the one that it was made from.
+    """Continue in the Python that the environment was made from, if the environment's own was called.
 
-    The environment may have to be removed, and its Python with it.
+    The environment may have to be removed, and its own Python with it.
     """
     if Path(sys.prefix).resolve() == VENV.resolve():
         os.execv(sys._base_executable, [sys._base_executable, *sys.argv])
@@ -210,7 +209,7 @@ def environment_key():
 
 
 def set_up(lock):
-    discard_what_cannot_be_trusted()
+    remove_unusable_environment()
     dependencies_key = content_hash([LOCK, FIX_EXPORTS], ENVIRONMENT_PTH)
     described_by = [p / name for p in PACKAGES for name in ("setup.py", "setup.cfg", "package.xml")]
     steps = [
@@ -262,14 +261,14 @@ def main():
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with Path(__file__).open() as lock:
         try:
-            # Two makes at the same time: the second waits, then finds everything done.
+            # Of two makes at the same time the second waits, then finds everything done.
             fcntl.flock(lock, fcntl.LOCK_EX)
             set_up(lock)
         except SetupError as error:
             print(f"{error}\n", file=sys.stderr)
             return 1
         except KeyboardInterrupt:
-            print("Interrupted: run make again to go on.", file=sys.stderr)
+            print("Interrupted: run make again to continue.", file=sys.stderr)
             return 130
     return 0
 

@@ -1,4 +1,4 @@
-"""What the set-up needs of a machine and cannot bring by itself."""
+"""What the set-up needs from a machine and cannot install."""
 
 import os
 import platform
@@ -16,7 +16,7 @@ class SetupError(Exception):
 
 
 def check_machine():
-    """Raise SetupError for what the set-up cannot bring by itself."""
+    """Raise SetupError if the machine lacks something that the set-up cannot install."""
     if sys.platform != "linux" or platform.machine() != "x86_64":
         raise SetupError(
             f"The ROS 2 wheels exist for Linux on x86-64 only, this is {platform.system()} on "
@@ -37,7 +37,7 @@ def check_machine():
             f"The C headers of {sys.executable} are missing. Debian, Ubuntu: sudo apt install python{version}-dev"
         )
     try:
-        import ensurepip  # noqa: F401  (Debian and Ubuntu ship it apart)
+        import ensurepip  # noqa: F401  (a package of its own on Debian and Ubuntu)
         import venv  # noqa: F401
     except ImportError:
         raise SetupError(
@@ -46,11 +46,11 @@ def check_machine():
 
 
 def use_supported_python():
-    """Where ``python3`` is too old or too new, go on in another Python that is installed beside it."""
+    """If this Python is too old or too new, continue in another one that is installed."""
     if OLDEST <= sys.version_info[:2] <= NEWEST:
         return
     for minor in (12, 13, 11, 10):
         other = shutil.which(f"python3.{minor}")
-        # Version managers put names on the path that lead nowhere.
+        # Version managers put names on the path that do not work.
         if other and subprocess.call([other, "-c", ""], stderr=subprocess.DEVNULL) == 0:
             os.execv(other, [other, *sys.argv])

@@ -1,4 +1,4 @@
-"""Finds the sensors of one camera model plugged into this machine by reading sysfs, without udev and without opening.
+"""Finds the plugged-in sensors of one camera model by reading sysfs, without udev and without opening a device.
 
 ``python -m digit_driver.discovery [MODEL]`` lists them.
 """

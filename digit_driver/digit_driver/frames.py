@@ -88,7 +88,7 @@ class ReaderStatus:
         overwritten: good frames replaced by a newer one before they were taken.
         reconnects: times the camera came back.
         last_error: why it failed last; kept after it came back.
-        silent_s: time since the thread last gave a sign of life; more than a second means a call that hangs.
+        silent_s: time since the thread last gave a sign of life; more than a second means that a call hangs.
     """
 
     state: ReaderState = ReaderState.STOPPED
@@ -112,7 +112,7 @@ class FrameSlot:
 
     @property
     def status(self) -> ReaderStatus:
-        """The counters now; ``silent_s`` is left to who knows of the thread."""
+        """The counters now, without ``silent_s``, which the reader knows."""
         with self._lock:
             return self._status
 

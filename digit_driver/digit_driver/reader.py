@@ -31,7 +31,7 @@ class ReaderTiming:
     Attributes:
         wait_for_device: how long to wait for a camera that is not there at the start; negative: for ever.
         reconnect: pause between attempts to open it.
-        stall: without a good frame for so long (or five frame periods, if longer) the camera is opened anew.
+        stall: without a good frame for so long (or five frame periods, if longer) the camera is opened again.
     """
 
     wait_for_device: float = -1.0
@@ -86,7 +86,7 @@ class FrameReader:
     def stop(self, timeout: float = 2.0) -> bool:
         """Ends reading and closes the camera. False if the thread did not end within ``timeout`` seconds.
 
-        Such a thread hangs in the kernel; it is left alone, closes the camera when it gets free, and does not
+        Such a thread hangs in the kernel. It is left alone, closes the camera once its call returns, and does not
         keep the process from ending.
         """
         self._stopping.set()
@@ -114,7 +114,7 @@ class FrameReader:
     def _run(self) -> None:
         try:
             self._connect_and_stream()
-            # said here, too: the thread may get free only after ``stop`` has left it alone
+            # set here, too: the call of a hanging thread may return only after ``stop`` has left it alone
             self._slot.update(state=ReaderState.STOPPED)
         except InputError as error:
             self._settle(ReaderState.FAILED, str(error))
@@ -127,10 +127,10 @@ class FrameReader:
             self._camera.close()
 
     def _connect_and_stream(self) -> None:
-        """Until stopped: opens, reads until it fails, closes, waits, again.
+        """Opens the camera, reads until that fails, closes it, waits and begins again, until stopped.
 
         Raises:
-            InputError: it can never be opened as it was asked for.
+            InputError: the camera can never be opened with these settings.
             DeviceError: the camera never appeared within the time given for it.
         """
         started_ns = self._clock.now_ns()
@@ -143,7 +143,7 @@ class FrameReader:
                 opened_before = True
                 self._stream(info)
             except (DeviceError, InputError) as error:
-                # What worked once may work again, whatever the reason now; e.g. another camera on our number.
+                # What worked once may work again, whatever fails now: another camera may have got our number.
                 if isinstance(error, InputError) and not opened_before:
                     raise
                 self._camera.close()

@@ -42,15 +42,15 @@ class HealthReport:
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the verdict rests on.
+    """The measurements that the verdict rests on.
 
     Attributes:
         reader: the reader's counters.
         rate: measured frames per second, None while that is not known.
         backward: stamps that did not advance.
         image: state of the newest image, None before the first.
-        jitter: how far stamps are from even spacing, seconds; None while that is not known.
-        jitter_limit: how far they may be, seconds.
+        jitter: by how much stamps deviate from even spacing, seconds; None while that is not known.
+        jitter_limit: by how much they may, seconds.
     """
 
     reader: ReaderStatus

@@ -39,7 +39,7 @@ class RateMonitor:
 
     @property
     def backward(self) -> int:
-        """Stamps in the window that were not later than the one before."""
+        """Number of stamps in the window that were not later than the one before."""
         return sum(later <= earlier for earlier, later in pairwise(self._stamps))
 
     def rate(self, now_ns: int) -> float | None:
@@ -57,9 +57,9 @@ class RateMonitor:
 class JitterMonitor:
     """Looks at the stamps of the last 120 frames.
 
-    A camera exposes by a clock of its own, so its stamps lie on an even grid, of which lost frames leave out points.
-    What is off that grid was stamped late (by reading instead of acquisition, by a host without time for it), and an
-    image is then matched with where the arm is a moment later: 5 ms are 0.15 mm at 30 mm/s.
+    A camera exposes by a clock of its own, so its stamps lie on an even grid, from which lost frames are missing. A
+    stamp off that grid is late: it was taken at reading instead of acquisition, or on a busy host. The image is then
+    matched with a later pose of the arm: 5 ms are 0.15 mm at 30 mm/s.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class JitterMonitor:
         self._stamps.append((stamp_ns, sequence))
 
     def jitter(self) -> float | None:
-        """Seconds by which all but one in twenty intervals are at most off the usual one; None for too few frames."""
+        """95th percentile of how far intervals deviate from the median one, seconds; None for too few frames."""
         if len(self._stamps) < _FEWEST_JITTER_FRAMES:
             return None
         stamps, sequences = np.diff(np.array(self._stamps, dtype=np.int64), axis=0).T

@@ -55,7 +55,7 @@ class V4l2Settings:
 
     @property
     def mode(self) -> CameraMode:
-        """The mode that is meant."""
+        """The mode of that resolution."""
         return self.camera.mode(self.resolution)
 
 
@@ -65,7 +65,7 @@ class V4l2Camera:
     Args:
         settings: see there.
         system: the kernel.
-        find: lists the sensors of a model present; asked anew at every ``open``: replugging renumbers the nodes.
+        find: lists the sensors of a model present. Every ``open`` calls it, since replugging renumbers the nodes.
         clock: the host's monotonic clock.
     """
 
@@ -94,7 +94,7 @@ class V4l2Camera:
         """Acquires the sensor; afterwards ``read`` gives frames.
 
         Raises:
-            InputError: it can never be opened as it was asked for.
+            InputError: it can never be opened with these settings.
             DeviceError: it cannot be opened now.
         """
         self.close()
@@ -164,7 +164,7 @@ class V4l2Camera:
         if self._settings.video_device:
             node = Path(self._settings.video_device)
             digit = find_by_node(node, self._find(self._camera))
-            # A name of udev's (a link) says what is meant. A number goes to another sensor once ours is unplugged.
+            # A link of udev's keeps naming the same sensor. A number goes to another one once ours is unplugged.
             if not self._opened_serial or node.is_symlink() or (digit and digit.serial == self._opened_serial):
                 return digit, (node,)
         digit = select_camera(self._camera, self._find(self._camera), self._serial)

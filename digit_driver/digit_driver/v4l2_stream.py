@@ -1,7 +1,7 @@
 """An open capture node of Video4Linux2: its format and rate, and the buffers that the camera fills in turn.
 
-The kernel is spoken to directly, because a capture library hides what a robot needs: which node gives images,
-the acquisition time of a buffer, the flag of a damaged buffer, and a wait that ends when asked to.
+The driver calls the kernel directly, because capture libraries hide what a robot needs: which node gives images, the
+acquisition time of a buffer, the flag of a damaged buffer, and a wait with a time limit.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ class FilledBuffer:
     Attributes:
         data: of the pixel format.
         sequence: number given by the camera.
-        damaged: whether the transfer was.
-        stamp_ns: the kernel's monotonic time of acquisition; None if its stamps are of another clock.
-        fetched_ns: monotonic time of fetching it.
+        damaged: whether the transfer damaged the frame.
+        stamp_ns: the kernel's monotonic time of acquisition; None if the kernel stamps with another clock.
+        fetched_ns: monotonic time at which the driver fetched it.
     """
 
     data: bytes

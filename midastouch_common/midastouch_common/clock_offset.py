@@ -1,4 +1,4 @@
-"""Maps the kernel's monotonic clock to wall (ROS) time, again and again.
+"""Maps the kernel's monotonic clock to wall (ROS) time by an offset that is measured continually.
 
 Camera buffers carry ``CLOCK_MONOTONIC``; TF and everything else on the robot carry wall time. The distance
 between the two is not constant: NTP slews it by up to 500 ppm and sometimes steps it. An error of 0.15 s, as

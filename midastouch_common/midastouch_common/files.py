@@ -58,7 +58,7 @@ def read_yaml(path: str | os.PathLike, what: str) -> Any:
 
 
 def require_new_folder(path: str | os.PathLike) -> Path:
-    """`path`, absolute, if a folder can be written there without anything being lost; InputError otherwise."""
+    """`path`, absolute, if a folder can be written there and nothing is lost by it; InputError otherwise."""
     path = Path(path).absolute()
     if path.is_symlink() or (path.exists() and not (path.is_dir() and not any(path.iterdir()))):
         raise InputError(f"{path}: exists already; name another folder, or remove it")
@@ -82,7 +82,7 @@ def _holds_nothing(folder: Path) -> bool:
 
 
 def require_place(path: str | os.PathLike) -> Path:
-    """`path`, ~ expanded; InputError if no file can be written there, not even after its folders are made."""
+    """`path`, ~ expanded; InputError if no file can be written there, even after its folders are made."""
     path = Path(path).expanduser()
     above = next(folder for folder in (*path.absolute().parents, Path("/")) if os.access(folder, os.F_OK))
     if path.is_dir() or not above.is_dir() or not os.access(above, os.W_OK | os.X_OK):
@@ -92,7 +92,7 @@ def require_place(path: str | os.PathLike) -> Path:
 
 @contextlib.contextmanager
 def naming(path: str | os.PathLike) -> Iterator[None]:
-    """Let an OSError raised inside that does not say which file it is about (a full disk) name `path`."""
+    """Make an OSError raised inside name `path` if it names no file, as that of a full disk."""
     try:
         yield
     except OSError as error:

@@ -1,8 +1,8 @@
 """ROS messages -> NumPy arrays.
 
-A message is whatever has its attributes: rclpy's objects of the wire and rosbags' of a bag are read alike, without ROS.
-Arrays are read-only views of the message where that is possible. They raise InputError when the message does not hold
-what it says.
+A message is any object with its attributes: rclpy's messages and those that rosbags reads from a bag are treated alike,
+without ROS. Arrays are read-only views of the message where that is possible. The functions raise InputError when the
+content of a message contradicts its header.
 """
 
 from __future__ import annotations

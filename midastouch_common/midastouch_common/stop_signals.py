@@ -17,20 +17,20 @@ _NUMBERS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def end_at_once() -> None:
-    """From now on a signal to stop ends the process with exit code 0: there is nothing yet to be left in order."""
-    for number in _heeded():
+    """From now on a signal to stop ends the process with exit code 0: there is nothing to clean up yet."""
+    for number in _handled():
         signal.signal(number, lambda *_: os._exit(0))
 
 
 @contextlib.contextmanager
 def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
-    """The event that a signal to stop sets, however often it comes; to be used in the main thread.
+    """An event that every signal to stop sets. Use it in the main thread.
 
-    ``wake`` is called after it is set, in another thread, and not after the context is left. From there on signals to
-    stop are ignored: the process is ending.
+    ``wake`` is called in another thread each time, until the context is left. After that, signals to stop are ignored,
+    because the process is ending.
     """
     stopping = threading.Event()
-    numbers = _heeded()
+    numbers = _handled()
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
 
@@ -57,9 +57,10 @@ def stop_event(wake: Callable[[], None]) -> Iterator[threading.Event]:
         os.close(reading)
 
 
-def _heeded() -> list[signal.Signals]:
-    """Those to heed: one that is ignored (SIGHUP under nohup) stays so, but for SIGINT.
+def _handled() -> list[signal.Signals]:
+    """The signals to handle. One that is ignored (SIGHUP under nohup) stays ignored.
 
-    Shells without job control ignore SIGINT for what runs in the background; who sends it then means it.
+    SIGINT is the exception: shells without job control ignore it for background processes, but whoever sends it to one
+    means it.
     """
     return [n for n in _NUMBERS if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]

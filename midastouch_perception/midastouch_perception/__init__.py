@@ -1,4 +1,4 @@
-"""From tactile images to codes: depth, contact, point clouds, simulator, codebooks, training."""
+"""From tactile images to codes: penetration maps, contact, clouds; calibration, simulator, codebooks, training."""
 
 from midastouch_common.lazy_exports import lazy_exports
 

@@ -69,8 +69,9 @@ class CodebookBuild:
     ) -> Codebook:
         """Do what is left, encoding `jobs` chunks at a time; `progress(done, total)` is called after each.
 
-        until: only the first so many poses, which cover the surface as evenly; the next call goes on. pause: called now
-        and then. Whatever ends it early, what was done until then can be saved. Raises InputError: no pose to encode.
+        until: encode only the first so many poses, which cover the surface as evenly; the next call goes on. pause:
+        called now and then; an exception from it ends the run. What was done until then can be saved. Raises
+        InputError: no pose to encode.
         """
         size, seed = self._meta["size"], self._meta["seed"]
         wanted = min(until or size, size)

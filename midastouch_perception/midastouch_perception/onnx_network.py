@@ -27,7 +27,7 @@ def network_path(kind: str, name_or_path: str | Path) -> Path:
 
 
 class OnnxNetwork:
-    """An ONNX file run by ONNX Runtime on the CPU, by so many threads as far as there are cores.
+    """An ONNX file run by ONNX Runtime on the CPU, with at most `threads` threads and no more than there are cores.
 
     Attributes: network_id, "<file stem>-<first 12 digits of the content's SHA-256>"; card, the model card (JSON
     beside the file); outputs, their names. Raises InputError: unknown name, no such file, not an ONNX network,

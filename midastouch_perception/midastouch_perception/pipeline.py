@@ -41,8 +41,7 @@ class DepthStage:
     An unchanged image costs one comparison. A frame that does not differ from the background skips the network, and
     teaches the stage how the light drifts.
 
-    Args: tdn; fit, a check that is shown what the network makes of the images; touched, one that is shown the images:
-    both by `deferred_update`.
+    Args: tdn; fit and touched, the checks that `deferred_update` shows the images to, or None.
     Attributes: skipped, frames by the gate that spared them the network.
     """
 
@@ -86,7 +85,10 @@ class DepthStage:
         return self._detector.update(penetration)
 
     def deferred_update(self) -> None:
-        """Show the last frame to the checks, if it went through the network: best once its contact is out."""
+        """Show the last frame to the checks, if it went through the network.
+
+        Calling it is optional and best done once the contact is published: contacts do not depend on the checks.
+        """
         if self._unchecked is None:
             return
         (difference, penetration, image, background), self._unchecked = self._unchecked, None
@@ -128,7 +130,7 @@ class CodeStage:
 class TouchPipeline:
     """Both stages as one object, for runs without ROS.
 
-    Args: clock, monotonic seconds. Attributes: ms, wall time of the stages tdn and tcn in the last frame.
+    Args: clock, monotonic seconds. Attributes: ms, wall time [ms] of the stages tdn and tcn in the last frame.
     """
 
     def __init__(self, tdn: DepthNet, tcn: TactileCodeNet, clock: Callable[[], float]):

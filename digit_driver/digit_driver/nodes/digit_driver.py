@@ -36,7 +36,7 @@ class DigitDriver(ManagedNode):
     Configuring checks the settings, activating opens the camera; ``autostart`` does both on construction.
 
     Args:
-        make_camera: of its settings; tests put one on a fake kernel in its place.
+        make_camera: makes the camera of its settings; tests give one on a fake kernel.
         node_options: passed on to rclpy's node, e.g. ``parameter_overrides``, ``namespace``, ``context``.
 
     Attributes:
@@ -99,7 +99,7 @@ class DigitDriver(ManagedNode):
         return bytes([report.level]), report.message, report.values
 
     def _begin_capture(self) -> None:
-        """Raises DeviceError or InputError if the camera can be said at once not to work."""
+        """Raises DeviceError or InputError if it is known at once that the camera cannot work."""
         self._logged = ReaderStatus()
         self._reader.start()
         self._reader.wait_settled(_FIRST_OPEN_S)

@@ -1,1 +1,1 @@
-"""Public files, fetched so that a broken line, a full disk or a hostile archive leaves nothing wrong behind."""
+"""Downloads of public files. A broken line, a full disk or a hostile archive leaves no wrong file."""

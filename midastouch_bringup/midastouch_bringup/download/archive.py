@@ -1,7 +1,7 @@
 """Archives of strangers: what they must equal, and how they are unpacked.
 
-SHA256SUMS: where nobody publishes a checksum, the first download is the one that later ones must equal. Of zip archives
-only plain files are unpacked, and only below the folder they are unpacked into.
+Where nobody publishes a checksum, later downloads must equal the first one, whose sum is kept in SHA256SUMS. Of zip
+archives only plain files are unpacked, and only below the target folder.
 """
 
 from __future__ import annotations

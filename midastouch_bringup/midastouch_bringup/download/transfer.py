@@ -37,9 +37,9 @@ def fetch(
 ) -> None:
     """Download `url` to `path`, which exists only when complete and, with `digest` (SHA-256), right.
 
-    What a broken transfer has brought stays in `<path>.part` and is continued by the next call, if the server still
-    has the same file and understands ranges; otherwise it begins anew. `progress(bytes so far, total or None)`.
-    Raises InputError: not to be had, wrong content, broken off `attempts` times, no space.
+    A broken transfer leaves `<path>.part`, which the next call continues if the server still has the same file and
+    understands ranges; otherwise the transfer begins again. `progress(bytes so far, total or None)`.
+    Raises InputError: no such file, wrong content, broken off `attempts` times, no space.
     """
     if not re.match(r"https?://", url):
         raise InputError(f"{url}: not an http or https address")
@@ -69,7 +69,7 @@ class _Part:
         self.data, self.note, self._url = Path(f"{path}.part"), Path(f"{path}.part.json"), url
 
     def validator(self) -> str | None:
-        """What identifies the version that `data` is a part of; None: there is none to continue."""
+        """The server's name of the version that `data` is a part of; None if there is nothing to continue."""
         try:
             note = json.loads(self.note.read_text())
             return note["validator"] if note["url"] == self._url and self.data.stat().st_size else None
@@ -77,7 +77,7 @@ class _Part:
             return None
 
     def begin(self, validator: str | None) -> None:
-        """Start anew. In this order: bytes of one version must never stand beside the note of another."""
+        """Begin again, in this order, so that bytes of one version never stand beside the note of another."""
         self.remove()
         with atomic_path(self.note) as temporary:
             temporary.write_text(json.dumps({"url": self._url, "validator": validator}))

@@ -47,7 +47,7 @@ class Diagnostics:
         self._timer.reset()
 
     def problem(self, kind: str, message: str) -> None:
-        """Count an event of bad input under `kind`, name it in the next status and log it now and then."""
+        """Count an event of bad input under `kind`, name it in the next status and log it at most once in 5 s."""
         self._problems[kind] = self._problems.get(kind, 0) + 1
         self._recent = message
         # rclpy's own throttle inspects the stack at every call, a millisecond a bad frame
@@ -58,7 +58,7 @@ class Diagnostics:
 
     @contextlib.contextmanager
     def kept_up(self) -> Iterator[None]:
-        """Publish in the usual rhythm, the first at once, also while the caller keeps the executor from doing so."""
+        """Publish from a thread, at once and then periodically, while the caller blocks the executor."""
         over = threading.Event()
 
         def publish() -> None:

@@ -20,7 +20,7 @@ _OWN_OF_RCLPY = ("/parameter_events", "/clock")
 class PipelineNode(Node):
     """A node whose QoS can be overridden by parameters, `qos_overrides.TOPIC.publisher.reliability` and the like.
 
-    TOPIC is the full name; policies are history, depth and reliability. Raises InputError on values that these do not
+    TOPIC is the full name; policies are history, depth and reliability. Raises InputError for values that these do not
     have.
     """
 
@@ -49,7 +49,10 @@ class PipelineNode(Node):
 
 
 def refuse_unused_overrides(node: Node) -> None:
-    """InputError for a name in the YAML file or command line that the node, now complete, does not have."""
+    """Raise InputError for an override in the YAML file or on the command line that the node does not have.
+
+    Call it when the node is complete.
+    """
     # rclpy keeps what was given in this attribute only
     unused = sorted(name for name in node._parameter_overrides if not node.has_parameter(name))
     if unused:

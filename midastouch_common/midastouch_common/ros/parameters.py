@@ -23,11 +23,11 @@ class Parameter:
     """One parameter of a node.
 
     `default` fixes the type (bool, int, float, str or a list of one of them). `minimum` and `maximum` are
-    inclusive and hold for every element of a list; `choices` lists the only legal values. Only parameters
-    with `read_only=False` may change while the node runs; those of a managed node also while it is unconfigured,
-    but for those with `at_start=True`. `presets`: by each of the choices, the defaults that it gives to parameters
-    further down the table; what else sets them goes over it. `former`: a name it had before, under which a YAML file or
-    the command line may still set it, with a warning.
+    inclusive and hold for every element of a list; `choices` lists the only legal values. A parameter
+    with `read_only=False` may change at any time. The others of a managed node may change while it is unconfigured,
+    except those with `at_start=True`. `presets`: for each of the choices, the defaults that it gives to parameters
+    further down the table; the YAML file and the command line override them. `former`: a name it had before, under
+    which a YAML file or the command line may still set it, with a warning.
     """
 
     name: str

@@ -25,15 +25,15 @@ def stream_subscriber(depth: int = 1, reliable: bool = False) -> QoSProfile:
 
 
 def stage_publisher(depth: int = 5) -> QoSProfile:
-    """Clouds and codes, from stage to stage: as `stream_publisher`, and kept for a stage that finds this one late.
+    """Clouds and codes between stages: as `stream_publisher`, and latched.
 
-    An image may come through the first stage before that knows of the second; in a replay none may be lost.
+    The first stage may process an image before it has discovered the second, and a replay must lose none.
     """
     return _profile(max(depth, 5), reliable=True, latched=True)
 
 
 def stage_subscriber(depth: int, reliable: bool) -> QoSProfile:
-    """The same, received. Replay: also what was sent before; live: the newest only."""
+    """The same, received. A replay also gets what was sent before it subscribed; live, only the newest counts."""
     return _profile(depth, reliable, latched=reliable)
 
 

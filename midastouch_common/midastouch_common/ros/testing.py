@@ -1,4 +1,4 @@
-"""A companion for node tests: nodes under test and the test's own publishers and listeners in one executor.
+"""A graph for node tests: nodes under test and the test's own publishers and listeners in one executor.
 
 The test itself spins, so that nothing happens between two of its lines, and waits for events, never for time.
 """

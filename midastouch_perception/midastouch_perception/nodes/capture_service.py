@@ -16,10 +16,10 @@ from ..tdn.background import BackgroundCapture
 
 
 class CaptureService:
-    """Offers it for a node with the parameters `background_frames`, `still_threshold` and `capture_timeout`.
+    """The service of a node with the parameters `background_frames`, `still_threshold` and `capture_timeout`.
 
-    refusal: why an image (H, W, 3) uint8 that was captured is not taken, "" if it is. accept: takes it, and says in
-    words what became of it.
+    Args: refusal, called with a captured image (H, W, 3) uint8, returns why it is not taken, "" if it is; accept,
+    called with an image that is taken, returns in words what became of it.
     """
 
     def __init__(self, node: ManagedNode, refusal: Callable[[np.ndarray], str], accept: Callable[[np.ndarray], str]):

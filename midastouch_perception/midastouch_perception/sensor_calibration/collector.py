@@ -63,7 +63,7 @@ class PressCollector:
         return f"{len(self.images)} of {self._wanted}: {what}"
 
     def observe(self, image: np.ndarray) -> str:
-        """One image (320, 240, 3) uint8 RGB; what became of the press, in words, empty while nothing is decided.
+        """Look at one image (320, 240, 3) uint8 RGB; returns what became of the press, in words, "" while undecided.
 
         Raises InputError for an image of another size.
         """

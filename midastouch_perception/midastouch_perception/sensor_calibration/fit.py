@@ -84,8 +84,11 @@ def cross_validation(
 
 
 def require_upright(changes: Sequence[np.ndarray], penetrations: Sequence[np.ndarray], sensor: SensorModel) -> None:
-    """Raises InputError if the colours of a sensor with a DIGIT's lamps change by the slopes of what touches the other
-    way round than on other DIGITs, across or along the finger. sensor: at the maps' resolution."""
+    """Raise InputError if a DIGIT's colours answer to slopes the other way round than on other DIGITs.
+
+    Across or along the finger, by the slopes of what touches; a sensor with other lamps passes. changes (H, W, 3) grey
+    levels; penetrations (H, W) m; sensor: at the maps' resolution.
+    """
     if sensor.lamps != DIGIT_LAMPS:
         return
     agreement = []
@@ -107,11 +110,14 @@ def contact_slopes(penetration: np.ndarray, pixel: float) -> tuple[np.ndarray, n
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less beside it
-    (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out, the
-    calibration of each press from the others (None where it is not used); figures of the held-out ones
+    """What a calibration is made of, and how good it is.
+
+    Attributes: calibration; presses, all images as judged; penetrations (H, W) m of what touches in each, 0 or less
+    beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
+    the calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `depth_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
-    felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may."""
+    felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may.
+    """
 
     calibration: SensorCalibration
     presses: list[Press]
@@ -124,7 +130,7 @@ class Result:
 
     @property
     def warnings(self) -> list[str]:
-        """What to think of before it is used."""
+        """Doubts to consider before using it, in words."""
         return [said for said in (self.doubt, gain_doubt(self.figures)) if said]
 
 

@@ -112,9 +112,10 @@ def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radiu
 
 
 def require_no_contact(background: np.ndarray, images: list[np.ndarray], sensor: SensorModel) -> None:
-    """Raises InputError if a no-contact image (320, 240, 3) uint8 RGB is none of a sensor that is pressed in `images`
-    of the same size: of another size, black, saturated, or with a touch in it that the images do not show. sensor:
-    full size."""
+    """Raise InputError unless a no-contact image (320, 240, 3) uint8 RGB can belong to `images` of a pressed sensor.
+
+    Refused: another size, black, saturated, a touch in it that the images do not show. sensor: full size.
+    """
     check_image(background, sensor, "background")
     if problem := image_problem(background, None):
         raise InputError(problem)

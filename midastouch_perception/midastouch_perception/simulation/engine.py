@@ -12,7 +12,7 @@ _MOST_DEPTH = 2 * MAX_PENETRATION  # m: gel gives way by half as much
 
 
 class Shutter:
-    """Gives evenly spaced moments, `fps` a second, none of which lies ahead of the engine's newest state.
+    """Evenly spaced moments, `fps` a second, none of which lies ahead of the engine's newest state.
 
     If that is older than the last image, time has run back, and the shutter goes on from there.
     """
@@ -51,7 +51,7 @@ class MotionWatch:
     def silence(self, newest: int | None, now: float) -> float:
         """Seconds since the engine's newest state, of stamp `newest` [ns], changed; 0 within the timeout.
 
-        None is the stamp of what never changes, which is not silent. now [s], by a clock that never stops.
+        newest is None for an engine without motion, which is never silent. now [s], by a clock that never stops.
         """
         if newest is None or self._heard is None or self._heard[0] != newest:
             self._heard = newest, now

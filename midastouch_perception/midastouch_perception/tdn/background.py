@@ -47,7 +47,7 @@ def estimate_background(images: list[np.ndarray]) -> np.ndarray:
 
 
 def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float:
-    """Fraction of the image in which `background`, estimated from `images`, is that of few of them only.
+    """Fraction (0 ... 1) of the image in which `background`, estimated from `images`, equals only few of them.
 
     There the sensor was touched too often, and the median shows contacts. A contact that never ends goes unnoticed.
     """
@@ -59,9 +59,9 @@ def doubtful_fraction(images: list[np.ndarray], background: np.ndarray) -> float
 def shows_contact(tdn: DepthNet, candidate: np.ndarray, present: np.ndarray) -> bool:
     """Whether an image is that of a sensor whose no-contact image is `present`, with something pressed onto it.
 
-    Both (320, 240, 3) uint8 RGB. Not so if it is the other way round, `present` showing the contact: untouched gel is
-    the smoother of the two. Nor if the images differ everywhere, as those of two sensors do, or slowly over the image,
-    as under lamps that have warmed.
+    Both (320, 240, 3) uint8 RGB. False if `present` is the image with the contact (untouched gel is the smoother of the
+    two), if the images differ everywhere, as those of two sensors do, and if they differ slowly over the image, as
+    under lamps that have warmed.
     """
     difference = tdn.difference(candidate, present)
     if quietest_tenth(difference) > QUIET_LIMIT:
@@ -158,9 +158,8 @@ class RunningBackground:
 class TouchedBackground:
     """Watches the images of one sensor that differ from its no-contact image.
 
-    Args: tdn; every, how many such images pass for one that is kept, at first: twice as many after each window, as a
-    no-contact image does not change by itself; window, how many of those count, at least a third of which must have
-    come before anything is said.
+    Args: tdn; every, one image out of so many is kept, and half as many after each window, as a no-contact image does
+    not change by itself; window, number of kept images that are judged together, first when a third of them are there.
     Attribute: problem, that the no-contact image shows a touch, and the fix; empty if it does not.
     """
 

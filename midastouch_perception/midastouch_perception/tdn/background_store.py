@@ -1,4 +1,4 @@
-"""Captured no-contact images and calibrations, one per sensor, kept between starts: each DIGIT looks different."""
+"""No-contact images from files, and those and calibrations of each sensor kept between starts of a node."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class BackgroundStore:
         return calibration
 
     def keep(self, image: np.ndarray) -> str:
-        """As `save`; says in words where it is kept, or why it is not: it can be used all the same."""
+        """`save`, with the outcome in words: where the image is kept, or why it is in use without being kept."""
         try:
             self.save(image)
         except InputError as error:
@@ -113,13 +113,15 @@ class BackgroundStore:
 
 
 class SensorBackground:
-    """Given by a file, else kept from an earlier start, else estimated from the first images; a captured one goes over
-    all of these.
+    """The no-contact image that a sensor's images are compared with, and where it comes from.
+
+    A captured image comes first, then one from a file, one kept from an earlier start, an estimate from the first
+    images.
 
     Args: sensor, at image resolution; path of an image or a folder of images, or ""; store, or None; frames, number of
     images an estimate is made from. Raises InputError as `read_background`.
-    Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, where it is from, and problem, what cannot
-    be right with it ("" if nothing), in words.
+    Attributes: image (H, W, 3) uint8 RGB, None before the first one; source, where it is from, and problem, what is
+    wrong with it ("" if nothing), in words.
     """
 
     def __init__(self, sensor: SensorModel, path: str, store: BackgroundStore | None, frames: int):
@@ -138,7 +140,7 @@ class SensorBackground:
 
     @property
     def change(self) -> float:
-        """Grey levels by which the images changed that it is estimated from; 0 for one that is not estimated."""
+        """Largest change [grey levels] among the images that it is estimated from; 0 if it is not estimated."""
         return self._running.change if self._running is not None else 0.0
 
     def observe(self, image: np.ndarray) -> None:

@@ -16,7 +16,8 @@ from .inputs import ContactLight, check_image, reduce_image
 class DepthNet(ABC):
     """A tactile depth network in an ONNX file: image and background to penetration (paper section 4.1).
 
-    calibration: of the sensor, or None; it may be set anew. Raises InputError if it is another sensor model's.
+    Args: name_or_path; sensor, full size; calibration, of that sensor, or None; the attribute may be set anew. Raises
+    InputError if the calibration is another sensor model's.
     Attributes: network_id; sensor, the map-resolution sensor model.
     """
 
@@ -48,9 +49,9 @@ class DepthNet(ABC):
     def difference(self, image: np.ndarray, background: np.ndarray) -> np.ndarray:
         """Difference (160, 120, 3) float32 grey levels of image and background (320, 240, 3) uint8 RGB.
 
-        Less the frame's own brightness, and over a background of 100 if the sensor's light is relative
-        (`ContactLight`); a standard sensor's if this one is calibrated. Raises InputError on wrong size or type. The
-        last background is kept reduced: do not write into it.
+        The frame's own brightness is taken off; relative light is scaled to a background of 100 (`ContactLight`). With
+        a calibration it is the difference that a standard sensor would show. Raises InputError on wrong size or type.
+        The last background is kept reduced: do not write into it.
         """
         if self._background is None or self._background[0] is not background:
             check_image(background, self._image_sensor, "background")

@@ -64,9 +64,8 @@ def load_tdn(
 ) -> DepthNet:
     """A depth network by name (`fast`) or ONNX path, for images of `sensor` (default `digit_tacto`).
 
-    A name stands for the network that was trained for the sensor's light: `fast_relative` for real gel, if there is
-    one.
-    calibration: of that very sensor, or None.
+    A name stands for the network that was trained for the sensor's light, as `fast_relative` for real gel.
+    calibration: of that very sensor, or None. Raises InputError: unknown network, another sensor's calibration.
     """
     sensor = sensor or SensorModel.load("digit_tacto")
     if (WEIGHTS / f"tdn_{name_or_path}_{sensor.light}.onnx").is_file():
