@@ -52,7 +52,7 @@ ARM = """
 """
 
 
-def relief(mesh: ObjectMesh) -> LinearNDInterpolator:
+def height_of(mesh: ObjectMesh) -> LinearNDInterpolator:
     """Height z [m] of the object's upper side over (x, y) [m]."""
     upper = mesh.vertices[mesh.vertex_normals[:, 2] > 0.1]
     return LinearNDInterpolator(upper[:, :2], upper[:, 2], fill_value=mesh.bounds[0, 2])
@@ -68,7 +68,7 @@ def model_of(mesh: ObjectMesh) -> mujoco.MjModel:
         ARM.format(half=half, height=height, rows=rows, columns=columns, position=" ".join(map(str, position)))
     )
     y, x = np.meshgrid(np.linspace(low[1], high[1], rows), np.linspace(low[0], high[0], columns), indexing="ij")
-    model.hfield_data[:] = ((relief(mesh)(x, y) - low[2]) / height).ravel()
+    model.hfield_data[:] = ((height_of(mesh)(x, y) - low[2]) / height).ravel()
     return model
 
 
@@ -117,7 +117,7 @@ def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
     """Poses T_obj_gel (N, 4, 4) below the upper side of the tool's grip, to and fro between pommel and collar."""
     t = np.arange(0, length, STEP)
     x, y = -0.035 - 0.032 * np.cos(t / 0.032), 0.003 * np.sin(20 * t)
-    points = np.stack([x, y, relief(mesh)(x, y)], axis=1)
+    points = np.stack([x, y, height_of(mesh)(x, y)], axis=1)
     normals = mesh.smooth_normals(points, radius=8e-3)
     return se3.make(se3.frame_from_normal(normals, 0.3 * np.sin(9 * t)), points - TOO_DEEP * normals)
 
@@ -125,5 +125,5 @@ def along_the_grip(mesh: ObjectMesh, length: float) -> np.ndarray:
 if __name__ == "__main__":
     tool = ObjectMesh.load(bundled_objects()["handle_tool"])
     path = along_the_grip(tool, 0.35)
-    # all around the grip feels the same: the filter is told where the slide begins
-    run(Arm(tool, along(path, lifted=TOO_DEEP + 8e-3)), len(path) * STEP / SPEED, told=True)
+    # a touch looks the same all around the grip: the filter gets the pose at which the slide begins
+    run(Arm(tool, along(path, lifted=TOO_DEEP + 8e-3)), len(path) * STEP / SPEED, start_given=True)

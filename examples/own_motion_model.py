@@ -25,7 +25,7 @@ from midastouch_filter import (
 )
 from midastouch_perception import Codebook, ObjectMesh, TouchPipeline, bundled_objects, load_tcn, load_tdn
 
-SLIP = 0.1  # sigma of the share of the motion that is lost or gained
+SLIP = 0.1  # sigma of the fraction of the motion that is lost or gained
 
 
 class SlippingMount(MotionModel):
@@ -38,8 +38,8 @@ class SlippingMount(MotionModel):
     def propagate(self, particles: Particles, odometry: Odometry, exploration: float) -> None:
         before = particles.positions.copy()
         super().propagate(particles, odometry, exploration)
-        share = SLIP * self._rng.standard_normal((len(particles), 1), np.float32)
-        particles.positions += share * (particles.positions - before)
+        fraction = SLIP * self._rng.standard_normal((len(particles), 1), np.float32)
+        particles.positions += fraction * (particles.positions - before)
 
 
 def slipping_policies(config, noise, model, rng, gates, watch, workers) -> Policies:

@@ -20,7 +20,7 @@ class ThumbnailNet:
     """A touch's code is its penetration map in small. Two touches are alike when their maps overlap.
 
     Attributes: network_id, which codebooks are checked against; dim, of a code; calibration, the sharpness of the
-    likelihood: `temperature` of the similarity, and `outlier`, the share of touches that match nothing.
+    likelihood: `temperature` of the similarity, and `outlier`, the fraction of touches that match nothing.
     """
 
     def __init__(self):

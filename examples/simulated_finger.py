@@ -27,21 +27,21 @@ from midastouch_perception.simulation.slide import simulate_slide
 
 BASE_FROM_OBJECT = se3.make(np.eye(3), np.array([0.5, 0.0, 0.2]))
 SECOND = 1_000_000_000  # ns
-TICK, PATIENCE = SECOND // 100, SECOND // 5
+TICK, TIMEOUT = SECOND // 100, SECOND // 5
 SPEED, STEP, LIFTED = 0.03, 1.5e-3, 5e-3  # m/s; m between two poses of a path; m above its start
 
 
 class Engine(Node):
-    """Says on TF where gel and object are, and prints how well the filter knows it.
+    """Says on TF where gel and object are, and prints how well the filter knows where the gel is.
 
     motion: the gel's pose T_obj_gel (4, 4) so many seconds after the start, asked in order of time; it lasts `seconds`.
-    It starts once the filter sees that nothing touches; `told`: and the filter is told then where about. An engine's
-    time is its own: this one waits for the filter, however slow the computer is.
+    It starts once the filter sees that nothing touches; with `start_given` it then sends the filter the pose, to a few
+    millimetres. An engine's time is its own: this one waits for the filter, however slow the computer is.
     """
 
-    def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, told: bool):
+    def __init__(self, motion: Callable[[float], np.ndarray], seconds: float, start_given: bool):
         super().__init__("engine")
-        self.motion, self.seconds, self.told = motion, seconds, told
+        self.motion, self.seconds, self.start_given = motion, seconds, start_given
         self.now = self.answered = time.time_ns()
         self.began, self.done, self.state, self.error = None, False, "no filter_status yet", np.nan
         self.past = deque(maxlen=1000)  # time [ns] and pose
@@ -54,7 +54,7 @@ class Engine(Node):
 
     def move(self) -> None:
         """Go on by one tick, unless the filter is behind."""
-        if self.began is None or self.now - self.answered < PATIENCE:
+        if self.began is None or self.now - self.answered < TIMEOUT:
             self.now += TICK
             elapsed = 0.0 if self.began is None else (self.now - self.began) / SECOND
             self.past.append((self.now, self.motion(elapsed)))
@@ -71,7 +71,7 @@ class Engine(Node):
         """Begin once the filter works."""
         if status.state == FilterStatus.STATE_NO_CONTACT and self.began is None:
             self.began = self.now
-            if self.told:
+            if self.start_given:
                 self.start.publish(start_at(self.past[-1][1]))
         if status.state != FilterStatus.STATE_WAITING:
             self.state, self.answered = status.state, stamp_ns(status.header.stamp)
@@ -95,10 +95,10 @@ def start_at(T_obj_gel: np.ndarray) -> PoseWithCovarianceStamped:
     return message
 
 
-def run(motion: Callable[[float], np.ndarray], seconds: float, told: bool = False) -> None:
+def run(motion: Callable[[float], np.ndarray], seconds: float, start_given: bool = False) -> None:
     """Move the finger until the motion is over."""
     rclpy.init()
-    engine = Engine(motion, seconds, told)
+    engine = Engine(motion, seconds, start_given)
     while not engine.done:
         rclpy.spin_once(engine)
     engine.tell()
