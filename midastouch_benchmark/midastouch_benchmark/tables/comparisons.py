@@ -34,6 +34,12 @@ GRASPS: dict[str, Form] = {
     "converged wrong": fraction("converged_wrong"),
 }
 
+_REWORDED = {
+    "rival places": "competing hypotheses",
+    "without rivals is replayed": "without competitors is re-evaluated",
+}
+"""What reports of before call otherwise."""
+
 
 def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
     if is_missing(row[key]):
@@ -41,10 +47,19 @@ def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
     return f"{form.format(row[key])}{unit} ({between(row[f'{key}_interval'], form)})"
 
 
+def variant_words(content: dict, name: str) -> str:
+    """Summary of a variant in a result, as it was run, with the words that the field has."""
+    words = content["variants"][name]["summary"]
+    for former, now in _REWORDED.items():
+        words = words.replace(former, now)
+    return words
+
+
 def compared_frame(content: dict, **about: object) -> pd.DataFrame:
     """A tidy frame of a result's comparison, with what each variant is, and what else is said of each row."""
+    groups = {name: each["group"] for name, each in content["variants"].items()}
     return tidy(
-        one | {key: content["variants"][one["variant"]][key] for key in ("summary", "group")} | about
+        one | {"summary": variant_words(content, one["variant"]), "group": groups[one["variant"]]} | about
         for one in content["comparison"]
     )
 
@@ -58,7 +73,7 @@ def compared_table(content: dict) -> pd.DataFrame:
 def methods_table(content: dict, init: str) -> pd.DataFrame:
     """The default and other methods behind the same networks, of one start of a result of `midastouch benchmark`."""
     rows = [
-        {"what": content["variants"][name]["summary"]} | {k: v for k, v in by_init[init].items() if k != "objects"}
+        {"what": variant_words(content, name)} | {k: v for k, v in by_init[init].items() if k != "objects"}
         for name, by_init in content["summary"].items()
         if "trust" in by_init.get(init, {})
     ]
