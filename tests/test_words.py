@@ -40,8 +40,9 @@ BANNED_IN_THE_FILTER = BANNED_AS_NAMES | {"place": "hypothesis; of points: posit
 BANNED_CONSTANTS = {"ASKED", "HELD", "SAID", "TOLD"}
 """Whole names of constants; say what they limit, with the unit."""
 OTHER_MEANINGS = {
-    "FindPackageShare", "get_package_share_directory", "get_package_share_path",  # of ROS
+    "SHARE", "FindPackageShare", "get_package_share_directory", "get_package_share_path",  # of ROS
     "_reflect",  # at an edge
+    "column_shares", "row_shares",  # of Rerun's layouts
 }  # fmt: skip
 ENDINGS = ("", "s", "ed", "ing", "es")
 SOURCES = sorted(
