@@ -1,4 +1,4 @@
-"""A world without networks: touches whose codes are a smooth function of the pose they were felt at."""
+"""A world without networks: touches whose codes are a smooth function of the pose they were measured at."""
 
 from __future__ import annotations
 

@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
+from midastouch_common.errors import InputError
 
-from . import options, outcome
-from .timed_slide import TimedSlide
+from . import options
+
+if TYPE_CHECKING:
+    from midastouch_bringup.datasets import Sequence
+    from midastouch_common.mesh import ObjectMesh
+
+    from ..trials.setup import Networks
 
 
 def add_parser(subparsers) -> None:
@@ -30,7 +38,7 @@ def add_parser(subparsers) -> None:
         action="store_true",
         help="also time the paper's networks, FCRN and MinkLoc3D (with random weights: speed does not depend on them)",
     )
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -40,16 +48,18 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.result_file import to_json
 
     from ..ros.pose_age import pose_age
-    from ..speed.memory import peak_rss_mb
-    from ..speed.node_start import node_start
     from ..speed.stages import SpeedMeasurement
+    from ..speed.start import node_start
+    from ..speed.timing import peak_rss_mb
+    from ..tables.speed import rates, stages
+    from ..tables.table import terminal
 
     slide = TimedSlide.of(args)
     mesh, networks = slide.mesh, slide.networks
     codebook = cached_codebook(mesh, networks.tcn, networks.sensor, args.codebook_size)
     speed = SpeedMeasurement(mesh, codebook, slide.sequence, networks)
     result = slide.result(codebook_size=len(codebook.poses), frames=args.frames)
-    stages = (
+    measured = (
         speed.networks,
         speed.filter,
         speed.lookup,
@@ -59,56 +69,45 @@ def run(args: argparse.Namespace) -> int:
         lambda: node_start(mesh.path, cached_codebook_path(mesh, args.codebook_size)),
         speed.simulator,
     )
-    for stage in progress_bar(iterable=stages, unit="stage"):
+    for stage in progress_bar(iterable=measured, unit="stage"):
         result |= stage()
     result["peak_rss_mb"] = peak_rss_mb()
     if args.paper_networks:  # last, for they need more memory than all else
         result |= speed.paper_networks()
     result = to_json(result)
-    return outcome.conclude(args, result, _table(result))
+    return options.conclude(args, result, terminal(stages(result)), "", terminal(rates(result)))
 
 
-def _table(result: dict) -> str:
-    from midastouch_bringup.text_table import number, text_table
-
-    rows = []
-    for key, label in (
-        ("tdn_ms", "TDN"),
-        ("tcn_ms", "TCN"),
-        ("fit_check_ms", "fit check, every fifth frame"),
-        ("fcrn_ms", "the paper's TDN (FCRN)"),
-        ("minkloc3d_ms", "the paper's TCN (MinkLoc3D)"),
-        ("end_to_end_ms", "image to estimate, 50,000 particles"),
-        ("frame_ms", "image to the end of the frame, 50,000 particles"),
-        ("four_modes_ms", "filter step, four modes aligned"),
-        ("pose_age_ms", "age of an image when its transform is found, 500 Hz of 20 links"),
-    ):
-        if key in result:
-            rows.append([label, *_cells(result[key])])
-    for light, stage in result["sim_image_ms"].items():
-        rows.append([f"simulated image, light {light}", *_cells(stage)])
-    for key, label in (
-        ("filter_ms", "filter step without fine stage"),
-        ("fine_stage_ms", "fine stage"),
-        ("lookup_ms", "look-up, spread"),
-        ("lookup_converged_ms", "look-up, converged"),
-    ):
-        rows += [[f"{label}, {int(n):,} particles", *_cells(stage)] for n, stage in result[key].items()]
-    if "converged_ms" in result:
-        rows.append(["image to estimate, converged", *_cells(result["converged_ms"])])
-        rows.append(["image to the end of the frame, converged", *_cells(result["converged_frame_ms"])])
-    rates = [
-        f"{number(result['end_to_end_hz'])} Hz with 50,000 particles",
-        f"{number(result.get('converged_hz'))} Hz once converged",
-        *(f"{100 * share:.2f} % exact look-ups ({name})" for name, share in result["lookup_exact_share"].items()),
-        f"{number(result['renders_per_s'], 0)} renders/s",
-        f"{number(result['codebook_poses_per_s'], 0)} codebook poses/s",
-        f"{number(result['peak_rss_mb'], 0)} MiB at most",
-        f"the filter's process active after {result['filter_start_s']['p50']:.1f} s"
-        f" with {number(result['filter_rss_mb'], 0)} MiB",
-    ]
-    return text_table(["ms", "p50", "p95", "CPU"], rows) + "\n" + ", ".join(rates)
+_FEWEST = 10  # frames, of which the first ones are dropped
 
 
-def _cells(stage: dict) -> list[str]:
-    return [f"{stage[key]:.2f}" if key in stage else "" for key in ("p50", "p95", "cpu")]
+@dataclass(frozen=True)
+class TimedSlide:
+    """A simulated slide of --frames over a bundled object, and the networks that feel it."""
+
+    mesh: ObjectMesh
+    sequence: Sequence
+    networks: Networks
+
+    @classmethod
+    def of(cls, args: argparse.Namespace) -> TimedSlide:
+        """By --object, --frames and the networks' options. InputError for too few frames, or for what is not there."""
+        from midastouch_bringup.datasets import load_sequence
+        from midastouch_bringup.datasets.slide_simulation import cached_slide
+        from midastouch_perception.simulation.slide import STEP
+
+        from ..trials.setup import Networks
+
+        if args.frames < _FEWEST:
+            raise InputError(f"--frames {args.frames}: too few to time; give at least {_FEWEST}")
+        networks = Networks.load(args.tdn, args.tcn, args.sensor)
+        mesh = arguments.load_mesh(args.object)
+        return cls(mesh, load_sequence(cached_slide(mesh, networks.sensor, STEP * args.frames)), networks)
+
+    def result(self, **measured: object) -> dict:
+        """What was measured on it, and on which machine, object and networks."""
+        from midastouch_bringup.machine import machine_info
+
+        machine = machine_info()
+        about = {"machine": machine, "object": self.mesh.name, "networks": self.networks.describe()}
+        return {"threads": machine["cores"]} | about | measured

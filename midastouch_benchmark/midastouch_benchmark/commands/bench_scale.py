@@ -6,8 +6,8 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
-from .timed_slide import TimedSlide
+from . import options
+from .bench import TimedSlide
 
 
 def add_parser(subparsers) -> None:
@@ -30,22 +30,23 @@ def add_parser(subparsers) -> None:
         parser.add_argument(option, nargs="+", type=arguments.positive_int, metavar="N", help=what)
     parser.add_argument("--frames", type=arguments.positive_int, default=60, help="of the slide (default 60)")
     options.add_network_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
     from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.text_table import text_table
 
-    from ..speed.scaling import PARTICLES, POSES, Slide, measure, scaling_table, sizes
-    from ..trials.touches import Touches
+    from ..speed.scaling import PARTICLES, POSES, Slide, measure, sizes
+    from ..tables.speed import scaling_table
+    from ..tables.table import terminal
+    from ..trials.cache import Touches
 
     timed = TimedSlide.of(args)
     mesh, networks, sequence = timed.mesh, timed.networks, timed.sequence
-    felt = Touches.perceive(sequence, networks).felt
-    slide = Slide(felt, sequence.poses_measured, sequence.poses_true[0])
+    measurements = Touches.perceive(sequence, networks).measurements
+    slide = Slide(measurements, sequence.poses_measured, sequence.poses_true[0])
     points = []
     for particles, poses in progress_bar(
         iterable=list(sizes(args.particles or PARTICLES, args.poses or POSES)), unit="filter"
@@ -54,4 +55,4 @@ def run(args: argparse.Namespace) -> int:
         measured = measure(mesh.path, cached_codebook_path(mesh, poses), slide, particles)
         points.append({"particles": particles, "poses": poses} | measured)
     result = timed.result(frames=args.frames, scaling=points)
-    return outcome.conclude(args, result, text_table(*scaling_table(points), left=0))
+    return options.conclude(args, result, terminal(scaling_table(points)))

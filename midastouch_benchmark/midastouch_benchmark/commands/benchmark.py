@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 if TYPE_CHECKING:
     from ..trials.campaign import Plan
@@ -59,7 +59,7 @@ def add_parser(subparsers) -> None:
         help="what is done to the slides, and how trials start; see above (default plain)",
     )
     parser.add_argument("--codebook-size", type=arguments.positive_int, help="poses (default: the protocol's)")
-    campaigns.add_campaign_options(parser, "trial")
+    options.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -67,25 +67,26 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.machine import machine_info
 
     from ..statistics.accuracy import compact_trials, summarise_accuracy
-    from ..statistics.accuracy_tables import accuracy_text
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
-    from ..trials.campaign import likelihood_levels, run_campaign
+    from ..tables.results import of_start, of_variants, shown
+    from ..trials.campaign import run_campaign
+    from ..trials.likelihood import likelihood_levels
     from ..trials.protocols import chosen_protocol
     from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog
-    from ..trials.variants import VARIANTS, chosen_variants
+    from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
-    folder = plan.stock.folder
+    folder = plan.cache.folder
     meshes = (
-        small_parts(folder / "meshes") if protocol.small_parts else campaigns.chosen_meshes(args.meshes, args.objects)
+        small_parts(folder / "meshes") if protocol.small_parts else options.chosen_meshes(args.meshes, args.objects)
     )
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
-    with campaigns.campaign(args, "trial") as workforce:
+    with options.campaign(args, "trial") as workforce:
         trials, missing = run_campaign(plan, meshes, log, workforce)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
@@ -95,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
-                "symmetry": plan.stock.symmetry(mesh).describe(),
+                "symmetry": plan.cache.symmetry(mesh).describe(),
                 "likelihood_levels": levels.get(mesh.name),
             }
             for mesh in meshes
@@ -109,7 +110,10 @@ def run(args: argparse.Namespace) -> int:
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]
-    return outcome.conclude(args, result, accuracy_text(result), *left_out, *campaigns.left(missing, "trial"))
+    parts = [part for init in result["summary"].get(DEFAULT, {}) for part in of_start(result, init)]
+    return options.conclude(
+        args, result, shown([*parts, *of_variants(result)]), *left_out, *options.left(missing, "trial")
+    )
 
 
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
@@ -124,7 +128,7 @@ def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) 
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     size = args.codebook_size or protocol.codebook_size
     return Plan(
-        protocol.make_stock(folder, args.tdn, args.tcn, args.sensor, slides, size),
+        protocol.make_cache(folder, args.tdn, args.tcn, args.sensor, slides, size),
         load_filter_config(args.config, args.preset),
         tuple(variants),
         tuple(dict.fromkeys(args.init or protocol.starts)),

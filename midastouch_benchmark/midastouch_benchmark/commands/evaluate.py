@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     from midastouch_bringup.datasets import Sequence
@@ -58,7 +58,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--max-frames", type=arguments.positive_int, help="stop after so many frames")
     options.add_network_options(parser, sensor="")
     options.add_sequence_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -69,17 +69,23 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.datasets import load_sequence
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.text_table import text_table
     from midastouch_common.errors import InputError
 
-    from ..statistics.real_table import BETA, PAPER_REAL, real_table, require_real
-    from ..statistics.summary import summarise_trials, summary_table
-    from ..trials.mesh_frame import mesh_doubt
-    from ..trials.sequence_trials import TrialPlan, run_sequence
+    from ..statistics.accuracy import summarise_trials
+    from ..tables.accuracy import objects, real_row
+    from ..tables.table import terminal
+    from ..trials.sequence_trials import (
+        PAPER_REAL,
+        PAPER_REAL_BETA,
+        TrialPlan,
+        mesh_doubt,
+        require_real,
+        run_sequence,
+    )
     from ..trials.setup import Networks, load_filter_config, require_same_gel, sensor_of, untouched_of
 
     config = load_filter_config(args.config, args.preset)
-    beta = args.beta or (BETA if args.real else 1.0)
+    beta = args.beta or (PAPER_REAL_BETA if args.real else 1.0)
     plan = TrialPlan(args.init, beta, args.seeds, args.stride, args.max_frames)
     # all input is read before the first trial: a bad third sequence shall not cost the time of the first two
     sequences = [load_sequence(path) for path in args.sequences]
@@ -125,8 +131,7 @@ def run(args: argparse.Namespace) -> int:
     result["summary"] = summarise_trials(result["trials"])
     if args.real:
         result["paper_real"] = PAPER_REAL
-    beside = ["", text_table(*real_table(result["summary"]))] if args.real else []
-    return outcome.conclude(args, result, summary_table(result["summary"]), *beside)
+    return options.conclude(args, result, terminal(objects(result["summary"], beside=real_row(result))))
 
 
 def _identify(
@@ -141,11 +146,11 @@ def _identify(
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.text_table import text_table
     from midastouch_common.errors import InputError
     from midastouch_filter.core.noise_model import NoiseModel
     from midastouch_filter.identification.catalogue import read_catalogue
 
+    from ..tables.table import listed, terminal
     from ..trials.identification import identify, right_answer
     from ..trials.sequence_trials import perceived
 
@@ -161,9 +166,9 @@ def _identify(
         truth = right_answer(catalogue, sequence.object_name)
         trials.append({"sequence": sequence.name, "truth": truth} | identify(catalogue, frames, truth, config))
     rows = [
-        [t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}"]
+        (t["sequence"], t["answer"], f"{t['confidence']:.0%}", "yes" if t["right"] else f"no: {t['truth']}")
         for t in trials
     ]
     names = [entry.name for entry in catalogue.entries]
     result = {"machine": machine_info(), "catalogue": names, "identified": trials}
-    return outcome.conclude(args, result, text_table(["sequence", "answer", "probability", "right"], rows, left=2))
+    return options.conclude(args, result, terminal(listed(("sequence", "answer", "probability", "right"), rows)))

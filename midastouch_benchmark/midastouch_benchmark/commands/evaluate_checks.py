@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -29,17 +29,16 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of sensors and touches (default 0)")
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from midastouch_bringup.text_table import text_table
-
-    from ..perception.check_tables import check_tables
+    from ..tables.checks import check_tables
+    from ..tables.table import terminal
 
     result = _measured(args)
-    return outcome.conclude(args, result, "\n\n".join(text_table(*table) for table in check_tables(result)))
+    return options.conclude(args, result, "\n\n".join(map(terminal, check_tables(result))))
 
 
 def _measured(args: argparse.Namespace) -> dict:
@@ -58,9 +57,14 @@ def _measured(args: argparse.Namespace) -> dict:
     from midastouch_perception.tdn import load_tdn
     from midastouch_perception.training.setting import load_backgrounds
 
-    from ..perception.check_quality import CheckQuality, causes_named, imaginary_sensors, layout_quality
-    from ..perception.diameter_checks import diameter_checks
-    from ..perception.real_checks import real_checks
+    from ..perception.check_quality import (
+        CheckQuality,
+        causes_named,
+        diameter_checks,
+        imaginary_sensors,
+        layout_quality,
+        real_checks,
+    )
 
     sensor = SensorModel.load(args.sensor)
     presses = {Path(folder).name: load_ball_presses(folder) for folder in args.presses}
@@ -73,7 +77,7 @@ def _measured(args: argparse.Namespace) -> dict:
     for own, other in progress_bar(iterable=itertools.pairwise(sensors), total=args.sensors, unit="sensor"):
         quality.add(own, other)
     real = SensorModel.load("digit_real")
-    felt_by = load_tdn(args.tdn, real)
+    tdn_of_real = load_tdn(args.tdn, real)
     large = np.concatenate(load_backgrounds(args.backgrounds, real.height, real.width))
     return to_json(
         {
@@ -88,7 +92,7 @@ def _measured(args: argparse.Namespace) -> dict:
             "cause_named": causes_named(backgrounds),
             "capture": quality.capture(),
             "contact": quality.contact(),
-            "real_sensors": {name: real_checks(felt_by, each, rng) for name, each in presses.items()},
+            "real_sensors": {name: real_checks(tdn_of_real, each, rng) for name, each in presses.items()},
             "ball_diameter": diameter_checks(real, large, args.sensors, rng),
         }
     )

@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -26,7 +26,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--policy", nargs="+", metavar="NAME", help="suggested, lifts, random (default: all)")
     parser.add_argument("--length", type=arguments.positive, default=1.0, help="given up after so many m (default 1)")
     parser.add_argument("--codebook-size", type=arguments.positive_int, default=50_000, help="poses (default 50000)")
-    campaigns.add_campaign_options(parser, "trial")
+    options.add_campaign_options(parser, "trial")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -35,20 +35,21 @@ def run(args: argparse.Namespace) -> int:
     from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
-    from midastouch_bringup.text_table import text_table
 
-    from ..statistics.exploration_summary import exploration_table, summarise_exploration
+    from ..statistics.exploring import summarise_exploration
+    from ..tables.exploring import exploration_table
+    from ..tables.table import terminal
+    from ..trials.cache import Cache
     from ..trials.exploration import Plan, chosen_policies, run_exploration
     from ..trials.setup import load_filter_config
-    from ..trials.stock import Stock
     from ..trials.trial_log import TrialLog
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
-    stock = Stock(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
+    cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
-    plan = Plan(stock, config, chosen_policies(args.policy), args.trials, args.length)
-    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
-    with campaigns.campaign(args, "trial") as workforce:
+    plan = Plan(cache, config, chosen_policies(args.policy), args.trials, args.length)
+    meshes = options.chosen_meshes(args.meshes, args.objects)
+    with options.campaign(args, "trial") as workforce:
         trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
     summary = summarise_exploration(trials)
     result = {
@@ -58,5 +59,5 @@ def run(args: argparse.Namespace) -> int:
         "exploration": summary,
         "trials": trials,
     }
-    table = text_table(*exploration_table(summary), left=2)
-    return outcome.conclude(args, result, table, *campaigns.left(missing, "trial"))
+    table = terminal(exploration_table(trials, result["config"]["policies"], by_object=True))
+    return options.conclude(args, result, table, *options.left(missing, "trial"))

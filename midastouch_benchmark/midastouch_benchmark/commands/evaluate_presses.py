@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -18,9 +18,9 @@ def add_parser(subparsers) -> None:
         "check the depth network on real presses of a ball of known size",
         "midastouch evaluate-presses ../shared/data/digit_real/sphere_presses_d20641 --ball-diameter 0.0088 "
         "--px-per-mm 18.68 --json out/presses.json",
-        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is told from the\n"
+        "DIR holds images of presses and, if there are, the no-contact image background.png (else it is made from the\n"
         "presses) and labelled contact circles, circles.csv with the columns frame,center_x_px,center_y_px,radius_px.\n"
-        "The outline of a contact tells how deep a ball of that size was pressed; the felt relief is compared with\n"
+        "The outline of a contact tells how deep a ball of that size was pressed; the measured map is compared with\n"
         "that ball. Without labels the images tell the outline: where one light for five or more presses explains\n"
         "them best. Where that fails, depth is not judged. Images that show no press are named and left out.",
     )
@@ -47,7 +47,7 @@ def add_parser(subparsers) -> None:
         help="judge the labels too: by the ball where one light for all presses puts it; and the network by that ball",
     )
     parser.add_argument("--seed", type=arguments.seed, default=0, help="default 0")
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,11 +61,11 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
-    from ..perception.brightness import brightness_effect
-    from ..perception.held_out_calibrations import calibrations_of
+    from ..perception.depth_quality import brightness_effect
     from ..perception.press_quality import measure_presses
-    from ..perception.press_truth import with_truth
-    from ..perception.usable_presses import usable_presses
+    from ..perception.press_truth import calibrations_of, usable_presses, with_truth
+    from ..tables.perception import presses_table
+    from ..tables.table import terminal
 
     sensor = SensorModel.load(args.sensor)
     if args.px_per_mm:
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
             **checked,
         }
     )
-    return outcome.conclude(args, result, *_notes(result), _table(result))
+    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])))
 
 
 def _listed(problems: dict[str, str]) -> list[dict[str, str]]:
@@ -120,8 +120,8 @@ def _notes(result: dict) -> list[str]:
 def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) -> dict[str, dict]:
     from midastouch_common.errors import InputError
 
-    from ..perception.label_check import FittedBall
     from ..perception.press_quality import measure_presses
+    from ..perception.press_truth import FittedBall
 
     if presses.circles is None:
         raise InputError(f"{args.folder}: no circles.csv, so there are no labels to check; leave out --check-labels")
@@ -130,52 +130,3 @@ def _check_labels(args: argparse.Namespace, presses, sensor, tdn, calibrations) 
         "labels": measure_presses(ball, presses.only(list(ball.presses.images)), radius)[1],
         "against_fit": measure_presses(tdn, ball.presses, radius, calibrations=calibrations)[1],
     }
-
-
-def _table(result: dict) -> str:
-    from midastouch_bringup.text_table import number, text_table
-
-    columns = {
-        "felt": result["summary"],
-        "felt, by the images' ball": result.get("against_fit"),
-        "that ball, by the labels": result.get("labels"),
-    }
-    columns = {title: _figures(summary, result["ball_diameter"]) for title, summary in columns.items() if summary}
-    rows = [[cells[0][0], *(value for _, value in cells)] for cells in zip(*columns.values(), strict=True)]
-    unsteady = f"{number(result['summary']['brightness_mm'], 3)} mm"
-    rows.append(["depth changed by 10 % more or less light", unsteady, *[""] * (len(columns) - 1)])
-    return text_table(["median over presses", *columns], rows)
-
-
-def _figures(summary: dict, ball_diameter: float) -> list[tuple[str, object]]:
-    from midastouch_bringup.text_table import number
-
-    truth = {"labels": "the labelled circle", "images": "the images' circle"}.get(summary["truth"], "a known outline")
-    judged = summary["truth"] != "felt outline"
-
-    def of_truth(figure: str) -> str:
-        # a felt outline is the network's own, and flatters it
-        return figure if judged else "not judged"
-
-    return [
-        ("presses", summary["presses"]),
-        ("contact found", f"{100 * summary['found_share']:.0f} %"),
-        ("relief bulges towards the camera", f"{100 * summary['bulges_share']:.0f} %"),
-        (f"RMSE to the ball under {truth}, inside", of_truth(f"{number(summary['rmse_in_circle_mm'], 2)} mm")),
-        ("deepest felt over deepest of that ball", of_truth(number(summary["peak_ratio"], 2))),
-        ("correlation of both over the presses", of_truth(number(summary["depth_correlation"], 2))),
-        ("contact's IoU with it; centre off by", of_truth(_pair(summary, "iou_ideal", "centre_mm"))),
-        ("IoU with the nearest ball of that size", number(summary["iou"], 2)),
-        (
-            f"radius of the ball felt, {500 * ball_diameter:g} mm in truth",
-            f"{number(summary['felt_radius_mm'], 1)} mm",
-        ),
-        ("roundness of the outline", number(summary["roundness"], 2)),
-        ("penetration felt outside contact and shadow", f"{100 * summary['outside_share']:.0f} %"),
-    ]
-
-
-def _pair(summary: dict, share: str, distance: str) -> str:
-    from midastouch_bringup.text_table import number
-
-    return f"{number(summary[share], 2)}; {number(summary[distance], 2)} mm"

@@ -6,7 +6,7 @@ import argparse
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 
 def add_parser(subparsers) -> None:
@@ -22,7 +22,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
     parser.add_argument("--length", type=arguments.positive, default=0.3, help="of a slide, m (default 0.3)")
-    campaigns.add_object_options(parser)
+    options.add_object_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -33,20 +33,20 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.progress import progress_bar
     from midastouch_filter.loaded_object import SIZE
 
-    from ..speed.first_pose import first_poses, summarise_first_poses
+    from ..speed.start import first_poses, summarise_first_poses
+    from ..trials.cache import Cache, SlideKind
     from ..trials.setup import load_filter_config
-    from ..trials.stock import SlideKind, Stock
 
-    stock = Stock(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
-    config, meshes = load_filter_config(args.config, args.preset), campaigns.chosen_meshes(args.meshes, args.objects)
+    cache = Cache(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
+    config, meshes = load_filter_config(args.config, args.preset), options.chosen_meshes(args.meshes, args.objects)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
-        trials += first_poses(mesh, stock, range(args.slides), config)
+        trials += first_poses(mesh, cache, range(args.slides), config)
     summary = summarise_first_poses(trials)
     seconds = summary["first_pose_s"]
     settings = {"slides": args.slides, "slide_length_m": args.length, "codebook_size": SIZE}
     result = {
-        "config": settings | {"networks": stock.describe()},
+        "config": settings | {"networks": cache.describe()},
         "machine": machine,
         "start": summary,
         "trials": trials,
@@ -55,4 +55,4 @@ def run(args: argparse.Namespace) -> int:
         f"{summary['trials']} first touches of {summary['objects']} objects: a pose after {seconds['value']:.1f} s"
         f" (median; at most {seconds['max']:.1f} s)"
     )
-    return outcome.conclude(args, result, said)
+    return options.conclude(args, result, said)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +33,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--tdn", default="fast", metavar="NET", help="depth network, name or file (default fast)")
     options.add_sensor_option(parser, "")
     options.add_sequence_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -43,13 +43,14 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_bringup.datasets import load_sequence
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
-    from midastouch_bringup.text_table import number, text_table
     from midastouch_common.errors import InputError
     from midastouch_perception.sensor_calibration.calibration import SensorCalibration
     from midastouch_perception.sensor_model import SensorModel
     from midastouch_perception.tdn import load_tdn
 
     from ..perception.depth_quality import DepthQuality
+    from ..tables.perception import depth_table
+    from ..tables.table import terminal
     from ..trials.setup import require_same_gel, sensor_of, untouched_of
 
     sequences = [load_sequence(path) for path in args.sequences]
@@ -72,11 +73,7 @@ def run(args: argparse.Namespace) -> int:
     summary = {**total.result(), "ms_per_frame": float(np.mean(times))}
     used = {"network": tdn.network_id, "sensor": sensor.name, "calibration": args.calibration}
     result = {**used, "machine": machine_info(), "sequences": results, "summary": summary}
-    keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
-    rows = [[r["sequence"], r["frames"], *(number(r[k], 3) for k in keys)] for r in results]
-    rows.append(["all", summary["frames"], *(number(summary[k], 3) for k in keys)])
-    header = ["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms/frame"]
-    return outcome.conclude(args, result, text_table(header, rows))
+    return options.conclude(args, result, terminal(depth_table(result)))
 
 
 def _measured(

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from midastouch_bringup.commands import arguments
 
-from . import campaigns, outcome
+from . import options
 
 if TYPE_CHECKING:
+    from ..trials.cache import Cache
     from ..trials.identification import IdentityPlan
     from ..trials.shape_catalogues import ShapePlan
-    from ..trials.stock import Stock
 
 
 def add_parser(subparsers) -> None:
@@ -46,7 +46,7 @@ def add_parser(subparsers) -> None:
         type=arguments.positive_int,
         help="with --shapes: poses that a touch is compared with (default 1048576)",
     )
-    campaigns.add_campaign_options(parser, "slide")
+    options.add_campaign_options(parser, "slide")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,46 +55,42 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_bringup.machine import machine_info
 
-    from ..trials.stock import SlideKind, Stock
+    from ..tables.results import of_identification, shown
+    from ..trials.cache import Cache, SlideKind
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
-    stock = Stock(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
+    cache = Cache(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
     machine = machine_info()
-    plan, found, missing, shown = (_of_shapes if args.shapes else _of_meshes)(args, stock)
+    plan, found, missing, notes = (_of_shapes if args.shapes else _of_meshes)(args, cache)
     config = plan.describe() | {"jobs": args.jobs, "cluster": args.cluster}
     result = {"config": config, "machine": machine, "missing_slides": missing} | found
-    return outcome.conclude(args, result, *shown, *campaigns.left(missing, "slide"))
+    return options.conclude(args, result, shown(of_identification(result)), *notes, *options.left(missing, "slide"))
 
 
-def _of_meshes(args: argparse.Namespace, stock: Stock) -> tuple[IdentityPlan, dict, int, list[str]]:
-    """What was planned; what was found, for the result; slides that are missing; what is to be shown."""
-    from midastouch_bringup.text_table import text_table
+def _of_meshes(args: argparse.Namespace, cache: Cache) -> tuple[IdentityPlan, dict, int, list[str]]:
+    """What was planned; what was found, for the result; slides that are missing; notes."""
 
-    from ..statistics.identification_summary import identification_table, summarise_identification
+    from ..statistics.exploring import summarise_identification
     from ..trials.identification import IdentityPlan, run_identification
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
 
-    plan = IdentityPlan(stock, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
-    meshes = campaigns.chosen_meshes(args.meshes, args.objects)
-    with campaigns.campaign(args, "slide") as workforce:
-        trials, missing = run_identification(plan, meshes, TrialLog(stock.folder / "identifications.jsonl"), workforce)
+    plan = IdentityPlan(cache, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
+    meshes = options.chosen_meshes(args.meshes, args.objects)
+    with options.campaign(args, "slide") as workforce:
+        trials, missing = run_identification(plan, meshes, TrialLog(cache.folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None
-    shown = []
-    if summary:
-        shown = [text_table(*identification_table(summary))]
-        shown += [f"{wrong}: {times}" for wrong, times in summary["answers"].items()]
+    wrong = [f"{answer}: {times}" for answer, times in summary["answers"].items()] if summary else []
     found = {"catalogue": [mesh.name for mesh in meshes], "identification": summary, "trials": trials}
-    return plan, found, missing, shown
+    return plan, found, missing, wrong
 
 
-def _of_shapes(args: argparse.Namespace, stock: Stock) -> tuple[ShapePlan, dict, int, list[str]]:
+def _of_shapes(args: argparse.Namespace, cache: Cache) -> tuple[ShapePlan, dict, int, list[str]]:
     """Likewise."""
-    from midastouch_bringup.text_table import text_table
     from midastouch_common.errors import InputError
     from midastouch_filter.identification.catalogue import ROOM
 
-    from ..statistics.shape_summary import shape_table, summarise_shapes
+    from ..statistics.exploring import summarise_shapes
     from ..trials.setup import load_filter_config
     from ..trials.shape_catalogues import ShapePlan, run_shapes
     from ..trials.trial_log import TrialLog
@@ -102,9 +98,8 @@ def _of_shapes(args: argparse.Namespace, stock: Stock) -> tuple[ShapePlan, dict,
     if args.meshes or args.objects:
         raise InputError("--shapes makes its own objects; leave --meshes and --objects out")
     slides, sizes = tuple(range(args.slides)), tuple(sorted(set(args.shapes)))
-    plan = ShapePlan(stock, load_filter_config(args.config, args.preset), slides, room=args.room or ROOM, sizes=sizes)
-    with campaigns.campaign(args, "slide") as workforce:
-        trials, missing = run_shapes(plan, TrialLog(stock.folder / "shape_catalogues.jsonl"), workforce)
+    plan = ShapePlan(cache, load_filter_config(args.config, args.preset), slides, room=args.room or ROOM, sizes=sizes)
+    with options.campaign(args, "slide") as workforce:
+        trials, missing = run_shapes(plan, TrialLog(cache.folder / "shape_catalogues.jsonl"), workforce)
     summary = summarise_shapes(trials)
-    shown = [text_table(*shape_table(summary))] if summary else []
-    return plan, {"shape_catalogues": summary, "trials": trials}, missing, shown
+    return plan, {"shape_catalogues": summary, "trials": trials}, missing, []

@@ -10,7 +10,7 @@ from midastouch_bringup.commands import arguments
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
 
-from . import options, outcome
+from . import options
 
 if TYPE_CHECKING:
     from midastouch_common.mesh import ObjectMesh
@@ -58,7 +58,7 @@ def add_parser(subparsers) -> None:
     )
     parser.add_argument("--minkloc3d", metavar="FILE", help="weights of that code network, to compare with")
     options.add_network_options(parser)
-    outcome.add_json_option(parser)
+    options.add_json_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -70,9 +70,10 @@ def run(args: argparse.Namespace) -> int:
     from midastouch_common.files import require_file
     from midastouch_perception.tcn import load_tcn
 
-    from ..single_touch.per_object import SingleTouchPlan, measure_object
+    from ..single_touch.per_object import SingleTouchPlan, measure_object, summarise_objects
     from ..single_touch.simulated_touch import Lighting
-    from ..single_touch.summary import single_touch_table, summarise_objects
+    from ..tables.perception import single_touch_notes, single_touch_table
+    from ..tables.table import terminal
     from ..trials.setup import Networks
 
     wanted = _wanted(args)
@@ -104,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    return outcome.conclude(args, content, single_touch_table(content))
+    return options.conclude(args, content, terminal(single_touch_table(content)), *single_touch_notes(content))
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

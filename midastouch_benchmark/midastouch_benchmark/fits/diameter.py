@@ -14,12 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_benchmark.perception.diameter_checks import felt_balls
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.training.setting import load_backgrounds
 
+from ..perception.check_quality import measured_balls
+
 DOUBTED = 1 / 8
-"""Share of right diameters."""
+"""Fraction of right diameters."""
 
 
 def main() -> None:
@@ -31,11 +32,12 @@ def main() -> None:
     args = parser.parse_args()
     sensor = SensorModel.load("digit_real")
     backgrounds = np.concatenate(load_backgrounds(args.backgrounds, sensor.height, sensor.width))
-    balls = felt_balls(sensor, backgrounds, args.sensors, np.random.default_rng(args.seed))
-    shares = np.log([felt / radius for radius, felt in balls if felt is not None])
-    usual = np.median(shares)
-    doubt = np.exp(np.quantile(np.abs(shares - usual), 1 - DOUBTED))
-    print(f"{len(shares)} of {args.sensors} felt: RADIUS_RATIO {np.exp(usual):.3f}, MOST_DIAMETER_FACTOR {doubt:.2f}")
+    balls = measured_balls(sensor, backgrounds, args.sensors, np.random.default_rng(args.seed))
+    fractions = np.log([measured / radius for radius, measured in balls if measured is not None])
+    usual = np.median(fractions)
+    doubt = np.exp(np.quantile(np.abs(fractions - usual), 1 - DOUBTED))
+    print(f"{len(fractions)} of {args.sensors} measured")
+    print(f"RADIUS_RATIO {np.exp(usual):.3f}, MOST_DIAMETER_FACTOR {doubt:.2f}")
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--objects 8] [--windows 3] [--seed 0]
 
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
-replayed at its true place and at the rivals that codes bring up. What makes the odds between the two say the truth as
-often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
+replayed at its true place and at the competitors that codes bring up. What makes the odds between the two say the truth
+as often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
 mathematics: docs/internals.md. No test object is seen.
 """
 
@@ -40,26 +40,26 @@ from midastouch_perception.simulation.slide import measure_poses, simulate_slide
 SPACING = 0.01  # m between touches: less than their correlation
 TOUCHES = 20  # of a window: one imaginary sensor's
 ENTRIES = 8_000
-RIVALS = 6
+COMPETITORS = 6
 LENGTHS = (1, 3, 8, TOUCHES)  # parts of a window that must each be right about their odds
 CONFIG = FilterConfig(threads=1)
 
 
 @dataclasses.dataclass(frozen=True)
 class Pair:
-    """Misfits (K,) of a window's maps at the true place and at a rival, oldest first; name of the object; twin: the
-    rival is the true place too, found from another side: what tells the two apart is noise."""
+    """Residual ratios (K,) of a window's maps at the true place and at a competitor, oldest first; name of the object;
+    symmetric: the competitor is the true place too, found from another side: what tells the two apart is noise."""
 
     name: str
     true: np.ndarray
-    rival: np.ndarray
-    twin: bool
+    competitor: np.ndarray
+    symmetric: bool
 
 
 def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.random.Generator) -> Iterator[Pair]:
     """Of `count` windows over one object."""
     book = build_codebook(mesh, networks.tcn, networks.sensor, ENTRIES)
-    # every rival is followed to the end, however bad it is
+    # every competitor is followed to the end, however bad it is
     noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
     model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
     simulator = TouchSimulator(mesh, networks, Lighting("random"))
@@ -75,15 +75,15 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
         entry = model.lookup.exact(truth[-1][None])[0]
         beside = model.lookup.poses[model.lookup.neighbours[entry, 2]]
         taken = [model.lookup.poses[entry]]
-        rivals = [beside, *_exhaust(search.find(window, taken)).poses]
+        competitors = [beside, *_exhaust(search.find(window, taken)).poses]
         likelihood = WindowLikelihood(window, model.alignment, noise, Effort(), CONFIG.penetration_fit, Race(window))
-        for start in taken + rivals[: RIVALS + 1]:
+        for start in taken + competitors[: COMPETITORS + 1]:
             _exhaust(likelihood.follow(start))
         own, *others = [(each.residual_ratio, _distance(each, truth)) for each in likelihood.followed]
         if own[1] < 0.5 * APART:
-            for misfit, distance in others:
+            for residual, distance in others:
                 if not 0.5 * APART <= distance <= APART:
-                    yield Pair(mesh.name, own[0], misfit, distance < APART)
+                    yield Pair(mesh.name, own[0], residual, distance < APART)
 
 
 def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, list[np.ndarray]]:
@@ -98,11 +98,11 @@ def _touched(slide, model, simulator, networks, rng) -> tuple[WeighedWindow, lis
     chosen, true_pose, last = chosen[:TOUCHES], {}, None
     percepts = next(simulator.percepts(slide[chosen], rng))
     codes = networks.tcn.encode(percepts.penetration)
-    for i, penetration, code, felt in zip(chosen, percepts.penetration, codes, percepts.felt, strict=True):
+    for i, penetration, code, in_contact in zip(chosen, percepts.penetration, codes, percepts.in_contact, strict=True):
         step = np.eye(4) if last is None else se3.inverse(measured[last]) @ measured[i]
         window.moved(step, SPACING, in_contact=True)
         last = i
-        if felt:
+        if in_contact:
             unit = model.measurement.unit_code(code)
             model.measurement.score_codebook(unit)
             window.keep([Measurement(True, unit, penetration=reduced_penetration(penetration))],
@@ -130,9 +130,9 @@ def _exhaust(generator):
 
 
 def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...] = LENGTHS) -> float:
-    """Mean nats by which the odds between true places and rivals surprise, each object counting the same.
+    """Mean nats by which the odds between true places and competitors surprise, each object counting the same.
 
-    Of a twin either answer is right, so that sure odds surprise.
+    Of a symmetric pose either answer is right, so that sure odds surprise.
 
     parameters: logarithms of `map_patches` and `residual_floor`, and the logit of a touch's weight `SPACING` after the
     last one.
@@ -140,13 +140,13 @@ def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...]
     patches, floor, weight = np.exp(parameters[0]), np.exp(parameters[1]), 1 / (1 + np.exp(-parameters[2]))
     of_object: dict[str, list[float]] = {}
     for pair in pairs:
-        odds = patches * np.log((pair.rival + floor) / (pair.true + floor))
+        odds = patches * np.log((pair.competitor + floor) / (pair.true + floor))
         for length in lengths:
             parts = odds[: len(odds) // length * length].reshape(-1, length)
             if len(parts):
                 weights = np.r_[1.0, np.full(length - 1, weight)]
                 lost = np.logaddexp(0, -parts @ weights)
-                if pair.twin:
+                if pair.symmetric:
                     lost = 0.5 * (lost + np.logaddexp(0, parts @ weights)) - np.log(2)
                 of_object.setdefault(pair.name, []).append(lost.mean())
     return float(np.mean([np.mean(each) for each in of_object.values()]))

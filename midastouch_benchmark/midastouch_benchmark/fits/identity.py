@@ -17,7 +17,7 @@ import sys
 import numpy as np
 from scipy.optimize import minimize
 
-from midastouch_benchmark.trials.stock import Stock
+from midastouch_benchmark.trials.cache import Cache
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -26,7 +26,7 @@ from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import Contest
 
-from .training_scans import parser_of, scans_of, stock_of
+from .training_scans import cache_of, parser_of, scans_of
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -45,34 +45,37 @@ class Slide:
     truth: int | None
     objects: int
 
-    def shares(self, contest: Contest, noise: NoiseModel) -> tuple[np.ndarray, float]:
+    def probabilities(self, contest: Contest, noise: NoiseModel) -> tuple[np.ndarray, float]:
         """Probabilities (objects,), and that of none of them."""
-        shares, unknown = contest.posterior(noise, self.objects, HALF)
-        return np.bincount(contest.owner, shares, self.objects), unknown
+        probabilities, unknown = contest.posterior(noise, self.objects, HALF)
+        return np.bincount(contest.owner, probabilities, self.objects), unknown
 
     def surprise(self, noise: NoiseModel) -> float:
         """Mean nats by which the truth surprises along the slide."""
         of_truth = []
         for contest in self.contests:
-            shares, unknown = self.shares(contest, noise)
-            of_truth.append(unknown if self.truth is None else shares[self.truth])
+            probabilities, unknown = self.probabilities(contest, noise)
+            of_truth.append(unknown if self.truth is None else probabilities[self.truth])
         return float(-np.log(np.maximum(of_truth, _IMPOSSIBLE)).mean())
 
     def is_right(self, noise: NoiseModel) -> bool:
         """Whether the most probable answer at the end is."""
-        shares, unknown = self.shares(self.contests[-1], noise)
-        return unknown > shares.max() if self.truth is None else shares[self.truth] >= max(shares.max(), unknown)
+        probabilities, unknown = self.probabilities(self.contests[-1], noise)
+        return (
+            unknown > probabilities.max()
+            if self.truth is None
+            else probabilities[self.truth] >= max(probabilities.max(), unknown)
+        )
 
 
-def slid(stock: Stock, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
+def slid(cache: Cache, catalogue: Catalogue, mesh: ObjectMesh, number: int) -> Slide:
     """What a catalogue makes of a slide over an object."""
     identification = Identification(catalogue, CONFIG, NOISE)
-    sequence, touches = stock.touches(mesh, number)
     contests, last = [], None
-    for frame in touches.frames(sequence, 1):
+    for frame in cache.frames(mesh, number):
         moved = None if last is None else se3.inverse(last) @ frame.measured
         last = frame.measured
-        if identification.step(moved, frame.felt):
+        if identification.step(moved, frame.measurement):
             contests.append(identification.contest)
     names = [entry.name for entry in catalogue.entries]
     return Slide(contests, names.index(mesh.name) if mesh.name in names else None, len(names))
@@ -88,17 +91,17 @@ def main() -> None:
     parser.add_argument("--catalogues", type=int, nargs="+", default=[10, 58], help="objects in each")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
-    meshes, stock, slides = list(scans_of(args)), stock_of(args), []
+    meshes, cache, slides = list(scans_of(args)), cache_of(args), []
     numbers = range(FIRST, FIRST + args.slides)
     order = np.random.default_rng(args.seed).permutation(len(meshes))
     parts = [np.array_split(order, max(round(len(meshes) / size), 1)) for size in args.catalogues]
     for group in itertools.chain(*parts):
         # by their files, so that as many poses are compared as by the filter
-        books = [(meshes[i], stock.codebook(meshes[i]), stock.codebook_path(meshes[i])) for i in group]
+        books = [(meshes[i], cache.codebook(meshes[i]), cache.codebook_path(meshes[i])) for i in group]
         whole = Catalogue.of(books, NOISE)
         for i in group:
             for catalogue in (whole, whole.without(meshes[i].name)):
-                slides += [slid(stock, catalogue, meshes[i], number) for number in numbers]
+                slides += [slid(cache, catalogue, meshes[i], number) for number in numbers]
         print(f"{len(slides)} slides", file=sys.stderr, flush=True)
     slides = [slide for slide in slides if slide.contests]
     start = [getattr(NOISE, name) for name in FITTED]

@@ -2,10 +2,11 @@
 
     .venv/bin/python -m midastouch_benchmark.fits.object_motion --objects 40
 
-Slides over random shapes are felt through the depth network, by sensors near TACTO's and far from it. The gel is
+Slides over random shapes are measured through the depth network, by sensors near TACTO's and far from it. The gel is
 tracked as `OdometryCorrection` does, from the truth on, with a right mount and with one 2 mm and 2 deg off. Printed are
 the log-odds of a jump while the object rests, the level that an exponential tail through the largest hundredth exceeds
-once in ten minutes at 30 Hz, and how often a motion is told: falsely, and within 10 frames of a push by 5 mm and 5 deg.
+once in ten minutes at 30 Hz, and how often a motion is detected: falsely, and within 10 frames of a push by 5 mm and 5
+deg.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class SureBelief:
 
 
 def slides(networks: Networks, objects: int) -> Iterator[tuple[ObjectMesh, np.ndarray, np.ndarray]]:
-    """Mesh, poses (N, 4, 4) and felt maps (N, 80, 60) of a slide over each of so many objects."""
+    """Mesh, poses (N, 4, 4) and measured maps (N, 80, 60) of a slide over each of so many objects."""
     sensor = networks.sensor.for_maps
     for number in range(objects):
         rng = np.random.default_rng([77, number])
@@ -67,11 +68,11 @@ def slides(networks: Networks, objects: int) -> Iterator[tuple[ObjectMesh, np.nd
             optics = TactoOptics(sensor)
             images = [optics.image(p, background, rng, n, 1.0) for p, n in zip(penetration, normals, strict=True)]
         detector = ContactDetector(sensor)
-        felt = [
+        measurement = [
             detector.update(networks.tdn.penetration(image.astype(np.float32) - background)).penetration
             for image in images
         ]
-        yield mesh, poses, np.array([reduced_penetration(each) for each in felt])
+        yield mesh, poses, np.array([reduced_penetration(each) for each in measurement])
 
 
 def random_motion(rng: np.random.Generator, translation: float, rotation_deg: float) -> np.ndarray:
@@ -87,13 +88,13 @@ def play(
     """Of N frames: the largest log-odds of a jump (N,), and whether the object was said to move (N,)."""
     config, jump_hypotheses.DECISIVE = FilterConfig(), decisive
     correction = OdometryCorrection(alignment, config, NoiseModel.of(config), Stopwatch(lambda: 0.0))
-    odds, told = np.full(len(truth), -np.inf), np.zeros(len(truth), bool)
-    for i, (pose, felt) in enumerate(zip(truth, maps, strict=True)):
-        touch = Measurement(bool(felt.any()), penetration=felt)
+    odds, detected = np.full(len(truth), -np.inf), np.zeros(len(truth), bool)
+    for i, (pose, measurement) in enumerate(zip(truth, maps, strict=True)):
+        touch = Measurement(bool(measurement.any()), penetration=measurement)
         correction(se3.inverse(measured[i - 1]) @ measured[i] if i else None, touch, FRAME_TIME)
-        odds[i], told[i] = correction.suspicion, correction.jump is not None
+        odds[i], detected[i] = correction.suspicion, correction.jump is not None
         correction.observe(SureBelief(pose), touch, trusted=True)
-    return odds, told
+    return odds, detected
 
 
 def main() -> None:
@@ -113,18 +114,18 @@ def main() -> None:
             at_rest.append(play(alignment, truth, maps, measured, np.inf)[0])
             false.append(play(alignment, truth, maps, measured, decisive)[1].sum())
             start = int(rng.integers(len(truth) // 3, len(truth) - WITHIN))
-            share = np.clip((np.arange(len(truth)) - start + 1) / PUSHED, 0, 1)
-            push = se3.exp(share[:, None] * random_motion(rng, 5e-3, 5.0))
+            fraction = np.clip((np.arange(len(truth)) - start + 1) / PUSHED, 0, 1)
+            push = se3.exp(fraction[:, None] * random_motion(rng, 5e-3, 5.0))
             pushed = truth[start] @ push @ se3.inverse(truth[start]) @ measured
             end = start + WITHIN + 1
             noticed.append(play(alignment, truth[:end], maps[:end], pushed[:end], decisive)[1][start:].any())
-        said = f"falsely told {sum(false[-args.repeats :])}, noticed {sum(noticed[-args.repeats :])}"
+        said = f"falsely detected {sum(false[-args.repeats :])}, noticed {sum(noticed[-args.repeats :])}"
         print(f"{mesh.name}: {said}", flush=True)
     odds = np.sort(np.concatenate(at_rest))
     tail = odds[-len(odds) // 100 :]
     level = tail[0] + (tail - tail[0]).mean() * np.log(TEN_MINUTES / 100)
     print(f"{len(odds)} frames at rest: largest log-odds {tail[-1]:.1f}; once in ten minutes {level:.1f}")
-    print(f"at {decisive} told falsely {sum(false)} times; {sum(noticed)} of {len(noticed)} pushes noticed")
+    print(f"at {decisive} detected falsely {sum(false)} times; {sum(noticed)} of {len(noticed)} pushes noticed")
 
 
 if __name__ == "__main__":

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.stats import chi2
 
 from midastouch_benchmark.statistics.coverage import nees
+from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.disturbances import Scene
 from midastouch_benchmark.trials.protocols import PAPER, PROTOCOLS
 from midastouch_benchmark.trials.sequence_trials import start_filter
-from midastouch_benchmark.trials.stock import Stock
 from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.alignment import WHITE, WIDTH
@@ -31,7 +31,7 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
 from midastouch_filter.policies import Policies, default_policies
 
-from .training_scans import parser_of, scans_of, stock_of
+from .training_scans import cache_of, parser_of, scans_of
 
 CONDITIONS = ("plain", "late", "tool_bias", "push")
 WHITES = (0.1, 0.25, 0.5, 1.0)
@@ -46,9 +46,9 @@ class WeighedWindow:
     distance of the truth, and the region's RMS in m and rad, these as if the factor of width and bias were 1.
     """
 
-    def __init__(self, stock: Stock, mesh: ObjectMesh):
+    def __init__(self, cache: Cache, mesh: ObjectMesh):
         self._mesh = mesh
-        self._filter = ParticleFilter(mesh, stock.codebook(mesh), CONFIG, make_policies=self._policies)
+        self._filter = ParticleFilter(mesh, cache.codebook(mesh), CONFIG, make_policies=self._policies)
 
     def _policies(self, *parts) -> Policies:
         policies = default_policies(*parts)
@@ -90,7 +90,7 @@ def sizes(of: dict[str, np.ndarray], white: float, factor: float) -> np.ndarray:
     return np.median(wider[:, None] * rows[:, [TRANSLATION, ROTATION]], axis=0)
 
 
-def shares(of: dict[str, np.ndarray], white: float, factor: float) -> str:
+def held(of: dict[str, np.ndarray], white: float, factor: float) -> str:
     """How often the truth is in the region, by condition."""
     limit = factor * chi2.ppf(LEVEL, 6)
     inside = {name: surprise(rows, white) <= limit for name, rows in of.items() if len(rows)}
@@ -99,11 +99,11 @@ def shares(of: dict[str, np.ndarray], white: float, factor: float) -> str:
 
 def main() -> None:
     args = parser_of(__doc__, "out/fit_regions", every=4, poses=20_000).parse_args()
-    stock = stock_of(args)
+    cache = cache_of(args)
     found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}
     for mesh in scans_of(args):
-        slides = [touches.frames(slide, 1) for slide, touches in (stock.touches(mesh, k) for k in range(args.slides))]
-        scored = WeighedWindow(stock, mesh)
+        slides = [cache.frames(mesh, k) for k in range(args.slides)]
+        scored = WeighedWindow(cache, mesh)
         for name in CONDITIONS:
             found[name].append(np.concatenate([scored.frames(slide, name, k) for k, slide in enumerate(slides)]))
         print(mesh.name, {name: len(parts[-1]) for name, parts in found.items()}, file=sys.stderr, flush=True)
@@ -115,13 +115,11 @@ def main() -> None:
     for white in WHITES:
         factor = width(every, white)
         size = sizes(every, white, factor)
-        said = f"median {1e3 * size[0]:.2f} mm, {np.degrees(size[1]):.1f} deg; {shares(every, white, factor)}"
+        said = f"median {1e3 * size[0]:.2f} mm, {np.degrees(size[1]):.1f} deg; {held(every, white, factor)}"
         print(f"WHITE {white}, WIDTH {factor:.3g}: {said}")
     for fitted, other in (halves, halves[::-1]):
         factor = width(fitted, WHITE)
-        print(
-            f"WHITE {WHITE}, WIDTH {factor:.3g} of one half of the scans: {shares(other, WHITE, factor)} of the other"
-        )
+        print(f"WHITE {WHITE}, WIDTH {factor:.3g} of one half of the scans: {held(other, WHITE, factor)} of the other")
 
 
 if __name__ == "__main__":

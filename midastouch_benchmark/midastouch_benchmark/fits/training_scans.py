@@ -9,15 +9,16 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from midastouch_benchmark.commands.campaigns import meshes_to_fit_on
-from midastouch_benchmark.trials.stock import SlideKind, Stock
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_common.mesh import ObjectMesh
+
+from ..commands.options import meshes_to_fit_on
 
 LENGTH = 0.3  # m of a slide
 
 
 def parser_of(description: str, out: str, every: int, poses: int) -> argparse.ArgumentParser:
-    """Asks for what `stock_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
+    """Asks for what `cache_of` and `scans_of` need, and for the number of slides over each scan; with defaults."""
     parser = argparse.ArgumentParser(description=description.partition("\n")[0])
     parser.add_argument("--meshes", type=Path, required=True)
     parser.add_argument("--out", type=Path, default=Path(out))
@@ -27,9 +28,9 @@ def parser_of(description: str, out: str, every: int, poses: int) -> argparse.Ar
     return parser
 
 
-def stock_of(args: argparse.Namespace) -> Stock:
+def cache_of(args: argparse.Namespace) -> Cache:
     """Slides and codebooks, kept in the folder of the fit."""
-    return Stock(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
+    return Cache(args.out, slides=SlideKind(LENGTH), codebook_size=args.poses)
 
 
 def scans_of(args: argparse.Namespace) -> Iterator[ObjectMesh]:

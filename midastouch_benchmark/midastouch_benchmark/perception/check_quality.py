@@ -11,14 +11,17 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.objects import bundled_objects
 from midastouch_perception.pipeline import DepthStage
 from midastouch_perception.rendering.contact_poses import ContactSampling, sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.sensor_calibration.network_checks import diameter_doubt, measured_radius
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.procedural import cylinder, mesh_from_sdf
 from midastouch_perception.simulation.randomisation import RandomisationRange, RandomSensor
+from midastouch_perception.simulation.simulated_digit import PressedSensor
 from midastouch_perception.tdn import DepthNet
 from midastouch_perception.tdn.background import TouchedBackground, shows_contact
 from midastouch_perception.tdn.colour_layout import (
@@ -88,7 +91,7 @@ def _bytes(image: np.ndarray) -> np.ndarray:
 
 _swapped, _turned = ORIENTATIONS["with red and blue swapped"], ORIENTATIONS["upside down"]
 
-MISFITS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray, np.ndarray]]] = {
+FAULTS: dict[str, Callable[[ImaginarySensor, ImaginarySensor], tuple[np.ndarray, np.ndarray]]] = {
     "images swap red and blue": lambda own, other: (_swapped(own.touches), own.background),
     "images and background swap red and blue": lambda own, other: (_swapped(own.touches), _swapped(own.background)),
     "images upside down": lambda own, other: (own.touches[:, ::-1, ::-1], own.background),
@@ -115,14 +118,14 @@ class CheckQuality:
     def add(self, own: ImaginarySensor, other: ImaginarySensor) -> None:
         """One sensor, and another whose background is taken for its own."""
         self._judge("right", own.touches, own.background)
-        for name, make in MISFITS.items():
+        for name, make in FAULTS.items():
             images, background = make(own, other)
             self._judge(name, np.ascontiguousarray(images), np.ascontiguousarray(background))
         for name, (images, depths) in own.light.items():
-            felt = [self._felt(image, own.background) for image in images]
-            self._light.setdefault(name, []).extend(zip(depths.tolist(), felt, strict=True))
-        for gain, felt in self._free.items():
-            felt.append(self._felt(_bytes(own.free * (1 + gain)), own.background))
+            in_contact = [self._in_contact(image, own.background) for image in images]
+            self._light.setdefault(name, []).extend(zip(depths.tolist(), in_contact, strict=True))
+        for gain, contacts in self._free.items():
+            contacts.append(self._in_contact(_bytes(own.free * (1 + gain)), own.background))
         stage = DepthStage(self._tdn)
         for gain in np.linspace(WARM_UP[0], WARM_UP[-1], _WARM_UP_FRAMES):
             contact = stage.process(_bytes(own.free * (1 + gain)), own.background)
@@ -136,7 +139,8 @@ class CheckQuality:
             self._captures.setdefault(name, []).append(shows_contact(self._tdn, candidate, present))
 
     def fit(self) -> dict[str, dict]:
-        """By case: alarms and those that name a turn or swap (shares of sensors), and per figure the area under the ROC
+        """By case: alarms and those that name a turn or swap (fractions of sensors), and per figure the area under the
+        ROC
         curve against the right ones."""
         right = np.array([score[:2] for score in self._scores["right"]])
         out = {}
@@ -153,25 +157,25 @@ class CheckQuality:
         return out
 
     def contact(self) -> dict:
-        """Share of light touches missed, by part and by true penetration, and of false contacts by brightness."""
+        """Fraction of light touches missed, by part and by true penetration, and of false contacts by brightness."""
         missed = {}
         for name, touches in self._light.items():
-            depth, felt = np.array(touches, float).T
+            depth, in_contact = np.array(touches, float).T
             classes = np.digitize(depth, DEPTHS)
             missed[name] = [
                 {
                     "from_mm": 1e3 * DEPTHS[k - 1],
                     "to_mm": 1e3 * DEPTHS[k],
                     "touches": int((classes == k).sum()),
-                    "missed": float(1 - felt[classes == k].mean()) if (classes == k).any() else None,
+                    "missed": float(1 - in_contact[classes == k].mean()) if (classes == k).any() else None,
                 }
                 for k in range(1, len(DEPTHS))
             ]
-        false = [{"brighter": gain, "false_contacts": float(np.mean(felt))} for gain, felt in self._free.items()]
+        false = [{"brighter": gain, "false_contacts": float(np.mean(some))} for gain, some in self._free.items()]
         return {"missed": missed, "false": false, "false_while_warming": float(np.mean(self._warming))}
 
     def capture(self) -> dict[str, float]:
-        """Share of no-contact images on offer that are refused as touched."""
+        """Fraction of no-contact images on offer that are refused as touched."""
         return {name: float(np.mean(refused)) for name, refused in self._captures.items()}
 
     def _judge(self, name: str, images: np.ndarray, background: np.ndarray) -> None:
@@ -180,7 +184,7 @@ class CheckQuality:
         turned = bool(check.problem) and bool(turned_since(images[-1], background))
         self._scores.setdefault(name, []).append((*figures, bool(check.problem or touched.problem), turned))
 
-    def _felt(self, image: np.ndarray, background: np.ndarray) -> bool:
+    def _in_contact(self, image: np.ndarray, background: np.ndarray) -> bool:
         return DepthStage(self._tdn).process(image, background).in_contact
 
 
@@ -202,7 +206,7 @@ def roc_area(high: np.ndarray, low: np.ndarray) -> float:
 
 
 def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
-    """Share of real no-contact images (B, H, W, 3) uint8 refused as they are and made wrong in each way.
+    """Fraction of real no-contact images (B, H, W, 3) uint8 refused as they are and made wrong in each way.
 
     Each is compared with the mean of the others.
     """
@@ -216,7 +220,7 @@ def layout_quality(backgrounds: np.ndarray) -> dict[str, float]:
 
 
 def causes_named(backgrounds: np.ndarray) -> dict[str, float]:
-    """Share of real no-contact images (B, H, W, 3) uint8, turned or swapped, of which the right cause is named."""
+    """Fraction of real no-contact images (B, H, W, 3) uint8, turned or swapped, of which the right cause is named."""
     named: dict[str, list[bool]] = {name: [] for name in ORIENTATIONS}
     for image, layout in _each_against_the_others(backgrounds):
         for name, make in ORIENTATIONS.items():
@@ -228,3 +232,57 @@ def _each_against_the_others(backgrounds: np.ndarray) -> Iterator[tuple[np.ndarr
     """Every image and the mean layout of the others."""
     for i, image in enumerate(backgrounds):
         yield image, mean_layout(np.delete(backgrounds, i, axis=0))
+
+
+_DRAWS = 2
+
+
+def real_checks(tdn: DepthNet, presses: BallPresses, rng: np.random.Generator) -> dict[str, float]:
+    """Fraction of alarms when the no-contact image is right, and when it shows one of the presses.
+
+    Every press is the no-contact image twice, for `TOUCHES` others that are drawn; the same others are judged with the
+    right one. Result: trials of each kind, alarms by kind.
+    """
+    names = list(presses.images)
+    alarms: dict[str, list[bool]] = {"right": [], "touched": []}
+    for name in np.repeat(names, _DRAWS):
+        others = rng.choice([other for other in names if other != name], TOUCHES, replace=False)
+        images = [presses.images[other] for other in others]
+        for kind, background in (("right", presses.background), ("touched", presses.images[name])):
+            check, touched = judge(tdn, images, background)
+            alarms[kind].append(bool(check.problem or touched.problem))
+    return {"trials": len(names) * _DRAWS, **{kind: float(np.mean(given)) for kind, given in alarms.items()}}
+
+
+FACTORS = (0.5, 1 / 1.4, 1.0, 1.4, 2.0)
+"""Diameter given over the true one."""
+RADII = 2e-3, 5e-3
+"""Of the balls, from and to [m]."""
+_PRESSES = 8
+
+
+def diameter_checks(sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator) -> dict:
+    """On `n` sensors with `backgrounds` (B, H, W, 3) uint8 RGB, full size: measured over true radius (median), standard
+    deviation of its logarithm; by factor, fraction of doubts, which are refused unless said to be right."""
+    ratios, outcomes = [], {factor: [] for factor in FACTORS}
+    for radius, measured in measured_balls(sensor, backgrounds, n, rng):
+        if measured is not None:
+            ratios.append(measured / radius)
+        for factor, seen in outcomes.items():
+            seen.append(bool(diameter_doubt(measured, 2 * radius * factor)))
+    return {
+        "sensors": n,
+        "felt_over_true": float(np.median(ratios)),
+        "spread": float(np.std(np.log(ratios))),
+        "given": [{"factor": factor, "doubted": float(np.mean(seen))} for factor, seen in outcomes.items()],
+    }
+
+
+def measured_balls(
+    sensor: SensorModel, backgrounds: np.ndarray, n: int, rng: np.random.Generator
+) -> Iterator[tuple[float, float | None]]:
+    """Radius [m] of the ball on each of `n` sensors as above, and the one measured, None if nothing is."""
+    for _ in range(n):
+        radius = rng.uniform(*RADII)
+        digit = PressedSensor(sensor, backgrounds, radius, rng)
+        yield radius, measured_radius(list(digit.presses(_PRESSES).values()), digit.background, sensor)

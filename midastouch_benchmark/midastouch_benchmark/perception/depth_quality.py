@@ -1,11 +1,16 @@
-"""How close predicted penetration maps are to the truth."""
+"""How close predicted penetration maps are to the truth, and what a change of exposure does to them."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import cv2
 import numpy as np
 
+from midastouch_bringup.datasets.ball_presses import BallPresses
 from midastouch_perception.contact import TOUCHED
+from midastouch_perception.sensor_calibration.calibration import SensorCalibration
+from midastouch_perception.tdn import DepthNet
 
 
 class DepthQuality:
@@ -49,3 +54,25 @@ class DepthQuality:
 
 def _root_mean(total: float, count: int) -> float:
     return float(np.sqrt(total / count)) if count else float("nan")
+
+
+CHANGES = 0.9, 1.1
+
+
+def brightness_effect(
+    tdn: DepthNet, presses: BallPresses, calibrations: Mapping[str, SensorCalibration] | None = None
+) -> float:
+    """Root mean square over all pixels [m] by which the map of a press changes with its brightness.
+
+    The larger of the two of `CHANGES` for each press, of which the median. The no-contact image stays as it is;
+    calibrations: of each press, as in `measure_presses`.
+    """
+    effects = []
+    for name, image in presses.images.items():
+        if calibrations is not None:
+            tdn.calibration = calibrations[name]
+        measured = tdn.predict(image, presses.background)
+        changed = [np.clip(np.rint(factor * image.astype(np.float32)), 0, 255).astype(np.uint8) for factor in CHANGES]
+        errors = [tdn.predict(other, presses.background) - measured for other in changed]
+        effects.append(max(float(np.sqrt(np.mean(error**2))) for error in errors))
+    return float(np.median(effects))

@@ -1,9 +1,9 @@
 """Presses of a ball of known size on a real sensor: how deep, how round and where is what the depth network feels?
 
-What should be felt is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
+What should be measured is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
 somebody labelled, or else the one that the images tell (`label_check.py`). Where neither is known the outline that is
-felt stands in. It says nothing of the felt depth, but it is the network's own, and so are its errors: depth is not
-judged by it. (Gel sinks in around a ball: the true depth lies between one and two caps.)
+measured stands in. It says nothing of the measured depth, but it is the network's own, and so are its errors: depth is
+not judged by it. (Gel sinks in around a ball: the true depth lies between one and two caps.)
 
 Only the shape is judged by what fits best: `felt_radius_mm` of the free sphere, `iou` with the nearest cap of the true
 radius. Labels are some tenths of a millimetre off, so `iou_ideal` with the cap under the outline cannot reach 1.
@@ -25,38 +25,46 @@ from midastouch_perception.sensor_calibration.calibration import SensorCalibrati
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import DepthNet
 
-from .ball_cap import ball_penetration, centre_under, circle_outline, mask_outline, misfit, nearest_cap
-from .sphere_fit import fit_sphere, principal_curvatures
+from .ball_cap import (
+    ball_penetration,
+    centre_under,
+    circle_outline,
+    fit_sphere,
+    mask_outline,
+    nearest_cap,
+    outline_residual,
+    principal_curvatures,
+)
 
 _VISIBLE = 15.0  # grey levels: a change the eye sees too
 _HALO = 0.5e-3  # m around what is visible
 _CORE = 0.5  # of the deepest penetration: the rim is smeared by the gel, which cannot follow it
 _FEWEST = 40  # px a core needs for a fit, and an outline
-_OUTLINE_MISFIT = 0.15e-3  # m by which a labelled circle may miss the ball
+_OUTLINE_RESIDUAL = 0.15e-3  # m by which a labelled circle may miss the ball
 _LARGEST_BALL = 0.1  # m
 
 
 @dataclasses.dataclass(frozen=True)
 class Press:
-    """One press as felt. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; felt and ideal
-    (h, w) m; ideal is None where neither a circle nor an outline tells it; found, the pipeline's contact decision;
-    truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the felt relief, or None.
+    """One press as measured. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; measured
+    and ideal (h, w) m; ideal is None where neither a circle nor an outline tells it; found, the pipeline's contact
+    decision; truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the measured map, or None.
     """
 
     name: str
     image: np.ndarray
     difference: np.ndarray
-    felt: np.ndarray
+    measured: np.ndarray
     found: bool
     ideal: np.ndarray | None
     truth: np.ndarray | None
     nearest: np.ndarray | None
 
 
-def feel_presses(
+def as_measured(
     tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None
 ) -> Iterator[Press]:
-    """Every press with what should be felt of a ball of `radius` m; with the calibration of its own, if there are any.
+    """Every press with what should be measured of a ball of `radius` m; each with its own sensor calibration, if given.
 
     Raises InputError if that is no radius of a ball, or smaller than a labelled circle.
     """
@@ -66,18 +74,18 @@ def feel_presses(
         if calibrations is not None:
             tdn.calibration = calibrations[name]
         difference = tdn.difference(image, presses.background)
-        felt = tdn.predict(image, presses.background, difference)
-        region = _felt_contact(difference, felt, tdn.sensor)
+        measured = tdn.predict(image, presses.background, difference)
+        region = _measured_contact(difference, measured, tdn.sensor)
         if presses.circles is None:
-            truth = _under_felt(_felt_contact(difference, felt, tdn.sensor, 0.0), radius, tdn.sensor)
+            truth = _under_measured(_measured_contact(difference, measured, tdn.sensor, 0.0), radius, tdn.sensor)
         elif circle := presses.circles.get(name):
-            truth = _under_circle(name, circle, felt.shape[1] / image.shape[1], radius, tdn.sensor)
+            truth = _under_circle(name, circle, measured.shape[1] / image.shape[1], radius, tdn.sensor)
         else:
             truth = None
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
-        nearest = nearest_cap(felt, region, radius, tdn.sensor) if region.any() else None
-        found = ContactDetector(tdn.sensor).update(felt).in_contact and bool(region.any())
-        yield Press(name, image, difference, felt, found, ideal, truth, nearest)
+        nearest = nearest_cap(measured, region, radius, tdn.sensor) if region.any() else None
+        found = ContactDetector(tdn.sensor).update(measured).in_contact and bool(region.any())
+        yield Press(name, image, difference, measured, found, ideal, truth, nearest)
 
 
 def measure_presses(
@@ -89,7 +97,7 @@ def measure_presses(
 ) -> tuple[list[dict], dict]:
     """Figures of every press and their summary: the `presses` and `summary` of the `evaluate-presses` JSON."""
     rows = []
-    for press in feel_presses(tdn, presses, radius, calibrations):
+    for press in as_measured(tdn, presses, radius, calibrations):
         rows.append({"image": press.name, **_describe(press, radius, tdn.sensor)})
         progress(1)
     return rows, _summary(rows, presses.truth)
@@ -106,16 +114,18 @@ def visible_contact(difference: np.ndarray, sensor: SensorModel) -> np.ndarray:
     return cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8), iterations=reach) > 0
 
 
-def _felt_contact(difference: np.ndarray, felt: np.ndarray, sensor: SensorModel, above: float = TOUCHED) -> np.ndarray:
-    """Where (H, W) bool a relief goes above so many metres, in one region and where something is seen."""
-    return _largest_region((felt > above) & visible_contact(difference, sensor))
+def _measured_contact(
+    difference: np.ndarray, measured: np.ndarray, sensor: SensorModel, above: float = TOUCHED
+) -> np.ndarray:
+    """Where (H, W) bool a penetration map goes above so many metres, in one region and where something is seen."""
+    return _largest_region((measured > above) & visible_contact(difference, sensor))
 
 
 def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor: SensorModel) -> np.ndarray:
     """The ball's centre (3,) m under a circle labelled in an image with 1 / scale as many pixels a side as the map."""
     outline = circle_outline(circle, scale, sensor)
     centre = centre_under(outline, radius)
-    if misfit(outline, centre, radius) > _OUTLINE_MISFIT:
+    if outline_residual(outline, centre, radius) > _OUTLINE_RESIDUAL:
         raise InputError(
             f"{name}: a ball of {2e3 * radius:g} mm diameter leaves no contact as wide as its circle, "
             f"{2e3 * circle[2] * scale * sensor.pixel_size:.1f} mm; check --ball-diameter, --px-per-mm and the label"
@@ -123,24 +133,24 @@ def _under_circle(name: str, circle: Circle, scale: float, radius: float, sensor
     return centre
 
 
-def _under_felt(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
-    """The ball's centre (3,) m under the outline that is felt; None if that is too short to tell."""
+def _under_measured(region: np.ndarray, radius: float, sensor: SensorModel) -> np.ndarray | None:
+    """The ball's centre (3,) m under the outline that is measured; None if that is too short to tell."""
     outline = mask_outline(region, sensor)
     return centre_under(outline, radius) if len(outline) >= _FEWEST else None
 
 
 def _describe(press: Press, radius: float, sensor: SensorModel) -> dict:
     visible = visible_contact(press.difference, sensor)
-    contact = _felt_contact(press.difference, press.felt, sensor)
-    total = float(press.felt.sum())
-    felt_radius, bulges = _felt_ball(press.felt, contact, sensor)
+    contact = _measured_contact(press.difference, press.measured, sensor)
+    total = float(press.measured.sum())
+    measured_radius, bulges = _measured_ball(press.measured, contact, sensor)
     row = {
         "found": press.found,
         "bulges": bulges,
-        "felt_peak_mm": 1e3 * float(press.felt.max()),
-        "felt_radius_mm": None if felt_radius is None else 1e3 * felt_radius,
+        "felt_peak_mm": 1e3 * float(press.measured.max()),
+        "felt_radius_mm": None if measured_radius is None else 1e3 * measured_radius,
         "roundness": _roundness(contact),
-        "outside_share": float(press.felt[~visible].sum()) / total if total else 0.0,
+        "outside_share": float(press.measured[~visible].sum()) / total if total else 0.0,
         "iou": 0.0,
         "ideal_peak_mm": None,
         "peak_ratio": None,
@@ -149,7 +159,7 @@ def _describe(press: Press, radius: float, sensor: SensorModel) -> dict:
         "centre_mm": None,
     }
     if press.nearest is not None:
-        row["iou"] = _iou(press.felt, ball_penetration(press.nearest, radius, sensor))
+        row["iou"] = _iou(press.measured, ball_penetration(press.nearest, radius, sensor))
     if press.ideal is not None:
         row |= _against_ideal(press)
     return row
@@ -159,34 +169,34 @@ def _against_ideal(press: Press) -> dict:
     inside = press.ideal > 0
     out = {
         "ideal_peak_mm": 1e3 * float(press.ideal.max()),
-        "peak_ratio": float(press.felt.max() / press.ideal.max()),
-        "rmse_in_circle_mm": 1e3 * float(np.sqrt(np.mean((press.felt - press.ideal)[inside] ** 2))),
-        "iou_ideal": _iou(press.felt, press.ideal),
+        "peak_ratio": float(press.measured.max() / press.ideal.max()),
+        "rmse_in_circle_mm": 1e3 * float(np.sqrt(np.mean((press.measured - press.ideal)[inside] ** 2))),
+        "iou_ideal": _iou(press.measured, press.ideal),
     }
     if press.nearest is not None:
         out["centre_mm"] = 1e3 * float(np.linalg.norm((press.nearest - press.truth)[:2]))
     return out
 
 
-def _felt_ball(felt: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tuple[float | None, bool]:
+def _measured_ball(measured: np.ndarray, contact: np.ndarray, sensor: SensorModel) -> tuple[float | None, bool]:
     """Radius [m] of the sphere nearest to the core of a contact, None if it is none; whether the core bulges."""
-    inside = np.where(contact, felt, 0)
+    inside = np.where(contact, measured, 0)
     core = _largest_region(inside > _CORE * inside.max()) if contact.any() else contact
     if core.sum() < _FEWEST:
         return None, False
-    points = cloud_from_penetration(felt, core, sensor).astype(float)
+    points = cloud_from_penetration(measured, core, sensor).astype(float)
     bulges = bool(principal_curvatures(points)[0] > 0)
     return (fit_sphere(points).radius if bulges else None), bulges
 
 
-def _iou(felt: np.ndarray, cap: np.ndarray) -> float:
+def _iou(measured: np.ndarray, cap: np.ndarray) -> float:
     """Intersection over union of two contacts (H, W) m."""
-    claimed, there = felt >= TOUCHED, cap >= TOUCHED
+    claimed, there = measured >= TOUCHED, cap >= TOUCHED
     return float((claimed & there).sum() / max((claimed | there).sum(), 1))
 
 
 def _summary(rows: list[dict], truth: str) -> dict:
-    """Shares over all presses, medians over those that have the figure, correlation over those with a true depth."""
+    """Fractions over all presses, medians over those that have the figure, correlation over those with a true depth."""
 
     def median(key: str) -> float:
         values = [row[key] for row in rows if row[key] is not None]
@@ -217,7 +227,7 @@ def _summary(rows: list[dict], truth: str) -> dict:
 
 
 def _correlation(pairs: list[tuple[float, float]]) -> float:
-    """Pearson's correlation of pressed and felt peak; nan where fewer than three or one side never changes."""
+    """Pearson's correlation of pressed and measured peak; nan where fewer than three or one side never changes."""
     if len(pairs) < 3 or (np.ptp(pairs, axis=0) == 0).any():
         return float("nan")
     return float(np.corrcoef(np.transpose(pairs))[0, 1])

@@ -5,25 +5,146 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
-from midastouch_bringup.drawing.figures import ESTIMATE_COLOUR, MODE_COLOUR, PARTICLE_COLOUR, save
+from midastouch_bringup.drawing.figures import (
+    ESTIMATE_COLOUR,
+    MODE_COLOUR,
+    PARTICLE_COLOUR,
+    save,
+    style_error_axes,
+)
 from midastouch_bringup.drawing.page import Page
 
-from ..statistics.accuracy_tables import (
-    coverage_table,
-    object_table,
-    paper_text,
-    peer_table,
-    peers_of,
-    recovery_text,
-    trust_table,
-)
-from ..statistics.comparison import comparison_table, front_text, rows_by_init
-from ..statistics.coverage import observed_shares
-from ..trials.variants import DEFAULT
-from .front import front_figure
+from ..statistics.comparison import pareto_front, rows_by_init
+from ..statistics.coverage import observed_fractions
+from ..tables.results import of_start, of_variants
+from ..tables.table import on_page
+from ..trials.variants import BASELINE, BUDGET, COUNT, DEFAULT, GATE, INPUT, MECHANISM, PAPER, PRESET
 from .trial_figures import final_error_figure
+
+_SIZE = 8  # pt
+_WIDTH, _HEIGHT = 0.58 * _SIZE, 1.25 * _SIZE  # pt, of a character
+_POINT = 5.0  # pt, half of what a marker takes
+_NEXT = 9.0  # pt, of a label beside its point
+_DISTANCES, _ANGLES = np.arange(_NEXT, 160, 8), np.radians(np.arange(0, 360, 15))
+
+
+def label_points(axes: Axes, points: list[tuple[float, float]], labels: list[str]) -> None:
+    """Write labels at points in data coordinates, the first ones nearest: each where there is room, rather away from
+    the crowd, and joined by a line where it is not next to its point. The figure must have been laid out."""
+    scale = 72 / axes.figure.dpi
+    where = scale * axes.transData.transform(np.array(points, float))
+    frame = scale * axes.bbox.extents
+    crowd = np.median(where, axis=0)
+    taken = [(*(point - _POINT), *(point + _POINT)) for point in where]
+    for point, place, label in zip(points, where, labels, strict=True):
+        box, offset, distance = _free_box(place, place - crowd, len(label) * _WIDTH, frame, taken)
+        taken.append(box)
+        line = {"arrowstyle": "-", "color": "#9aa1ab", "lw": 0.6, "shrinkA": 0, "shrinkB": 2}
+        axes.annotate(
+            label,
+            point,
+            offset,
+            textcoords="offset points",
+            fontsize=_SIZE,
+            va="bottom",
+            arrowprops=line if distance > _NEXT else None,
+        )
+
+
+def _free_box(
+    point: np.ndarray, outwards: np.ndarray, width: float, frame: np.ndarray, taken: list[tuple]
+) -> tuple[tuple, np.ndarray, float]:
+    """A box (left, bottom, right, top) that is free, its corner's offset and its distance from the point; where none is
+    free, the likeliest one within the frame."""
+    distance, angle = (grid.ravel() for grid in np.meshgrid(_DISTANCES, _ANGLES))
+    away = np.cos(angle - np.arctan2(outwards[1], outwards[0]))
+    boxes = []
+    for k in np.argsort(distance * (2 - away), kind="stable"):
+        x, y = distance[k] * np.cos(angle[k]), distance[k] * np.sin(angle[k])
+        # the side of the box that faces the point lies at the distance
+        offset = np.array([x if x > -1e-9 else x - width, y - _HEIGHT / 2])
+        left, bottom = point + offset
+        box = left, bottom, left + width, bottom + _HEIGHT
+        if left > frame[0] and bottom > frame[1] and box[2] < frame[2] and box[3] < frame[3]:
+            boxes.append((box, offset, distance[k]))
+            if not any(_overlap(box, other) for other in taken):
+                return boxes[-1]
+    return boxes[0] if boxes else ((*point, *point), np.zeros(2), 0.0)
+
+
+def _overlap(a: tuple, b: tuple) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+_GROUPS = {
+    DEFAULT: ("default, as shipped", "#cc1a73", "*"),
+    PRESET: ("a preset", "#cc1a73", "d"),
+    PAPER: ("the paper's filter", "black", "s"),
+    BASELINE: ("another method", "#555555", "P"),
+    COUNT: ("fewer particles", "#1f77b4", "o"),
+    INPUT: ("fewer codebook poses, shorter codes", "#2a8f4e", "D"),
+    BUDGET: ("fewer or more modes aligned", "#17a2b8", "X"),
+    MECHANISM: ("a mechanism off", "#e08214", "v"),
+    GATE: ("a gate off", "#7a4fb5", "^"),
+}
+_MARKED = {DEFAULT: 13, PRESET: 10}  # size of the marker
+_ERRORS = {"e_trans_mm": "particles [mm]", "symmetric_e_trans_mm": "particles, modulo symmetry [mm]"}
+
+
+def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
+    """Mean final error over the filter's CPU milliseconds per frame: a column per init, a row per error; the one modulo
+    symmetry only where it differs. `comparison` as of `compare_variants`, `variants` their descriptions by name."""
+    columns = rows_by_init(comparison)
+    errors = [key for key in _ERRORS if key == "e_trans_mm" or any(row[key] != row["e_trans_mm"] for row in comparison)]
+    figure = Figure(figsize=(7 * len(columns), 5.2 * len(errors)), layout="constrained")
+    grid = figure.subplots(len(errors), len(columns), squeeze=False)
+    for axes_of_error, error in zip(grid, errors, strict=True):
+        for axes, (init, rows) in zip(axes_of_error, columns.items(), strict=True):
+            _draw(axes, rows, error, variants)
+            axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
+    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
+    figure.draw_without_rendering()  # where things lie is known only then
+    for axes_of_error, error in zip(grid, errors, strict=True):
+        for axes, rows in zip(axes_of_error, columns.values(), strict=True):
+            label_points(axes, [(row["cpu_ms_filter"], row[error]) for row in rows], [row["variant"] for row in rows])
+    return figure
+
+
+def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -> None:
+    front = pareto_front(rows, error)
+    corners = [(row["cpu_ms_filter"], row[error]) for row in front]
+    axes.plot(*zip(*corners, strict=True), color="#9aa1ab", lw=1.2, zorder=1, label="Pareto front")
+    for group, (label, colour, marker) in _GROUPS.items():
+        own = [row for row in rows if variants[row["variant"]]["group"] == group]
+        if own:
+            place = [row["cpu_ms_filter"] for row in own], [row[error] for row in own]
+            axes.plot(
+                *place,
+                marker,
+                color=colour,
+                ms=_MARKED.get(group, 6),
+                label=label,
+                zorder=2 + (group in _MARKED),
+            )
+    style_error_axes(axes, f"mean final error of the {_ERRORS[error]}", "filter, CPU ms per frame")
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.margins(x=0.1, y=0.1)
+
+
+def _handles(all_axes: np.ndarray) -> tuple[list, list[str]]:
+    handles: dict[str, object] = {}
+    for axes in all_axes:
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    return list(handles.values()), list(handles)
+
 
 _KIND_STYLES = {
     "one_mode": {"color": MODE_COLOUR},
@@ -51,20 +172,11 @@ def accuracy_section(page: Page, contents: list[dict], folder: Path) -> None:
 
 
 def _one_init(page: Page, content: dict, init: str, summary: dict, stem: Path) -> None:
-    page.heading(f"Start: {init}")
-    page.table(*object_table(summary, content["objects"]))
-    if init == "paper":
-        page.note(paper_text(summary))
+    for title, table in of_start(content, init):
+        page.heading(title)
+        on_page(page, table)
     trials = [t for t in content["trials"] if t["variant"] == DEFAULT and t["init"] == init]
     page.picture(save(final_error_figure(trials), stem.with_name(f"{stem.name}_errors.png")), "Final errors")
-    if summary["recovery"]:
-        page.note(recovery_text(summary["recovery"]))
-    if "trust" in summary:  # results of before 2026-11-22 have no intervals
-        page.table(*trust_table(summary["trust"]))
-    if len(peers := peers_of(content["summary"], init)) > 1:
-        page.note("Methods on the same slides:")
-        page.table(*peer_table(peers))
-    page.table(*coverage_table(summary["coverage"]))
     curves = {
         (kind.replace("_", " ") + f" ({one['frames']} frames)"): (one["observed"], _KIND_STYLES[kind])
         for kind, one in summary["coverage"].items()
@@ -82,10 +194,9 @@ def _variants(page: Page, content: dict, path: Path) -> None:
     page.heading("Run time against error")
     caption = "Error against the filter's CPU time per frame; the line joins what no other variant beats in both"
     page.picture(save(front_figure(comparison, content["variants"]), path), caption)
-    for init, rows in rows_by_init(comparison).items():
-        page.heading(f"Variants, start: {init}")
-        page.note(f"All on the same {rows[0]['trials']} trials; {front_text(rows)}.")
-        page.table(*comparison_table(rows, content["variants"]))
+    for title, table in of_variants(content):
+        page.heading(title)
+        on_page(page, table)
 
 
 def _likelihood(page: Page, content: dict, path: Path) -> None:
@@ -93,17 +204,17 @@ def _likelihood(page: Page, content: dict, path: Path) -> None:
     counts = {one["object"]: one["likelihood_levels"] for one in content["objects"] if one["likelihood_levels"]}
     if not counts:
         return
-    curves = {name: (observed_shares(one), {"lw": 1, "alpha": 0.7}) for name, one in counts.items()}
+    curves = {name: (observed_fractions(one), {"lw": 1, "alpha": 0.7}) for name, one in counts.items()}
     total = np.sum(list(counts.values()), axis=0)
-    curves[f"all ({total.sum()} touches)"] = observed_shares(total), {"color": "black", "lw": 2.2}
+    curves[f"all ({total.sum()} touches)"] = observed_fractions(total), {"color": "black", "lw": 2.2}
     page.heading("Calibration of the likelihood")
     figure = reliability_figure(content["levels"], curves, "mass of the codebook's likeliest poses given one touch")
     page.picture(save(figure, path), "How often the true pose is among them")
 
 
 def reliability_figure(levels: list[float], curves: dict[str, tuple], label: str) -> Figure:
-    """Observed share (L,) over predicted share `levels` (L,) of each curve, (shares, line style) by its name; the
-    diagonal is perfect calibration."""
+    """Observed fraction (L,) over predicted fraction `levels` (L,) of each curve, (fractions, line style) by its name;
+    the diagonal is perfect calibration."""
     figure = Figure(figsize=(7, 5), layout="constrained")
     axes = figure.subplots()
     axes.plot([0, 1], [0, 1], color="#c8ccd2", lw=1, zorder=0)

@@ -5,83 +5,92 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from midastouch_bringup.datasets.ball_presses import load_ball_presses
-from midastouch_bringup.drawing.figures import save
+from midastouch_bringup.drawing.figures import PENETRATION_COLOURS, save
 from midastouch_bringup.drawing.page import Page
-from midastouch_bringup.text_table import number
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
-from ..perception.held_out_calibrations import calibrations_of
-from ..perception.press_quality import Press, feel_presses
-from ..perception.press_truth import with_truth
-from ..perception.usable_presses import usable_presses
-from .press_figure import depth_figure, press_figure
+from ..perception.press_quality import Press, as_measured
+from ..perception.press_truth import calibrations_of, usable_presses, with_truth
+from ..tables.perception import presses_table
+from ..tables.table import on_page
+
+_ACROSS = 2  # presses side by side
+_TITLES = ("image", "difference", "measured", "ideal")
+
+
+def press_figure(presses: list[Press]) -> Figure:
+    """Four pictures a press, two presses a row; one colour scale of penetration for all."""
+    rows = -(-len(presses) // _ACROSS)
+    figure = Figure(figsize=(12, 2.1 * rows + 0.4), layout="constrained")
+    axes = figure.subplots(rows, 4 * _ACROSS, squeeze=False)
+    for one in axes.ravel():
+        one.set_axis_off()
+    deepest = max(1e-4, *(float(map_.max()) for p in presses for map_ in (p.measured, p.ideal) if map_ is not None))
+    for k, press in enumerate(presses):
+        four = axes[k // _ACROSS, 4 * (k % _ACROSS) :][:4]
+        four[0].imshow(press.image)
+        four[1].imshow(np.clip(128 + press.difference, 0, 255).astype(np.uint8))
+        for cell, penetration in zip(four[2:], (press.measured, press.ideal), strict=True):
+            if penetration is not None:
+                shown = cell.imshow(1e3 * penetration, cmap=PENETRATION_COLOURS, vmin=0, vmax=1e3 * deepest)
+        for cell, title in zip(four, (press.name, *_TITLES[1:]), strict=True):
+            cell.set_title(title, fontsize=8, loc="left")
+    bar = figure.colorbar(shown, ax=axes, location="right", fraction=0.012, pad=0.01)
+    bar.set_label("penetration [mm]", fontsize=9)
+    return figure
+
+
+def depth_figure(content: dict) -> Figure:
+    """Measured over pressed depth, and the radius measured, of every press of an `evaluate-presses` result, with the
+    truth."""
+    known = [row for row in content["presses"] if row["ideal_peak_mm"] is not None]
+    figure = Figure(figsize=(10, 3), layout="constrained")
+    depth, radius = figure.subplots(1, 2)
+    pressed = [row["ideal_peak_mm"] for row in known]
+    depth.plot(pressed, [row["felt_peak_mm"] for row in known], "o", ms=4, color="#1f77b4")
+    depth.plot([0, max(pressed, default=1)], [0, max(pressed, default=1)], color="#2ca02c", lw=1)
+    depth.set_ylabel("deepest measured [mm]", fontsize=9)
+    round_ones = [row for row in known if row["felt_radius_mm"] is not None]
+    measured = [row["felt_radius_mm"] for row in round_ones]
+    radius.plot([row["ideal_peak_mm"] for row in round_ones], measured, "o", ms=4, color="#1f77b4")
+    radius.axhline(500 * content["ball_diameter"], color="#2ca02c", lw=1)
+    radius.set_ylabel("radius measured [mm]", fontsize=9)
+    for axes in (depth, radius):
+        axes.set_xlabel("pressed [mm]", fontsize=9)
+        axes.set_ylim(0, None)
+        axes.grid(color="#eceef1", lw=0.7)
+    return figure
+
 
 _SHOWN = 12
-_HEADER = [
-    "folder",
-    "network",
-    "calibration",
-    "ball mm",
-    "truth",
-    "presses",
-    "found",
-    "bulging",
-    "RMSE in circle mm",
-    "peak ratio",
-]
-_HEADER += ["depth correlation", "radius felt mm", "IoU nearest", "IoU ideal", "centre mm", "roundness", "felt outside"]
 
 
 def press_section(page: Page, contents: list[dict], folder: Path) -> None:
-    """Table, felt over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
+    """Table, measured over pressed depth, and pictures of `_SHOWN` presses of each `evaluate-presses` result."""
     page.heading("Real presses of a ball")
     page.note(
         "The ideal contact is the cap of a ball of the true size under the contact's outline: the labelled circle, or "
-        "where nobody labelled the one that the images tell. Where they tell none it is the felt outline, which "
+        "where nobody labelled the one that the images tell. Where they tell none it is the measured outline, which "
         "flatters the network: do not judge depth by it. A good network has peak ratio and correlation near 1, and "
-        "feels the true radius."
+        "measures the true radius."
     )
-    page.table(_HEADER, [_row(content) for content in contents])
+    on_page(page, presses_table(contents))
     for i, content in enumerate(contents):
-        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Felt over the presses")
+        page.picture(save(depth_figure(content), folder / f"press_depths_{i}.png"), "Measured over pressed depth")
         try:
-            shown = _felt_again(content)
+            shown = _measured_again(content)
         except InputError as error:
             page.note(f"no pictures of the presses: {error}")
             continue
         page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
 
 
-def _row(content: dict) -> list[object]:
-    s = content["summary"]
-    return [
-        Path(content["folder"]).name,
-        content["network"],
-        _calibration(content),
-        number(1e3 * content["ball_diameter"], 1),
-        s.get("truth", "labels" if s["labelled"] else "felt outline"),
-        s["presses"],
-        number(s["found_share"], 2),
-        number(s["bulges_share"], 2),
-        number(s["rmse_in_circle_mm"], 2),
-        number(s["peak_ratio"], 2),
-        number(s["depth_correlation"], 2),
-        number(s["felt_radius_mm"], 1),
-        *(number(s[k], 2) for k in ("iou", "iou_ideal", "centre_mm", "roundness", "outside_share")),
-    ]
-
-
-def _calibration(content: dict) -> str:
-    if content.get("calibration"):
-        return Path(content["calibration"]).name
-    return f"from {content['calibrated_with']} other presses" if content.get("calibrated_with") else "none"
-
-
-def _felt_again(content: dict) -> list[Press]:
+def _measured_again(content: dict) -> list[Press]:
     """Some presses with the network of the result; InputError if that or the images are not there any more."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:
@@ -94,4 +103,4 @@ def _felt_again(content: dict) -> list[Press]:
     some = np.unique(np.linspace(0, len(names) - 1, _SHOWN).round().astype(int))
     calibrations = calibrations_of(content, presses, sensor)
     shown = with_truth(presses, content["ball_diameter"], sensor).presses.only([names[k] for k in some])
-    return list(feel_presses(tdn, shown, content["ball_diameter"] / 2, calibrations))
+    return list(as_measured(tdn, shown, content["ball_diameter"] / 2, calibrations))

@@ -8,23 +8,26 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from PIL import Image
 
-from midastouch_bringup.drawing.figures import save
+from midastouch_bringup.drawing.figures import MODE_COLOUR, save, style_error_axes
 from midastouch_bringup.drawing.object_view import ObjectView
 from midastouch_bringup.drawing.page import Page
-from midastouch_bringup.text_table import number
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path
 from midastouch_common.mesh import ObjectMesh
 
-from ..statistics.real_table import real_table
+from ..speed.scaling import USUAL
+from ..tables.accuracy import objects, real_row
+from ..tables.checks import check_tables
+from ..tables.perception import depth_table
+from ..tables.results import of_identification
+from ..tables.speed import rates, scaling_table, stages
+from ..tables.table import on_page
 from .accuracy import accuracy_section
-from .checks import check_section
-from .identification import identification_section
 from .presses import press_section
-from .scaling import scaling_section
 from .single_touch import single_touch_section
 from .trial_figures import final_error_figure, stage_figure, trial_error_figure
 
@@ -42,8 +45,8 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
     folder.mkdir(parents=True, exist_ok=True)
     page = Page("MidasTouch results")
     for section in (
-        _evaluate, accuracy_section, identification_section, _depth, press_section, check_section, single_touch_section,
-        _speed, scaling_section,
+        _evaluate, accuracy_section, _identification, _depth, press_section, _checks, single_touch_section,
+        _speed, _scaling,
     ):  # fmt: skip
         if section in by_kind:
             try:
@@ -68,12 +71,12 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
 def _section(name: str, content: dict) -> Callable:
     for key, section in (
         ("comparison", accuracy_section),
-        ("identification", identification_section),
+        ("identification", _identification),
         ("tdn_ms", _speed),
-        ("scaling", scaling_section),
+        ("scaling", _scaling),
         ("sequences", _evaluate if "trials" in content else _depth),
         ("presses", press_section),
-        ("fit_check", check_section),
+        ("fit_check", _checks),
         ("queries", single_touch_section),
     ):
         if key in content:
@@ -92,9 +95,7 @@ def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
             f"init {config['init']}, beta {config['beta']:g}, {config['seeds']} seeds, "
             f"stride {config['stride']}; networks {config['networks']['tdn']}, {config['networks']['tcn']}"
         )
-        page.table(*_trial_table(content["summary"]))
-        if "paper_real" in content:
-            page.table(*real_table(content["summary"]))
+        on_page(page, objects(content["summary"], beside=real_row(content)))
     trials = [trial for content in contents for trial in content["trials"]]
     page.picture(save(final_error_figure(trials), folder / "final_errors.png"), "Final errors over all trials")
     for number_of_file, content in enumerate(contents):
@@ -105,33 +106,6 @@ def _evaluate(page: Page, contents: list[dict], folder: Path) -> None:
             figure = trial_error_figure(f"{sequence['sequence']}, {len(own)} trials", own)
             page.picture(save(figure, folder / f"{stem}_errors.png"), "Errors over the frames")
             _paths(page, sequence, own, folder / f"{stem}_paths.png")
-
-
-def _trial_table(summary: dict) -> tuple[list[str], list[list[object]]]:
-    header = ["object", "trials", "initial mm", "deg", "particles mm (mean)", "deg"]
-    header += [
-        "closest mode mm (median)",
-        "deg",
-        "pose mm (median)",
-        "deg",
-        "converged",
-        "Hz",
-        "TDN ms",
-        "TCN ms",
-    ]
-    header += ["filter ms"]
-    rows = []
-    for name, one in [*summary["objects"].items(), ("all", summary)]:
-        row = [name, one["trials"], number(one["initial"]["e_trans_mm"]), number(one["initial"]["e_rot_deg"])]
-        for prefix, statistic in (("e", "mean"), ("min_cluster", "median"), ("estimate", "median")):
-            row += [number(one[f"{prefix}_{unit}"].get(statistic)) for unit in ("trans_mm", "rot_deg")]
-        row += [
-            one["converged"],
-            number(one["hz_mean"]),
-            *(number(one["ms"][s], 2) for s in ("tdn", "tcn", "filter")),
-        ]
-        rows.append(row)
-    return header, rows
 
 
 def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
@@ -154,22 +128,68 @@ def _paths(page: Page, sequence: dict, trials: list[dict], path: Path) -> None:
 
 def _depth(page: Page, contents: list[dict], folder: Path) -> None:
     page.heading("Depth network")
-    keys = ("rmse_mm", "contact_rmse_mm", "contact_iou", "ms_per_frame")
     for content in contents:
-        rows = [[s["sequence"], s["frames"], *(number(s[k], 3) for k in keys)] for s in content["sequences"]]
-        rows.append(["all", "", *(number(content["summary"][k], 3) for k in keys)])
-        page.table(["sequence", "frames", "RMSE mm", "in contact mm", "contact IoU", "ms per frame"], rows)
+        on_page(page, depth_table(content))
 
 
 def _speed(page: Page, contents: list[dict], folder: Path) -> None:
     page.heading("Speed")
     for i, content in enumerate(contents):
-        page.note(
-            f"{content['threads']} cores, codebook of {content['codebook_size']} poses: "
-            f"{number(content['end_to_end_hz'])} Hz with 50,000 particles, "
-            f"{number(content.get('converged_hz'))} Hz once converged; "
-            f"{number(content['renders_per_s'], 0)} renders/s, "
-            f"{number(content['codebook_poses_per_s'], 0)} codebook poses/s, "
-            f"{number(content['peak_rss_mb'], 0)} MiB"
-        )
+        page.note(f"{content['threads']} cores, codebook of {content['codebook_size']} poses")
+        on_page(page, rates(content))
+        on_page(page, stages(content))
         page.picture(save(stage_figure(content), folder / f"stages_{i}.png"), "Milliseconds per call")
+
+
+def _checks(page: Page, contents: list[dict], folder: Path) -> None:
+    page.heading("Checks on tactile images")
+    for content in contents:
+        page.note(
+            f"network {content['network']}, sensor {content['sensor']}: {content['sensors']} imaginary sensors over "
+            f"{content['no_contact_images']} real no-contact images; areas under the ROC curve are against the sensors "
+            "that are right"
+        )
+        for table in check_tables(content):
+            on_page(page, table)
+
+
+def _identification(page: Page, contents: list[dict], folder: Path) -> None:
+    page.heading("Which object")
+    for content in contents:
+        page.note(f"catalogue: {', '.join(content['catalogue'])}")
+        for _, table in of_identification(content):
+            on_page(page, table)
+        wrong = content["identification"]["answers"]
+        page.note("; ".join(f"{answer}: {times}" for answer, times in wrong.items()) or "every answer is right")
+
+
+# what varies, what stays, label
+_COLUMNS = ("particles", "poses", "particles"), ("poses", "particles", "codebook poses")
+
+
+def _scaling(page: Page, contents: list[dict], folder: Path) -> None:
+    for k, content in enumerate(contents):
+        page.heading(f"Time and memory of the filter, on {content['object']}")
+        page.note(f"{content['frames']} frames, {content['threads']} cores; the number of particles is kept")
+        on_page(page, scaling_table(content["scaling"]))
+        caption = f"The other number is {USUAL:,}. CPU time counts all threads"
+        page.picture(save(scaling_figure(content["scaling"]), folder / f"scaling_{k}.png"), caption)
+
+
+def scaling_figure(points: list[dict]) -> Figure:
+    """CPU time of a step and memory, each over particles and over poses, all logarithmic."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    columns = figure.subplots(2, 2, sharex="col", sharey="row").T
+    for (of_time, of_memory), (varied, kept, label) in zip(columns, _COLUMNS, strict=True):
+        shown = sorted((point for point in points if point[kept] == USUAL), key=lambda point: point[varied])
+        numbers = [point[varied] for point in shown]
+        for axes, values in (
+            (of_time, [point["step_ms"]["cpu"] for point in shown]),
+            (of_memory, [point["memory_mb"] for point in shown]),
+        ):
+            axes.loglog(numbers, values, "o-", color=MODE_COLOUR, ms=5, lw=1.4)
+            style_error_axes(axes, "", "")
+        of_memory.set_xlabel(label, fontsize=9)
+    for axes, label in zip(columns[0], ("CPU ms a step", "memory MiB"), strict=True):
+        axes.set_ylabel(label, fontsize=9)
+    return figure

@@ -36,7 +36,7 @@ TRANSFORMS_HZ, IMAGES_HZ = 500, 30
 _ARM = ["base_link", *(f"arm_{i}" for i in range(1, 8)), "digit_gel_frame"]
 _HAND = ["arm_7", *(f"hand_{i}" for i in range(1, 13))]
 _SETTLED = 10  # images, until all are connected
-_PATIENCE_S = 60.0
+_TIMEOUT_S = 60.0
 
 
 def pose_age(step: Callable[[], object], images: int = 150) -> dict:
@@ -46,7 +46,7 @@ def pose_age(step: Callable[[], object], images: int = 150) -> dict:
     Raises InputError if nothing comes.
     """
     domain = own_domain()
-    seconds = (images + _SETTLED) / IMAGES_HZ + _PATIENCE_S
+    seconds = (images + _SETTLED) / IMAGES_HZ + _TIMEOUT_S
     robot = subprocess.Popen([sys.executable, "-m", __name__, str(seconds)], env=local_environment(domain))
     try:
         with local_context(domain) as context:
@@ -82,7 +82,7 @@ def _listen(context: rclpy.Context, step: Callable[[], object], images: int) -> 
     source = TransformSource(node, (_ARM[0], _ARM[-1]), answer, on_jump=lambda _: None, on_bad=lambda _: None)
     node.create_subscription(Header, "images", on_image, qos.stream_subscriber(100, reliable=True))
     try:
-        deadline = time.monotonic() + images / IMAGES_HZ + _PATIENCE_S
+        deadline = time.monotonic() + images / IMAGES_HZ + _TIMEOUT_S
         while len(ages) < images:
             if time.monotonic() > deadline:
                 raise InputError(f"{len(ages)} of {images} images found their transform: does DDS work?")

@@ -18,7 +18,7 @@ from midastouch_perception.rendering.contact_poses import ContactSampling, sampl
 from midastouch_perception.tcn import TactileCodeNet
 
 from ..trials.setup import Networks
-from .matches import SingleTouchErrors, best_matches, single_touch_errors
+from .matches import SingleTouchErrors, best_matches, mean_summary, single_touch_errors
 from .simulated_touch import Encoder, Lighting, TouchSimulator
 
 OURS = "tcn"
@@ -67,8 +67,8 @@ def measure_object(
     ours = {OURS: lambda percepts: networks.tcn.encode(percepts.penetration)}
     others, missing = other_encoders(networks, plan)
     split = plan.baseline_queries if others else 0
-    compared, felt = _encode(simulator, poses[:split], ours | others, rng, progress)
-    rest, felt_rest = _encode(simulator, poses[split:], ours, rng, progress)
+    compared, in_contact = _encode(simulator, poses[:split], ours | others, rng, progress)
+    rest, in_contact_rest = _encode(simulator, poses[split:], ours, rng, progress)
     codes = np.concatenate([part[OURS] for part in (compared, rest) if OURS in part])
     errors = single_touch_errors(codebook.poses, poses, best_matches(codebook.codes, codes), rng)
     baselines: dict = dict.fromkeys(BASELINES) | {"missing": missing}
@@ -79,7 +79,7 @@ def measure_object(
     return {
         "object": mesh.name,
         "queries": plan.queries,
-        "missed": int(plan.queries - felt.sum() - felt_rest.sum()),
+        "missed": int(plan.queries - in_contact.sum() - in_contact_rest.sum()),
         "summary": errors.summary(),
         "baselines": baselines,
         "errors": _quantiles(errors),
@@ -146,3 +146,23 @@ def error_by_place(poses: np.ndarray, errors: np.ndarray) -> list[list[float]]:
     mean = [np.bincount(cell, value) / touches for value in (*(1e3 * place.T), errors)]
     columns = [*(np.round(m, 1) for m in mean[:3]), *keys[:, 3:].astype(int).T, np.round(mean[3], 3), touches]
     return [list(row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+
+
+def summarise_objects(objects: list[dict]) -> dict:
+    """`object`, `queries`, `summary` and `baselines` as for one object, means over all of them; and `objects`."""
+    name = objects[0]["object"] if len(objects) == 1 else f"mean of {len(objects)} objects"
+    baselines = {key: _mean(one["baselines"].get(key) for one in objects) for key in (OURS, *BASELINES)}
+    return {
+        "object": name,
+        "queries": objects[0]["queries"],
+        "missed": sum(one["missed"] for one in objects),
+        "summary": mean_summary([one["summary"] for one in objects]),
+        "baselines": baselines | {"missing": objects[0]["baselines"]["missing"]},
+        "cell_columns": CELL_COLUMNS,
+        "objects": objects,
+    }
+
+
+def _mean(values) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None

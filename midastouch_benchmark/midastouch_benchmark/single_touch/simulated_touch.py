@@ -28,7 +28,7 @@ from ..trials.setup import Networks
 
 _TOUCHES_PER_SENSOR = 20
 _PIXEL_NOISE = 1.0  # grey levels: the camera's 2 of TACTO, averaged over four pixels
-_FEWEST_FELT = 0.05
+_LEAST_IN_CONTACT = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,12 +60,12 @@ class Percepts:
     """What the first stage makes of N touches.
 
     Attributes: difference (N, 160, 120, 3) float32 grey levels, image minus background; penetration (N, 160, 120)
-    float32 m, 0 where nothing is touched; felt (N,) bool, whether it passes for a contact.
+    float32 m, 0 where nothing is touched; in_contact (N,) bool, whether it passes for a contact.
     """
 
     difference: np.ndarray
     penetration: np.ndarray
-    felt: np.ndarray
+    in_contact: np.ndarray
 
 
 Encoder = Callable[[Percepts], np.ndarray]
@@ -91,8 +91,8 @@ class TouchSimulator:
             seen = self._see(difference, images)
             # each touch is a sensor's first: nothing of an earlier one may help to feel it
             contacts = [ContactDetector(self._sensor).update(one) for one in seen]
-            felt = np.array([contact.in_contact for contact in contacts])
-            yield Percepts(difference, np.stack([contact.penetration for contact in contacts]), felt)
+            in_contact = np.array([contact.in_contact for contact in contacts])
+            yield Percepts(difference, np.stack([contact.penetration for contact in contacts]), in_contact)
 
     def _images(
         self, penetration: np.ndarray, normals: np.ndarray, rng: np.random.Generator
@@ -122,25 +122,26 @@ class TouchSimulator:
         rng: np.random.Generator,
         progress: Callable[[int], object] = lambda touches: None,
     ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Codes (N, D) by encoder of the touches at `poses` (N, 4, 4), and which (N,) were felt.
+        """Codes (N, D) by encoder of the touches at `poses` (N, 4, 4), and which (N,) pass for a contact.
 
-        A touch that is not felt has a random code, as in the paper (appendix C). Raises InputError if next to none is
-        felt.
+        A touch that does not gets a random code, as in the paper (appendix C). Raises InputError if next to none
+        does.
         """
         codes: dict[str, list[np.ndarray]] = {name: [] for name in encoders}
-        felt = []
+        in_contact = []
         for percepts in self.percepts(poses, rng):
-            felt.append(percepts.felt)
+            in_contact.append(percepts.in_contact)
             for name, encoder in encoders.items():
                 encoded = encoder(percepts)
-                missed = np.flatnonzero(~percepts.felt)
+                missed = np.flatnonzero(~percepts.in_contact)
                 random = rng.standard_normal((len(missed), encoded.shape[1]))
                 encoded[missed] = random / np.linalg.norm(random, axis=1, keepdims=True)
                 codes[name].append(encoded)
-            progress(len(percepts.felt))
-        felt = np.concatenate(felt)
-        if felt.mean() < _FEWEST_FELT:
+            progress(len(percepts.in_contact))
+        in_contact = np.concatenate(in_contact)
+        if in_contact.mean() < _LEAST_IN_CONTACT:
             raise InputError(
-                f"{self.mesh.name}: {len(felt)} touches, {felt.sum()} of them felt; does the mesh fit the sensor?"
+                f"{self.mesh.name}: {in_contact.sum()} of {len(in_contact)} touches pass for a contact; "
+                "does the mesh fit the sensor?"
             )
-        return {name: np.concatenate(parts) for name, parts in codes.items()}, felt
+        return {name: np.concatenate(parts) for name, parts in codes.items()}, in_contact

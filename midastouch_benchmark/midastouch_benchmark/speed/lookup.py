@@ -1,4 +1,4 @@
-"""Speed and exactness of the codebook look-up, on the particles of a running filter."""
+"""The look-up of codebook entries, timed on a running filter; an object with poses that are exactly alike."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ import dataclasses
 
 import numpy as np
 
+from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.lookup import PoseLookup, space_filling_order
 from midastouch_filter.core.motion_model import MotionModel, Odometry
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.codebook import Codebook
 
 from .timing import Stopwatch, time_calls
 
@@ -24,7 +26,7 @@ class LookupSpeed:
     """times of one look-up; exact_share, of the particles whose entry is as near, within 1 %, as the nearest one."""
 
     times: Stopwatch
-    exact_share: float
+    exact_fraction: float
 
 
 def lookup_speed(
@@ -54,3 +56,32 @@ def lookup_speed(
     lookup.relocate(particles)
     nearest = lookup.follow(particles)
     return LookupSpeed(times, float((found <= _TOLERANCE * nearest + 1e-6).mean()))
+
+
+_APART = 0.03  # m, more than the gel is wide: a sensor on one copy does not see the next
+
+
+class AlikeCopies:
+    """So many copies of an object, the first where it is, and a codebook of as many poses as its own.
+
+    Each copy gets the first of the codebook's poses: as a codebook is spread over the surface by farthest points, they
+    cover it evenly. Attributes: mesh; codebook.
+    """
+
+    def __init__(self, mesh: ObjectMesh, codebook: Codebook, count: int):
+        extent = mesh.bounds[1] - mesh.bounds[0]
+        axis = int(np.argmin(extent))
+        self._shifts = np.arange(count)[:, None] * (extent[axis] + _APART) * np.eye(3)[axis]
+        vertices = (mesh.vertices + self._shifts[:, None]).reshape(-1, 3)
+        faces = (mesh.faces + len(mesh.vertices) * np.arange(count)[:, None, None]).reshape(-1, 3)
+        self.mesh = ObjectMesh.from_arrays(vertices, faces, f"{count} x {mesh.name}")
+        each = len(codebook.poses) // count
+        poses = np.tile(codebook.poses[:each], (count, 1, 1))
+        poses[:, :3, 3] += np.repeat(self._shifts, each, axis=0)
+        self.codebook = Codebook(poses, np.tile(codebook.codes[:each], (count, 1)), codebook.meta)
+
+    def on_every_copy(self, pose: np.ndarray) -> np.ndarray:
+        """(count, 4, 4), that on each copy which `pose` (4, 4) is on the first."""
+        poses = np.repeat(pose[None], len(self._shifts), axis=0)
+        poses[:, :3, 3] += self._shifts
+        return poses

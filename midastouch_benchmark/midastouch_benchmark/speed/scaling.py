@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from midastouch_bringup.text_table import number
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -20,8 +19,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from .memory import peak_rss_mb
-from .timing import Stopwatch
+from .timing import Stopwatch, peak_rss_mb
 
 USUAL = 50_000
 """Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""
@@ -73,17 +71,3 @@ def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> d
 def sizes(particles: Sequence[int], poses: Sequence[int]) -> Iterator[tuple[int, int]]:
     """Particles and poses of every filter: each number of the one with the usual number of the other."""
     yield from dict.fromkeys([*((count, USUAL) for count in particles), *((USUAL, size) for size in poses)])
-
-
-def scaling_table(points: list[dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows of measured points, each with its `particles` and `poses`."""
-    rows = [
-        [
-            f"{point['particles']:,}",
-            f"{point['poses']:,}",
-            *(number(point["step_ms"][key], 2) for key in ("cpu", "p50", "p95")),
-            number(point["memory_mb"], 0),
-        ]
-        for point in points
-    ]
-    return ["particles", "codebook poses", "CPU ms a step", "wall ms, p50", "p95", "memory MiB"], rows

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 import itertools
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
@@ -24,14 +26,17 @@ from midastouch_perception.rendering.contact_poses import sample_contact_poses
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.simulated_digit import SimulatedDigit
+from midastouch_perception.state_dict import random_state
+from midastouch_perception.tcn import load_tcn, minkloc3d_network
+from midastouch_perception.tcn.minkloc3d import save_minkloc3d
+from midastouch_perception.tdn import fcrn, load_tdn
+from midastouch_perception.tdn.fcrn_graph import save_fcrn
 from midastouch_perception.tdn.fit_check import FitCheck
 
+from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of
-from ..trials.touches import Touches
-from .lookup import lookup_speed
-from .paper_networks import paper_network_times
+from .lookup import AlikeCopies, lookup_speed
 from .timing import Stopwatch, time_calls
-from .twins import Twins
 
 COUNTS = (50_000, 10_000, 1_000)
 _FINE_STAGES = ("refinement", "hindsight")
@@ -77,7 +82,7 @@ class SpeedMeasurement:
 
     def filter(self) -> dict:
         """filter_ms: one step with so many particles, kept at that number, along the slide, without the fine stage;
-        fine_stage_ms: what alignment and hindsight add to a step, by the wall clock."""
+        fine_stage_ms: what alignment and fixed-lag smoothing add to a step, by the wall clock."""
         return {
             "filter_ms": {str(count): self._steps(count).summary() for count in COUNTS},
             "fine_stage_ms": {str(count): self._fine_stage(count) for count in COUNTS},
@@ -86,15 +91,15 @@ class SpeedMeasurement:
     def four_modes(self) -> dict:
         """four_modes_ms: one step while the map aligns four modes, the particle number adapted, all of the fine stage
         included: on four copies of the object, started near the true pose on each. Nothing if they do not last."""
-        twins = Twins(self._mesh, self._codebook, _MODES)
+        copies = AlikeCopies(self._mesh, self._codebook, _MODES)
         config = FilterConfig()
-        particle_filter = ParticleFilter(twins.mesh, twins.codebook, config, seed=0)
+        particle_filter = ParticleFilter(copies.mesh, copies.codebook, config, seed=0)
         spread = np.diag(np.repeat(np.square(_GATHERED), 3))
         particle_filter.initialise_hypotheses(
-            [PoseHypothesis(pose, spread, 1 / _MODES) for pose in twins.on_every_copy(self._truth[0])]
+            [PoseHypothesis(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
         )
         stopwatch, narrow = Stopwatch(), []
-        for i, touch in enumerate(self._felt):
+        for i, touch in enumerate(self._measurements):
             with stopwatch:
                 modes = particle_filter.step(self._odometry(i), touch).modes
             narrow.append(sum(is_narrow(mode, config) for mode in modes[:_MODES]))
@@ -102,14 +107,14 @@ class SpeedMeasurement:
         return {"four_modes_ms": stopwatch.where(chosen).summary()} if sum(chosen) >= _LEAST_STEPS else {}
 
     @functools.cached_property
-    def _felt(self) -> list[Measurement]:
+    def _measurements(self) -> list[Measurement]:
         """What the filter is told of each frame, where the networks are not timed."""
-        return Touches.of_images(self._images, self._background, self._networks, {}).felt
+        return Touches.of_images(self._images, self._background, self._networks, {}).measurements
 
     def _steps(self, count: int) -> Stopwatch:
         particle_filter = self._filter(count, refinement=False)
         stopwatch = Stopwatch()
-        for i, touch in enumerate(self._felt):
+        for i, touch in enumerate(self._measurements):
             with stopwatch:
                 particle_filter.step(self._odometry(i), touch)
         stopwatch.drop(2)
@@ -117,14 +122,16 @@ class SpeedMeasurement:
 
     def _fine_stage(self, count: int) -> dict[str, float]:
         particle_filter = self._filter(count)
-        stages = [particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(self._felt)]
+        stages = [
+            particle_filter.step(self._odometry(i), touch).status.ms for i, touch in enumerate(self._measurements)
+        ]
         wall = [sum(ms.get(name, 0.0) for name in _FINE_STAGES) for ms in stages[2:]]
         return {"p50": float(np.median(wall)), "p95": float(np.percentile(wall, 95))}
 
     def lookup(self) -> dict:
         """lookup_ms: nearest codebook entries of particles one frame after the last look-up, spread over the object;
         lookup_converged_ms: gathered around the true pose; lookup_exact_share: of particles given the nearest entry."""
-        touches = self._felt[:_LOOKUP_FRAMES]
+        touches = self._measurements[:_LOOKUP_FRAMES]
         gathered = self._filter(COUNTS[0])
         gathered.initialise_gaussian(self._truth[0], *_GATHERED)
         speeds = {}
@@ -136,7 +143,7 @@ class SpeedMeasurement:
         return {
             "lookup_ms": {str(COUNTS[0]): speeds["spread"].times.summary()},
             "lookup_converged_ms": {str(COUNTS[0]): speeds["converged"].times.summary()},
-            "lookup_exact_share": {name: speed.exact_share for name, speed in speeds.items()},
+            "lookup_exact_share": {name: speed.exact_fraction for name, speed in speeds.items()},
         }
 
     def end_to_end(self) -> dict:
@@ -179,7 +186,7 @@ class SpeedMeasurement:
 
     def stepper(self) -> Callable[[], None]:
         """A function that takes one step of the slide, over and over, with 50k particles."""
-        particle_filter, touches = self._filter(COUNTS[0]), self._felt
+        particle_filter, touches = self._filter(COUNTS[0]), self._measurements
         frames = itertools.cycle(range(len(touches)))
 
         def step() -> None:
@@ -207,7 +214,7 @@ class SpeedMeasurement:
         }
 
     def _simulated_images(self, model: SensorModel) -> dict[str, float]:
-        """Of the slide's touches, each seed's sensor taking its share of them."""
+        """Of the slide's touches, each seed's sensor taking its fraction of them."""
         stopwatch = Stopwatch()
         for seed, poses in enumerate(np.array_split(self._truth[: len(self._images)], _SEEDS)):
             background = no_contact_image(model, np.random.default_rng(seed))
@@ -228,3 +235,33 @@ class SpeedMeasurement:
 
     def _odometry(self, frame: int) -> np.ndarray | None:
         return None if frame == 0 else se3.inverse(self._measured[frame - 1]) @ self._measured[frame]
+
+
+_VOXEL_SIZE = 1e-3  # the official one
+
+
+def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray], sensor: SensorModel) -> dict:
+    """{"fcrn_ms", "minkloc3d_ms"}: times of one image (320, 240, 3) uint8 and one penetration map (160, 120) m.
+
+    With random weights, on which speed does not depend: official ones need not be at hand. Writes and removes 254 MB
+    of them.
+    """
+    rng = np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as folder:
+        state = random_state(fcrn.expected_shapes(), rng)
+        tdn = load_tdn(save_fcrn(state, {"network": "tdn_fcrn"}, Path(folder)), sensor)
+        state = random_state(minkloc3d_network.expected_shapes(), rng)
+        tcn = load_tcn(save_minkloc3d(state, {"network": "tcn_minkloc3d"}, Path(folder), _VOXEL_SIZE), sensor)
+    return {
+        "fcrn_ms": _each(lambda image: tdn.predict(image, image), images),
+        "minkloc3d_ms": _each(tcn.encode, penetrations),
+    }
+
+
+def _each(call: Callable[[np.ndarray], object], inputs: list[np.ndarray]) -> dict[str, float]:
+    call(inputs[0])  # what is made on first use
+    stopwatch = Stopwatch()
+    for values in inputs:
+        with stopwatch:
+            call(values)
+    return stopwatch.summary()

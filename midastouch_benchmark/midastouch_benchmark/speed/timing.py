@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import re
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -55,3 +57,8 @@ def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> St
         with stopwatch:
             call()
     return stopwatch
+
+
+def peak_rss_mb() -> float:
+    """Largest resident memory of this process so far, MiB. (`getrusage` counts what its parent had at the fork.)"""
+    return int(re.search(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[1]) / 1024

@@ -2,15 +2,71 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from scipy.stats import chi2
 
-from ..trials.grasps import grasp_summary
-from ..trials.variants import DEFAULT, PAPER, PEER, VARIANTS
-from .comparison import wrong_converged
-from .coverage import KINDS, LEVELS, observed_shares
-from .summary import summarise_trials
-from .trust import frames_until_right, trust
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
+
+from ..trials.trial import AFTER_EVENT, ERROR_KEYS, STAGES, SYMMETRIC_KEYS
+from ..trials.variants import BASELINE, DEFAULT, PAPER, VARIANTS
+from .coverage import KINDS, LEVELS, WEIGHTS, observed_fractions
+from .intervals import ENOUGH, Figures
+
+
+def summarise_trials(trials: list[dict]) -> dict:
+    """Mean, median and largest final error per metric, rates and times, over all trials and per object."""
+    objects = sorted({t["object"] for t in trials})
+    return {
+        **_summarise(trials),
+        "objects": {name: _summarise([t for t in trials if t["object"] == name]) for name in objects},
+    }
+
+
+def final_errors(trials: list[dict], key: str) -> np.ndarray:
+    """Final errors (N,) of one metric, nan where a trial has none; of a `symmetric_` one the plain error where the
+    object has no symmetry."""
+    plain = key.removeprefix("symmetric_")
+    return np.array([t["final"].get(key, t["final"][plain]) for t in trials], float)
+
+
+def is_right(trial: dict, key: str = "estimate_trans_mm") -> bool:
+    """Whether the trial ended with a pose as near as is right, by the error named, and said so."""
+    return trial["final"]["state"] == CONVERGED and bool(final_errors([trial], key)[0] <= 1e3 * trial["right_m"])
+
+
+def wrong_converged(trials: list[dict]) -> float:
+    """Fraction of all frames in which the filter was converged, but not within 10 mm of the truth."""
+    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
+    return wrong / max(sum(t["frames"] for t in trials), 1)
+
+
+def _summarise(trials: list[dict]) -> dict:
+    out: dict = {"trials": len(trials)}
+    symmetric = any(key in t["final"] for t in trials for key in SYMMETRIC_KEYS)
+    for key in (*ERROR_KEYS, *(SYMMETRIC_KEYS if symmetric else ())):
+        # a trial without any mode or pose has no such error; it is counted, not hidden
+        values = final_errors(trials, key)
+        known = values[np.isfinite(values)]
+        out[key] = {"missing": int(len(values) - len(known))}
+        if len(known):
+            out[key] |= {
+                "mean": known.mean(),
+                "median": np.median(known),
+                "p90": np.percentile(known, 90),
+                "max": known.max(),
+            }
+    out["initial"] = {k: np.array([t["initial"][k] for t in trials], float).mean() for k in ("e_trans_mm", "e_rot_deg")}
+    out["states"] = dict(Counter(t["final"]["state"] for t in trials))
+    out["converged"] = out["states"].get(CONVERGED, 0)
+    out["right"] = sum(map(is_right, trials))
+    out["right_symmetric"] = sum(is_right(trial, "symmetric_estimate_trans_mm") for trial in trials)
+    out["hz_mean"] = np.mean([t["hz_mean"] for t in trials])
+    out["hz_p05"] = min(t["hz_p05"] for t in trials)
+    out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}
+    return out
+
 
 _SUMMARISED = ("coverage", "reliability", "filter_stages_ms", "initial", "protocol")
 
@@ -20,7 +76,7 @@ def summarise_accuracy(trials: list[dict]) -> dict[str, dict[str, dict]]:
     groups: dict[str, dict[str, list[dict]]] = {}
     for trial in trials:
         groups.setdefault(trial["variant"], {}).setdefault(trial["init"], []).append(trial)
-    in_full = {name for name in groups if VARIANTS[name].group in (DEFAULT, PAPER, PEER)}
+    in_full = {name for name in groups if VARIANTS[name].group in (DEFAULT, PAPER, BASELINE)}
     return {
         variant: {init: _summary(some, variant in in_full) for init, some in by_init.items()}
         for variant, by_init in groups.items()
@@ -73,18 +129,137 @@ def recovery(trials: list[dict]) -> dict | None:
 
 
 def coverage(trials: list[dict]) -> dict[str, dict]:
-    """By kind of frame: number of frames; observed, share of them whose truth lies within each of `LEVELS`;
+    """By kind of frame: number of frames; observed, fraction of them whose truth lies within each of `LEVELS`;
     median_nees, of the normalised estimation error squared, 5.3 if calibrated, None beyond the last level."""
     out = {}
     for kind in KINDS:
         counts = np.sum([trial["coverage"][kind] for trial in trials], axis=0)
-        observed = observed_shares(counts)
+        observed = observed_fractions(counts)
         out[kind] = {"frames": int(counts.sum()), "observed": observed, "median_nees": _median_nees(observed)}
     return out
 
 
 def _median_nees(observed: np.ndarray) -> float | None:
-    """Median of a chi-square of six degrees from the shares (L,) within each of `LEVELS`."""
+    """Median of a chi-square of six degrees from the fractions (L,) within each of `LEVELS`."""
     if not observed[-1] >= 0.5:
         return None
     return float(chi2.ppf(np.interp(0.5, [0, *observed], [0, *LEVELS]), 6))
+
+
+SHOWN_LEVELS = {level: int(np.argmin(np.abs(LEVELS - level))) for level in (0.5, 0.9, 0.95, 0.99)}
+"""What tables show of `LEVELS`, and where it is there."""
+_ERRORS = ("e", "closest_mode", "estimate")
+
+
+def trust(trials: list[dict]) -> dict:
+    """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
+
+    converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; right_at_end;
+    right_modulo_symmetry_at_end; right_or_among_modes_at_end, as of that function; right_if_converged_at_end, of
+    trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, fraction of frames
+    whose region of that level holds the truth, and region_95, that of converged frames at 95 %; right_before_event,
+    right_after_event, of trials, the latter so many frames later; found_again, of those that were right before;
+    misled, of these too, which are ever converged at a wrong place, and misled_frames, in how many frames;
+    frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
+    ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
+    right, fraction of them whose pose is.
+    enough: whether there are trials enough to claim anything.
+    """
+    figures = Figures.by_slide(trials)
+    return {
+        "trials": len(trials),
+        "enough": len(trials) >= ENOUGH,
+        **_at_the_end(trials, figures),
+        **_around_an_event(trials, figures),
+        "ms": figures.values([sum(t["ms"][stage] for stage in STAGES) for t in trials]),
+        "filter_cpu_ms": figures.values([t["filter_cpu_ms"] for t in trials]),
+        "weights": _by_weight(trials, figures),
+        **{
+            f"{prefix}_{unit}": figures.values(final_errors(trials, f"{prefix}_{unit}"))
+            for prefix in _ERRORS
+            for unit in ("trans_mm", "rot_deg")
+        },
+    }
+
+
+def frames_until_right(trial: dict) -> float:
+    """From the event to where it is right until the end; without an event from the start."""
+    if trial["right_from_frame"] is None:
+        return np.inf
+    return max(trial["right_from_frame"] - (trial["event_at"] or 0), 0)
+
+
+def right_or_among_modes_at_end(trials: list[dict]) -> dict:
+    """Fraction of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
+    near = [float(t["final"]["min_cluster_trans_mm"] or np.inf) <= 1e3 * t["right_m"] for t in trials]
+    among = [t["final"]["state"] == AMBIGUOUS and each for t, each in zip(trials, near, strict=True)]
+    return Figures.by_slide(trials).fraction(np.logical_or([is_right(t) for t in trials], among))
+
+
+def _converged_wrong(trials: list[dict]) -> np.ndarray:
+    """Frames (T,) that were converged at a wrong place."""
+    return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
+
+
+def _at_the_end(trials: list[dict], figures: Figures) -> dict:
+    """What states and regions promise, and what the last answers are."""
+    wrong = _converged_wrong(trials)
+    ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
+    right = {key: [is_right(t, f"{key}estimate_trans_mm") for t in trials] for key in ("", "symmetric_")}
+
+    def regions(kind: str) -> dict:
+        counts = np.array([t["coverage"][kind] for t in trials])
+        within = np.cumsum(counts, axis=1)
+        return {f"{level:g}": figures.fraction(within[:, k], counts.sum(axis=1)) for level, k in SHOWN_LEVELS.items()}
+
+    return {
+        "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
+        "converged_frames_wrong": figures.fraction(wrong, [t["frames_converged"] for t in trials]),
+        "right_at_end": figures.fraction(right[""]),
+        "right_modulo_symmetry_at_end": figures.fraction(right["symmetric_"]),
+        "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
+        "right_if_converged_at_end": figures.fraction(right[""], ends_converged),
+        "right_if_converged_modulo_symmetry_at_end": figures.fraction(right["symmetric_"], ends_converged),
+        "region_95": regions(CONVERGED)["0.95"],
+        "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
+    }
+
+
+def _around_an_event(trials: list[dict], figures: Figures) -> dict:
+    wrong = _converged_wrong(trials)
+    asked = [t["right_after_event"] is not None for t in trials]
+    before = [bool(t["right_before_event"]) for t in trials]
+    after = [bool(t["right_after_event"]) for t in trials]
+    return {
+        "right_before_event": figures.fraction(before, [t["right_before_event"] is not None for t in trials]),
+        "right_after_event": figures.fraction(after, asked) | {"frames": AFTER_EVENT},
+        "found_again": figures.fraction(np.logical_and(before, after), np.logical_and(before, asked)),
+        "misled": figures.fraction(np.logical_and(before, wrong > 0), before),
+        "misled_frames": figures.values(np.where(before, wrong, np.nan)),
+        "frames_until_right": {"median": figures.value([frames_until_right(t) for t in trials], np.median)},
+    }
+
+
+def _by_weight(trials: list[dict], figures: Figures) -> list[dict]:
+    out = []
+    for k in range(len(WEIGHTS) + 1):
+        frames, right, weight = ([t["reliability"][name][k] for t in trials] for name in ("frames", "right", "weight"))
+        count = int(np.sum(frames))
+        mean = float(np.sum(weight)) / count if count else None
+        out.append({"frames": count, "mean_weight": mean, "right": figures.fraction(right, frames)})
+    return out
+
+
+def grasp_summary(trials: list[dict]) -> list[dict] | None:
+    """After each grasp: trials, and with 95 % intervals the fractions of trials whose closest mode is `found`, whose
+    pose is `right` and that are `converged` (of these `converged_wrong`), and the mean `share`; None without grasps."""
+    if not all("grasps" in trial for trial in trials):
+        return None
+    figures = Figures.by_slide(trials)
+    out = []
+    for rows in zip(*(trial["grasps"] for trial in trials), strict=True):
+        wrong = [row["converged"] and not row["right"] for row in rows]
+        parts = {name: [row[name] for row in rows] for name in ("found", "share", "right", "converged")}
+        parts["converged_wrong"] = wrong
+        out.append({"trials": len(rows)} | {name: figures.fraction(part) for name, part in parts.items()})
+    return out

@@ -9,8 +9,8 @@ from midastouch_filter.core.state import CONVERGED
 
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
+from .accuracy import final_errors, is_right, wrong_converged
 from .intervals import ENOUGH, bootstrap_interval
-from .summary import final_errors, is_right
 
 _IDENTITY = ("object", "slide", "init", "seed")
 
@@ -22,8 +22,8 @@ def compare_variants(trials: list[dict]) -> list[dict]:
     the median error of the published pose; `filter_ratio`: of the mean CPU time of the filter; `time_ratio`: of the
     mean time of the whole frame. Differences, taken trial by trial, each with its 95 % `_interval` over slides (None
     where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
-    right at the end; `wrong_converged_difference`, of the mean share of frames converged wrong; `cpu_difference_ms`, of
-    the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+    right at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`,
+    of the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
     """
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
@@ -69,14 +69,14 @@ def _verdict(differences: dict, trials: int) -> str:
     if trials < ENOUGH:
         return f"too few ({trials})"
     found: dict[str, list[str]] = {"worse": [], "better": []}
-    for name, (what, sign) in _TOLD_BY.items():
+    for name, (what, sign) in _JUDGED_BY.items():
         low, high = sorted(sign * bound for bound in differences[f"{name}_interval"] or (0, 0))
         found["worse"] += [what] * (low > 0)
         found["better"] += [what] * (high < 0)
     return "; ".join(f"{how}: {', '.join(some)}" for how, some in found.items() if some) or "no difference shown"
 
 
-_TOLD_BY = {
+_JUDGED_BY = {
     "difference_mm": ("error", 1),
     "right_difference": ("right", -1),
     "wrong_converged_difference": ("converged wrong", 1),
@@ -112,12 +112,6 @@ def _figures(trials: list[dict]) -> dict:
         "cpu_ms_filter": float(np.mean([t["filter_cpu_ms"] for t in trials])),
         "ms": float(np.mean([sum(t["ms"][stage] for stage in STAGES) for t in trials])),
     }
-
-
-def wrong_converged(trials: list[dict]) -> float:
-    """Share of all frames in which the filter was converged, but not within 10 mm of the truth."""
-    wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
-    return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
 def pareto_front(rows: list[dict], error: str) -> list[dict]:
@@ -157,22 +151,3 @@ def difference_text(row: dict) -> str:
 def rows_by_init(rows: list[dict]) -> dict[str, list[dict]]:
     """Rows of `compare_variants` by their init."""
     return {init: [row for row in rows if row["init"] == init] for init in dict.fromkeys(row["init"] for row in rows)}
-
-
-def comparison_table(rows: list[dict], variants: dict[str, dict]) -> tuple[list[str], list[list[object]]]:
-    """Header and rows of the variants under one init; `variants`, their descriptions by name."""
-    header = ["variant", "trials", "particles mm", "deg", "modulo symmetry mm", "closest mode mm", "deg", "pose mm"]
-    header += ["right", "converged", "converged but wrong", "filter ms", "CPU ms", "error - default's mm"]
-    header += ["error ratio", "deg ratio", "CPU ratio", "against the default", "what differs"]
-    errors = ("e_trans_mm", "e_rot_deg", "symmetric_e_trans_mm", "closest_mode_mm", "closest_mode_deg")
-    cells = []
-    for row in rows:
-        name = row["variant"]
-        row_cells = [name, row["trials"], *(number(row[key]) for key in (*errors, "estimate_trans_mm"))]
-        row_cells += [f"{100 * row[key]:.0f} %" for key in ("right", "converged")]
-        row_cells += [f"{100 * row['wrong_converged']:.1f} % of frames"]
-        row_cells += [number(row[key], 2) for key in ("ms_filter", "cpu_ms_filter")]
-        row_cells += ["-" if name == DEFAULT else difference_text(row)]
-        row_cells += [number(row[key], 2) for key in ("error_ratio", "rotation_ratio", "filter_ratio")]
-        cells.append([*row_cells, "-" if name == DEFAULT else row.get("verdict", "-"), variants[name]["summary"]])
-    return header, cells

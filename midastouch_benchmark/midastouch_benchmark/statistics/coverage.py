@@ -1,8 +1,8 @@
-"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of likelihood and weights.
+"""Do the filter's probabilities mean what they say? Coverage of its covariances, reliability of its weights.
 
 Covariances and likelihood are judged by the level at which the truth is found: if a method is calibrated, the truth
-lies within the region to which it gives the share q in a share q of all cases, for every q. A mode of weight q is right
-in a share q of all cases.
+lies within the region to which it gives the fraction q in a fraction q of all cases, for every q. A mode of weight q is
+right in a fraction q of all cases.
 """
 
 from __future__ import annotations
@@ -11,13 +11,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.lookup import PoseLookup
-from midastouch_filter.core.measurement_model import MeasurementModel
 from midastouch_filter.core.state import CONVERGED
-from midastouch_filter.core.workers import Workers
-from midastouch_perception.codebook import Codebook
 
 LEVELS = np.array([*np.arange(0.05, 1.0, 0.05).round(2), 0.99, 0.999])
 """Upper ends of the bins in which levels are counted; a last bin holds what lies beyond."""
@@ -85,30 +80,8 @@ class WeightReliability:
         return {"frames": self._frames.tolist(), "right": self._right.tolist(), "weight": sums.tolist()}
 
 
-def observed_shares(counts: np.ndarray) -> np.ndarray:
-    """Share of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
+def observed_fractions(counts: np.ndarray) -> np.ndarray:
+    """Fraction of cases in which the truth lies within each level (len(LEVELS),); nan without cases."""
     counts = np.asarray(counts, float)
     total = counts.sum()
     return np.cumsum(counts)[:-1] / total if total else np.full(len(LEVELS), np.nan)
-
-
-def likelihood_counts(
-    codebook: Codebook, codes: list[np.ndarray], poses: np.ndarray, config: FilterConfig
-) -> list[int]:
-    """Count the levels of the true poses (N, 4, 4) in the likelihoods of their codes, in the bins of `LEVELS`.
-
-    The likelihood of one touch over the codebook is a distribution; the level of the truth is the mass of all entries
-    that it ranks above the entry nearest to the true pose, plus half of the entry's own.
-    """
-    workers = Workers(config.threads)
-    lookup = PoseLookup(codebook.poses, workers)
-    model = MeasurementModel(codebook.codes, codebook.meta, config, workers)
-    counts = np.zeros(len(LEVELS) + 1, int)
-    for code, entry in zip(codes, lookup.exact(poses), strict=True):
-        model.score_codebook(model.unit_code(code))
-        likelihood = np.exp(model.log_ratio, dtype=float)
-        own = likelihood[entry]
-        # entries as likely as the truth's own share the rank
-        level = (likelihood[likelihood > own].sum() + 0.5 * likelihood[likelihood == own].sum()) / likelihood.sum()
-        counts[np.searchsorted(LEVELS, level)] += 1
-    return counts.tolist()

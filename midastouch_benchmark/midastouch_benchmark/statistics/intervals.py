@@ -1,15 +1,18 @@
 """95 % confidence intervals over trials that are not all independent: those on one slide share it.
 
-The slides are the independent draws. Shares: Wilson's interval at the effective number of cases, which the variance
+The slides are the independent draws. Fractions: Wilson's interval at the effective number of cases, which the variance
 between slides gives (design effect, Kish 1965). Means and medians: percentile bootstrap over slides.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from scipy.stats import norm
+
+from midastouch_common.errors import InputError
 
 LEVEL = 0.95
 ENOUGH = 100
@@ -18,11 +21,12 @@ ENOUGH = 100
 _RESAMPLES = 1000
 
 
-def share_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
+def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Sequence[Hashable]) -> list[float] | None:
     """[low, high] of sum(part) / sum(whole), both (N,) per trial; groups (N,), which trials belong together. None
     where nothing was counted.
 
-    Without any variance between groups, as at a share of 0 or 1, each group in which something was counted is one case.
+    Without any variance between groups, as at a fraction of 0 or 1, each group in which something was counted is one
+    case.
     """
     index, n_groups = _numbered(groups)
     part, whole = (np.bincount(index, np.asarray(one, float), n_groups) for one in (part, whole))
@@ -75,3 +79,74 @@ def _numbered(groups: Sequence[Hashable]) -> tuple[np.ndarray, int]:
     """Number of each item's group (N,), and how many groups there are."""
     numbers = {group: k for k, group in enumerate(dict.fromkeys(groups))}
     return np.array([numbers[group] for group in groups], int), len(numbers)
+
+
+class Figures:
+    """Figures over trials, one number of each; groups (N,): which trials belong together, as of `share_interval`."""
+
+    def __init__(self, groups: Sequence[Hashable]):
+        self._groups = groups
+
+    @classmethod
+    def by_slide(cls, trials: Sequence[dict]) -> Figures:
+        """Trials on one slide over an object are not independent."""
+        return cls([(trial["object"], trial["slide"]) for trial in trials])
+
+    def fraction(self, part: Sequence[float], whole: Sequence[float] | None = None) -> dict:
+        """{"share", "interval"}: what `part` is of `whole`, both summed; of all trials if that is not given."""
+        whole = np.ones(len(part)) if whole is None else whole
+        total = float(np.sum(whole))
+        return {
+            "share": float(np.sum(part)) / total if total else None,
+            "interval": fraction_interval(part, whole, self._groups),
+        }
+
+    def value(self, some: Sequence[float], statistic: Callable[..., np.ndarray]) -> dict:
+        """{"value", "interval"}: `np.mean` or `np.median` of what is not nan."""
+        some = np.array(some, float)
+        known = some[~np.isnan(some)]
+        return {
+            "value": float(statistic(known)) if len(known) else None,
+            "interval": bootstrap_interval(some, self._groups, statistic),
+        }
+
+    def values(self, some: Sequence[float]) -> dict:
+        """Mean and median."""
+        return {"mean": self.value(some, np.mean), "median": self.value(some, np.median)}
+
+
+_DRAWS = 4000
+
+
+@dataclasses.dataclass(frozen=True)
+class Ratio:
+    """value, of mean errors; low and high, ends of its 95 % interval; median, of the pairs' own ratios; pairs."""
+
+    value: float
+    low: float
+    high: float
+    median: float
+    pairs: int
+
+
+def error_ratio(trials: list[dict], base: list[dict]) -> Ratio:
+    """Final error of the particles in trials over that of others, paired by object, slide, start and seed.
+
+    The interval is a bootstrap over slides: trials on one slide are alike. Raises InputError if no trial has a partner.
+    """
+    one, other = ({_identity(trial): trial["final"]["e_trans_mm"] for trial in each} for each in (trials, base))
+    common = sorted(one.keys() & other.keys())
+    if not common:
+        raise InputError("no trial has a partner in the other result; run both over the same slides and seeds")
+    values = np.array([[one[key], other[key]] for key in common])
+    slides = sorted({key[:2] for key in common})
+    sums = np.array([values[[key[:2] == slide for key in common]].sum(axis=0) for slide in slides])
+    drawn = sums[np.random.default_rng(0).integers(len(slides), size=(_DRAWS, len(slides)))].sum(axis=1)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    total = values.sum(axis=0)
+    median = float(np.median(values[:, 0] / values[:, 1]))
+    return Ratio(float(total[0] / total[1]), float(low), float(high), median, len(common))
+
+
+def _identity(trial: dict) -> tuple:
+    return tuple(trial[key] for key in ("object", "slide", "init", "seed"))

@@ -10,21 +10,25 @@ from __future__ import annotations
 
 import re
 
-from . import accuracy, exploring, figures, perception, speed, trust
-from .reports import COMMANDS, ROOT, Table, report, report_path, reported
+import pandas as pd
+
+from . import accuracy, checks, comparisons, exploring, figures, perception, speed, trust
+from .reports import COMMANDS, ROOT, report, report_path, reported
+from .table import listed, markdown
 
 DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md", "reports/README.md")
+"""Every document with generated tables; a table may stand in several."""
 
 
-def commands() -> Table:
+def commands() -> pd.DataFrame:
     """What made each report."""
-    return ["report", "made by"], [[f"[{name}]", f"`{_made_by(name)}`"] for name in reported()]
+    return listed(("report", "made by"), ((f"[{name}]", f"`{_made_by(name)}`") for name in reported()))
 
 
-def figure_commands() -> Table:
+def figure_commands() -> pd.DataFrame:
     """What made those that the figures of docs/evaluation.md come from."""
-    header, rows = commands()
-    return header, [row for row in rows if row[0].strip("[]") in figures.reports()]
+    table = commands()
+    return table[table["report"].str.strip("[]").isin(figures.reports())]
 
 
 def _made_by(name: str) -> str:
@@ -35,16 +39,17 @@ def _made_by(name: str) -> str:
 TABLES = {
     table.__name__: table
     for table in (
-        accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas,
-        accuracy.start, accuracy.codebooks, accuracy.grasps, accuracy.peers, accuracy.variants, accuracy.front,
-        accuracy.slides, figures.figures, figure_commands,
+        accuracy.paper, accuracy.localisation, accuracy.widths, accuracy.areas, accuracy.slides,
+        comparisons.codebooks, comparisons.grasps, comparisons.variants, comparisons.front,
+        figures.figures, figure_commands,
         trust.converged, trust.weights, trust.regions, trust.events,
-        exploring.identification, exploring.shapes, exploring.exploration, exploring.twins,
-        perception.real, perception.depth, perception.labels, perception.presses, perception.wanted, perception.checks,
-        perception.diameters, perception.contacts, perception.brightness, perception.single_touch,
-        speed.speed, speed.scaling, speed.load, speed.soak, commands,
+        exploring.identification, exploring.shapes, exploring.exploration,
+        perception.real, perception.depth, perception.labels, perception.presses, perception.wanted,
+        perception.single_touch, checks.checks, checks.diameters, checks.contacts, checks.brightness,
+        speed.speed, speed.scaling, speed.start, speed.load, speed.soak, commands,
     )
-}  # fmt: skip
+} | {"peers": comparisons.baselines, "twins": exploring.alike_objects}  # fmt: skip
+"""Tables by the name in their mark."""
 
 
 def filled(document: str) -> str:
@@ -53,9 +58,7 @@ def filled(document: str) -> str:
     up = "../" * (len(path.relative_to(ROOT).parts) - 1)
 
     def table(match: re.Match) -> str:
-        header, rows = TABLES[match[2]]()
-        lines = [header, ["---"] * len(header), *rows]
-        text = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+        text = markdown(TABLES[match[2]]())
         for name in reported():
             text = text.replace(f"[{name}]", f"[{name}]({up}{report_path(name).relative_to(ROOT).as_posix()})")
         return f"{match[1]}{text}\n{match[3]}"

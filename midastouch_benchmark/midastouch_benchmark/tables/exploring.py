@@ -2,82 +2,126 @@
 
 from __future__ import annotations
 
-from midastouch_benchmark.statistics.exploration_summary import summarise_exploration
+import math
 
-from .cells import between, millimetres, millimetres_between, share_cell
-from .reports import UNMEASURED, Table, report, reported
+import pandas as pd
+
+from ..statistics.exploring import summarise_exploration
+from .reports import frame_of, report, reported
+from .table import Form, Row, fraction, is_missing, text, tidy, value, written
+
+_SLIDES: dict[str, Form] = {"slides": lambda row: f"{row['known']:.0f} with, {row['unknown']:.0f} without"}
+IDENTIFICATION: dict[str, Form] = {
+    "right at the end": fraction("right"),
+    "pose right, too": fraction("pose_right"),
+    "pose, object known": fraction("alone_pose_right"),
+    "refused, when left out": fraction("refused"),
+    "path until right, median": value("path_until_right", "{:.2f}", " m", never=True),
+    "expected calibration error": text("calibration_error", "{:.3f}"),
+    "CPU a frame, over one known object's": value("cpu_ratio", "{:.2f}"),
+}
+SHAPES: dict[str, Form] = {
+    "compared after 0.1 m": fraction("compared_early"),
+    "leads then": fraction("leads_early"),
+    "compared at the end": fraction("compared"),
+    "leads then ": fraction("leads"),
+    "right": fraction("right"),
+    "refused, when left out": fraction("refused"),
+    "CPU a frame": value("cpu_ms", "{:.1f}", " ms"),
+    "slowest frame": text("slowest_ms", "{:.0f} ms"),
+    "memory": text("memory_mib", "{:.0f} MiB"),
+}
 
 
-def identification() -> Table:
+def _path(row: Row) -> str:
+    """In mm; a path that is infinite, or missing in a file, never ends."""
+    low, high = row["path_m.interval"] if row["path_m.interval"] else (None, None)
+
+    def millimetres(path: float | None) -> str:
+        return "never" if is_missing(path) or math.isinf(path) else f"{1e3 * path:.0f}"
+
+    between = f"{millimetres(low)}...{millimetres(high)}" if row["path_m.interval"] else "-"
+    return f"{millimetres(row['path_m.value'])} mm ({between})"
+
+
+EXPLORATION: dict[str, Form] = {
+    "converged right": fraction("right"),
+    "converged wrong": fraction("wrong"),
+    "said alike": fraction("alike"),
+    "path until right, median": _path,
+    "over that of random": text("path_ratio", "{:.2f}"),
+    "answers within, CPU": text("asked_ms", "{:.0f} ms"),
+}
+_COMPETING: dict[str, Form] = {
+    "another place competed": fraction("rivalled"),
+    "of these told apart": fraction("told_apart"),
+    "of these said alike": fraction("said_alike"),
+    "converged wrong": fraction("wrong"),
+    "path until right, median": _path,
+}
+
+
+def identification_table(frame: pd.DataFrame, sources: str | None = None) -> pd.DataFrame:
+    """Which object of a catalogue it is: a frame of summaries, `what` the catalogue is."""
+    return written(frame, {"catalogue": text("what")} | _SLIDES, IDENTIFICATION, sources)
+
+
+def identification_row(what: str, summary: dict) -> dict:
+    """The row of a summary in that frame."""
+    trials = summary["known"] if summary["enough"] else min(summary["known"], summary["unknown"])
+    return {"what": what, "trials": trials} | {key: one for key, one in summary.items() if key != "answers"}
+
+
+def shapes_table(summaries: dict[str, dict], sources: str | None = None) -> pd.DataFrame:
+    """Catalogues of ever more random shapes, by their size."""
+    rows = [
+        {"what": size, "trials": one["known"], "report": "identify_shapes"} | one for size, one in summaries.items()
+    ]
+    return written(tidy(rows), {"shapes": text("what")} | _SLIDES, SHAPES, sources)
+
+
+def exploration_table(trials: list[dict], policies: dict[str, str], by_object: bool = False) -> pd.DataFrame:
+    """How far a finger goes until it knows where it is, by policy, named in words; by_object: over each one, too."""
+    rows = []
+    for name, one in summarise_exploration(trials).items():
+        parts = one["objects"] if by_object else {}
+        for what, each in [*parts.items(), ("all", {key: one[key] for key in one if key != "objects"})]:
+            rows.append({"what": policies[name], "object": what, "report": "exploration"} | each)
+    about = {"finger goes": text("what"), "object": text("object"), "trials": text("trials")}
+    if by_object:
+        return written(tidy(rows), about | EXPLORATION, {})
+    del about["object"]
+    return written(tidy(rows), about, EXPLORATION, "report")
+
+
+def identification() -> pd.DataFrame:
     """Which object of a catalogue it is."""
-    header = ["catalogue", "slides", "right at the end", "pose right, too", "pose, object known"]
-    header += ["refused, when left out", "path until right, median", "expected calibration error"]
-    header += ["CPU a frame, over one known object's", "report"]
-    rows = []
-    for name, what in (("identify", "the ten"), ("identify_all", "all 78 of YCB")):
-        if name not in reported():
-            rows.append([what, *["*not measured yet*"] * 8, "-"])
-            continue
-        one = report(name)["identification"]
-        cells = [f"too few ({one['known']})"] * 7
-        if one["enough"]:
-            path, ratio = one["path_until_right"], one["cpu_ratio"]
-            until = "never" if path["value"] is None else f"{path['value']:.2f} m"
-            cells = [
-                *(share_cell(one[key]) for key in ("right", "pose_right", "alone_pose_right", "refused")),
-                f"{until} ({between(path['interval'], '{:.2f}')})",
-                f"{one['calibration_error']:.3f}",
-                f"{ratio['value']:.2f} ({between(ratio['interval'], '{:.2f}')})",
-            ]
-        rows.append([what, f"{one['known']} with, {one['unknown']} without", *cells, f"[{name}]"])
-    return header, rows
+    names = {"identify": "the ten", "identify_all": "all 78 of YCB"}
+    frame = frame_of(names, lambda name: identification_row(names[name], report(name)["identification"]))
+    return identification_table(frame, "report")
 
 
-def shapes() -> Table:
+def shapes() -> pd.DataFrame:
     """Catalogues of ever more random shapes."""
-    header = ["shapes", "slides", "compared after 0.1 m", "leads then", "compared at the end", "leads then", "right"]
-    header += ["refused, when left out", "CPU a frame", "slowest frame", "memory", "report"]
     if "identify_shapes" not in reported():
-        return header, [[UNMEASURED, *["-"] * 11]]
-    rows = []
-    for size, one in report("identify_shapes")["shape_catalogues"].items():
-        cells = [f"too few ({one['known']})"] * 6
-        if one["enough"]:
-            shares = ("compared_early", "leads_early", "compared", "leads", "right", "refused")
-            cells = [share_cell(one[key]) for key in shares]
-        cells += [f"{one['cpu_ms']['value']:.1f} ms ({between(one['cpu_ms']['interval'], '{:.1f}')})"]
-        cells += [f"{one['slowest_ms']:.0f} ms", f"{one['memory_mib']:.0f} MiB"]
-        rows.append([size, f"{one['known']} with, {one['unknown']} without", *cells, "[identify_shapes]"])
-    return header, rows
+        return written(frame_of({"identify_shapes": "-"}, report), {"shapes": text("what")}, SHAPES, "report")
+    return shapes_table(report("identify_shapes")["shape_catalogues"], "report")
 
 
-def exploration() -> Table:
+def exploration() -> pd.DataFrame:
     """A finger that is told where to touch next, against one that goes anywhere."""
-    header = ["finger goes", "trials", "converged right", "converged wrong", "said alike", "path until right, median"]
-    header += ["over that of random", "answers within, CPU", "report"]
     if "exploration" not in reported():
-        return header, [[UNMEASURED, *["-"] * 8]]
-    content, rows = report("exploration"), []
-    for name, one in summarise_exploration(content["trials"]).items():
-        cells = [f"too few ({one['trials']})"] * 6
-        if one["enough"]:
-            path, ratio, asked = one["path_m"], one["path_ratio"], one["asked_ms"]
-            cells = [share_cell(one[key]) for key in ("right", "wrong", "alike")]
-            cells += [f"{millimetres(path['value'])} mm ({millimetres_between(path['interval'])})"]
-            cells += ["-" if ratio is None else f"{ratio:.2f}", "-" if asked is None else f"{asked:.0f} ms"]
-        rows.append([content["config"]["policies"][name], one["trials"], *cells, "[exploration]"])
-    return header, rows
+        return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
+    content = report("exploration")
+    return exploration_table(content["trials"], content["config"]["policies"])
 
 
-def twins() -> Table:
-    """Places that feel alike but for what lies elsewhere: are they told apart, or is it said that they cannot be?"""
-    header = ["objects", "trials", "another place competed", "of these told apart", "of these said alike"]
-    header += ["converged wrong", "path until right, median", "report"]
-    if "twins" not in reported():
-        return header, [[UNMEASURED, *["-"] * 7]]
-    (one,) = summarise_exploration(report("twins")["trials"]).values()
-    cells = [f"too few ({one['trials']})"] * 5
-    if one["enough"]:
-        cells = [share_cell(one[key]) for key in ("rivalled", "told_apart", "said_alike", "wrong")]
-        cells.append(f"{millimetres(one['path_m']['value'])} mm ({millimetres_between(one['path_m']['interval'])})")
-    return header, [[", ".join(one["objects"]), one["trials"], *cells, "[twins]"]]
+def alike_objects() -> pd.DataFrame:
+    """Positions that feel alike but for what lies elsewhere: are they told apart, or is it said that they cannot be?"""
+
+    def row(name: str) -> dict:
+        (one,) = summarise_exploration(report(name)["trials"]).values()
+        return {"what": ", ".join(one["objects"])} | {key: each for key, each in one.items() if key != "objects"}
+
+    frame = frame_of({"twins": "-"}, row)
+    return written(frame, {"objects": text("what"), "trials": text("trials")}, _COMPETING, "report")

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import accuracy, exploring, perception, speed, trust
-from .reports import Table
+import pandas as pd
+
+from . import accuracy, comparisons, exploring, perception, speed, trust
+from .table import listed
 
 FIGURES = (
     ("error of the particles, start as the paper's", accuracy.localisation, "accuracy", "particles, mean"),
     ("right at the end, nothing known at the start", accuracy.localisation, "accuracy_uniform", "right"),
     ("the same on ten further objects", accuracy.localisation, "uniform_held_out", "right"),
-    ("right at the end on shorter slides: this filter", accuracy.peers, "as shipped", "right"),
-    ("... the paper's filter, on the same trials", accuracy.peers, "the paper's filter", "right"),
+    ("right at the end on shorter slides: this filter", comparisons.baselines, "as shipped", "right"),
+    ("... the paper's filter, on the same trials", comparisons.baselines, "the paper's filter", "right"),
     (
         "of `converged` frames, wrong, nothing known at the start",
         trust.converged, "accuracy_uniform", "of converged frames, wrong",
@@ -28,7 +30,7 @@ FIGURES = (
         "path of a finger that goes where `suggest_motion` says, until right",
         exploring.exploration, "exploration", "path until right, median",
     ),
-    ("first pose on an object without a codebook, after", accuracy.start, "start", "pose after, median"),
+    ("first pose on an object without a codebook, after", speed.start, "start", "pose after, median"),
     (
         "error through the light of two calibrated real sensors, over that in the training's light",
         perception.real, "real_sensor_calibrated", "mean error over TACTO's",
@@ -40,17 +42,17 @@ FIGURES = (
     ("image to pose at 60 images a second, median; 99th percentile", speed.load, "load_eyebolt", "image to pose"),
 )  # fmt: skip
 """What it is, its table, a report or text in the first cell that names its row, and how its column begins."""
-_OTHER_REPORT = {accuracy.peers: "peers"}
+_OTHER_REPORT = {comparisons.baselines: "peers"}
 """Report of a table whose rows name none."""
 
 
-def figures() -> Table:
+def figures() -> pd.DataFrame:
     """Number, what, figure with its interval, and report of each."""
-    rows = [
-        [number, what, _cell(table, row, column), f"[{_report(table, row)}]"]
+    rows = (
+        (number, what, _cell(table, row, column), f"[{_report(table, row)}]")
         for number, (what, table, row, column) in enumerate(FIGURES, start=1)
-    ]
-    return ["", "what", "figure (95 % interval)", "report"], rows
+    )
+    return listed(("", "what", "figure (95 % interval)", "report"), rows)
 
 
 def reports() -> set[str]:
@@ -58,11 +60,11 @@ def reports() -> set[str]:
     return {_report(table, row) for _, table, row, _ in FIGURES}
 
 
-def _report(table: Callable[[], Table], row: str) -> str:
+def _report(table: Callable[[], pd.DataFrame], row: str) -> str:
     return _OTHER_REPORT.get(table, row)
 
 
-def _cell(table: Callable[[], Table], row: str, column: str) -> object:
-    header, rows = table()
-    where = next(i for i, name in enumerate(header) if name.startswith(column))
-    return next(cells[where] for cells in rows if cells[-1] == f"[{row}]" or str(cells[0]).startswith(row))
+def _cell(table: Callable[[], pd.DataFrame], row: str, column: str) -> str:
+    words = table()
+    named = (words.iloc[:, -1] == f"[{row}]") | words.iloc[:, 0].astype(str).str.startswith(row)
+    return words.loc[named, next(label for label in words.columns if label.startswith(column))].iloc[0]

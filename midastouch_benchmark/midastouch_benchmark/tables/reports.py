@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
+
+import pandas as pd
+
+from ..trials.protocols import PROTOCOLS
+from .table import tidy
 
 ROOT = Path(__file__).resolve().parents[3]
 _BENCHMARK = "midastouch benchmark --meshes ../shared/meshes/ycb"
@@ -12,19 +18,9 @@ _REAL = "--init paper --slides 2 --seeds 5 --stride 2 --sensor digit_real --code
 _SLIDES = "../shared/data/ycb_slide_sim"
 _LOAD = ".venv/bin/python -m pytest midastouch_bringup/test/soak/test_load.py -k sensors_rate"
 _TEN = "../shared/meshes/ycb/{004,005,006,021,025,035,037,042,048,055}_*.ply"
-PROTOCOLS = {
-    "tool_bias": "tool 2 mm, 2 deg off",
-    "late": "poses 50 ms late",
-    "slow_camera": "every image comes twice",
-    "rest": "at rest in contact for 20 s",
-    "lift": "lifted 20 mm, put down 50 mm away",
-    "kidnap": "lifted; the object is moved by 50 mm, untold",
-    "jump": "30 mm, 175 deg in one step",
-    "unexplained": "12 touches that nothing explains",
-    "push": "the object is pushed by 5 mm, 5 deg",
-    "wrong_mesh": "another object is touched (always wrong)",
-    "small_parts": "parts smaller than the gel, twins counted",
-}
+_OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibrated")
+CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
+"""What is done to the slides, by the name of the protocol and of its report."""
 _MANY = "--slides 10 --seeds 2"
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
@@ -32,10 +28,10 @@ _EVIDENCE = "no_surface no_book_constraint no_tempering"
 COMMANDS = {
     "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
     "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
-    **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in PROTOCOLS},
+    **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in CONDITIONS},
     **{
         f"{name}_held_out": f"{_BENCHMARK} --objects held_out --protocol {name} --slides 10 --seeds 1"
-        for name in ("plain", "uniform", *PROTOCOLS)
+        for name in ("plain", "uniform", *CONDITIONS)
         if name != "small_parts"
     },
     **{name: f"{_BENCHMARK} --init paper --beta {beta} --seeds 2" for name, beta in NARROWER.items()},
@@ -91,16 +87,12 @@ COMMANDS = {
     "load_eyebolt": f"SOAK_MINUTES=10 {_LOAD}",
     "load_mug": f"SOAK_MINUTES=5 SOAK_MESH=../shared/meshes/ycb/025_mug.ply {_LOAD}",
 }
-ENOUGH = 100
-"""Fewer trials than this claim nothing."""
-UNMEASURED = "*not measured yet*"
 STARTS = {"accuracy": "start as the paper's", "accuracy_uniform": "nothing known at the start"}
 OPTICS = {
     "real_plain": "TACTO's",
     "real_sensor": "of two real sensors, not calibrated",
     "real_sensor_calibrated": "of the same, calibrated with ten presses each",
 }
-Table = tuple[list[str], list[list[object]]]
 
 
 def report_path(name: str) -> Path:
@@ -127,13 +119,23 @@ def benchmark_summary(name: str) -> dict:
     return summary
 
 
+def frame_of(names: Mapping[str, str], record: Callable[[str], dict]) -> pd.DataFrame:
+    """A tidy frame of reports, one row each: `what`, as named; `report`; `measured`, whether there is one; its
+    record."""
+    there = reported()
+    return tidy(
+        {"what": what, "report": name, "measured": name in there} | (record(name) if name in there else {})
+        for name, what in names.items()
+    )
+
+
 def conditions_of(name: str) -> str:
     """What is done to the slides of a benchmark, by its protocol."""
     protocol = re.search(r"--protocol (\w+)", COMMANDS[name])
-    return PROTOCOLS[protocol[1]] if protocol else STARTS["accuracy"]
+    return CONDITIONS[protocol[1]] if protocol else STARTS["accuracy"]
 
 
 def held_out() -> dict[str, str]:
     """The same conditions over ten further objects, by the names of the reports."""
-    further = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | PROTOCOLS
+    further = {"plain": STARTS["accuracy"], "uniform": STARTS["accuracy_uniform"]} | CONDITIONS
     return {f"{name}_held_out": f"{what}; ten further objects" for name, what in further.items()}

@@ -2,23 +2,72 @@
 
 from __future__ import annotations
 
-from midastouch_benchmark.speed.scaling import scaling_table
+import pandas as pd
 
-from .cells import part_of, percent
-from .reports import UNMEASURED, Table, report, reported
+from .reports import frame_of, report, reported
+from .table import Form, Row, listed, percent, text, tidy, value, written
 
-_LIGHTS = ("additive", "relative")
 _SIZES = ("50000", "10000", "1000")
+SCALING: dict[str, Form] = {
+    "particles": text("particles", "{:,}"),
+    "codebook poses": text("poses", "{:,}"),
+    "CPU ms a step": text("step_ms.cpu", "{:.2f}"),
+    "wall ms, p50": text("step_ms.p50", "{:.2f}"),
+    "p95": text("step_ms.p95", "{:.2f}"),
+    "memory MiB": text("memory_mb", "{:.0f}"),
+}
+_STAGES = {
+    "tdn_ms": "depth network",
+    "tcn_ms": "code network",
+    "fit_check_ms": "fit check, every fifth frame",
+    "fcrn_ms": "the paper's depth network, FCRN",
+    "minkloc3d_ms": "the paper's code network, MinkLoc3D",
+    "end_to_end_ms": "image to estimate, 50,000 particles",
+    "frame_ms": "image to the end of the frame, 50,000 particles",
+    "converged_ms": "image to estimate, converged",
+    "converged_frame_ms": "image to the end of the frame, converged",
+    "four_modes_ms": "filter step, four modes aligned",
+    "pose_age_ms": "age of an image when its transform is found, 500 Hz of 20 links",
+    "filter_ms": "filter step without fine stage, particles:",
+    "fine_stage_ms": "fine stage, particles:",
+    "lookup_ms": "look-up, spread, particles:",
+    "lookup_converged_ms": "look-up, converged, particles:",
+    "sim_image_ms": "simulated image, light:",
+}
+"""What is timed by `midastouch bench`: key of its result, and words; with a colon, several of that kind."""
+
+_RATES: dict[str, Form] = {
+    "rate with 50,000 particles": text("end_to_end_hz", "{:.1f} Hz"),
+    "rate once converged": text("converged_hz", "{:.1f} Hz"),
+    "exact look-ups, spread": percent("lookup_exact_share.spread", 2),
+    "exact look-ups, converged": percent("lookup_exact_share.converged", 2),
+    "renders": text("renders_per_s", "{:.0f} a second"),
+    "codebook poses": text("codebook_poses_per_s", "{:.0f} a second"),
+    "memory at most": text("peak_rss_mb", "{:.0f} MiB"),
+    "the filter's process active after": text("filter_start_s.p50", "{:.1f} s"),
+    "... with": text("filter_rss_mb", "{:.0f} MiB"),
+}
 
 
 def _two(first: dict, second: dict) -> str:
     return f"{first['p50']:.1f}; {second['p50']:.1f} ms"
 
 
-def speed() -> Table:
+def stages(content: dict) -> pd.DataFrame:
+    """Milliseconds of each stage of a `bench` result: wall time and CPU time."""
+    rows = []
+    for key, what in _STAGES.items():
+        one = content.get(key, {})
+        parts = {what: one} if "p50" in one else {f"{what} {name}": each for name, each in one.items()}
+        rows += [{"what": label} | times for label, times in parts.items()]
+    about: dict[str, Form] = {"ms": text("what")}
+    return written(tidy(rows), about | {label: text(label.lower(), "{:.2f}") for label in ("p50", "p95", "CPU")}, {})
+
+
+def speed() -> pd.DataFrame:
     """Each stage on two shared cores."""
     one = report("bench")
-    step, fine = one["filter_ms"], one["fine_stage_ms"]
+    step, fine, exact = one["filter_ms"], one["fine_stage_ms"], one["lookup_exact_share"]
     rows = [
         ["depth network, p50", f"{one['tdn_ms']['p50']:.1f} ms"],
         ["code network, p50", f"{one['tcn_ms']['p50']:.1f} ms"],
@@ -32,12 +81,13 @@ def speed() -> Table:
         ],
         [
             "... that finds the exact nearest entry",
-            f"{percent(one['lookup_exact_share']['spread'], 1)}; {percent(one['lookup_exact_share']['converged'])}",
+            f"{100 * exact['spread']:.1f} %; {100 * exact['converged']:.0f} %",
         ],
         ["renders of 240 x 320", f"{one['renders_per_s']:.0f} a second"],
         [
             "simulated images of `digit_sim` on one core: additive; relative light",
-            "; ".join(f"{1e3 / one['sim_image_ms'][light]['cpu']:.0f}" for light in _LIGHTS) + " a second",
+            "; ".join(f"{1e3 / one['sim_image_ms'][light]['cpu']:.0f}" for light in ("additive", "relative"))
+            + " a second",
         ],
         ["codebook poses", f"{one['codebook_poses_per_s']:.0f} a second"],
         ["the paper's networks, FCRN; MinkLoc3D", f"{one['fcrn_ms']['p50']:.0f}; {one['minkloc3d_ms']['p50']:.0f} ms"],
@@ -51,33 +101,65 @@ def speed() -> Table:
             f"{one['pose_age_ms']['p50']:.0f}; {one['pose_age_ms']['p95']:.0f} ms",
         ],
     ]
-    return ["what", "[bench]"], rows
+    return listed(("what", "[bench]"), rows)
 
 
-def scaling() -> Table:
-    """Time and memory of the filter over particles and codebook poses."""
+def rates(content: dict) -> pd.DataFrame:
+    """Rates and memory of the same."""
+    row = tidy([content]).to_dict("records")[0]
+    cells = ((what, form(row)) for what, form in _RATES.items())
+    return listed(("what", "measured"), (cell for cell in cells if cell[1] != "-"))
+
+
+def scaling_table(points: list[dict]) -> pd.DataFrame:
+    """Time and memory of a step of the filter over particles and codebook poses."""
+    return written(tidy(points), SCALING, {})
+
+
+def scaling() -> pd.DataFrame:
+    """The same, of the newest report."""
     if "scale" not in reported():
-        header, _ = scaling_table([])
-        return [*header, "report"], [[UNMEASURED, *["-"] * len(header)]]
-    header, rows = scaling_table(report("scale")["scaling"])
-    return [*header, "report"], [[*row, "[scale]"] for row in rows]
+        return written(frame_of({"scale": "-"}, report), {"particles": text("what")}, {}, "report")
+    return written(tidy(one | {"report": "scale"} for one in report("scale")["scaling"]), SCALING, {}, "report")
 
 
-def load() -> Table:
+def start() -> pd.DataFrame:
+    """How soon there is a pose on an object that comes without a codebook."""
+
+    def row(name: str) -> dict:
+        one = report(name)["start"]
+        return one | {"over_fcrn": 1e3 * one["first_pose_s"]["value"] / report("bench")["fcrn_ms"]["p50"]}
+
+    def touches(row: Row) -> str:
+        return f"{row['trials']}, of {row['objects']} objects"
+
+    claims = {
+        "pose after, median": value("first_pose_s", "{:.1f}", " s"),
+        "longest": text("first_pose_s.max", "{:.1f} s"),
+        "median over an image of the paper's FCRN": text("over_fcrn", "{:.0f}"),
+        "CPU time of the codebook and the filter on it, mean": text("build_cpu_s", "{:.1f} s"),
+    }
+    return written(frame_of({"start": "-"}, row), {"first touches": touches}, claims, "report")
+
+
+def load() -> pd.DataFrame:
     """Images at the sensor's rate, over the time that the paper's depth network takes on the same machine."""
-    header = ["object", "minutes", "images answered", "image to pose, p50; p99", "over FCRN's time"]
-    rows, fcrn = [], report("bench")["fcrn_ms"]["p50"]
-    for name in ("load_eyebolt", "load_mug"):
-        one = report(name)
-        times = [one["load"]["image_to_pose_ms"][share] for share in ("p50", "p99")]
-        rows.append([
-            one["object"], f"{one['minutes']:.0f}", part_of(one["load"]["answered"], one["load"]["sent"]),
-            "{:.0f}; {:.0f} ms".format(*times), "{:.3f}; {:.2f}".format(*(each / fcrn for each in times)), f"[{name}]",
-        ])  # fmt: skip
-    return [*header, "report"], rows
+    fcrn = report("bench")["fcrn_ms"]["p50"]
+
+    def times(row: Row) -> tuple[float, float]:
+        return row["load.image_to_pose_ms.p50"], row["load.image_to_pose_ms.p99"]
+
+    about = {
+        "object": text("object"),
+        "minutes": text("minutes", "{:.0f}"),
+        "images answered": lambda row: f"{row['load.answered']} of {row['load.sent']}",
+        "image to pose, p50; p99": lambda row: "{:.0f}; {:.0f} ms".format(*times(row)),
+        "over FCRN's time": lambda row: "{:.3f}; {:.2f}".format(*(each / fcrn for each in times(row))),
+    }
+    return written(frame_of(dict.fromkeys(("load_eyebolt", "load_mug"), "-"), report), about, {}, "report")
 
 
-def soak() -> Table:
+def soak() -> pd.DataFrame:
     """Load and faults."""
     one = report("soak")
     load, killed, late, plug = one["load"], one["killed"], one["transforms_200_ms_late"], one["unplugged"]
@@ -85,24 +167,28 @@ def soak() -> Table:
     milliseconds, rss = load["image_to_pose_ms"], load["resident_mb"]
     rows = [
         [f"{load['fps']:.0f} images a second for {load['seconds'] / 60:.0f} minutes: answered by a pose",
-         part_of(load["answered"], load["sent"])],
+         _of(load, "answered")],
         ["... image to pose, p50; p99", f"{milliseconds['p50']:.0f}; {milliseconds['p99']:.0f} ms"],
         ["... growth of `tdn`; `tcn`; `particle_filter`",
          "; ".join(f"{rss[n]['growth']:.1f}" for n in ("tdn", "tcn", "particle_filter")) + " MiB"],
         *([f"`{name}` killed: first pose after", f"{each['back_after_s']:.1f} s"] for name, each in killed.items()),
         [f"sensor unplugged for {plug['for_s']:.0f} s: ERROR; `stale`; pose again after",
          f"{plug['error_after_s']:.1f}; {plug['stale_after_s']:.1f}; {plug['back_after_s']:.1f} s"],
-        ["transforms 200 ms late: images given up", part_of(late["given_up"], late["sent"])],
+        ["transforms 200 ms late: images given up", _of(late, "given_up")],
         ["... image to pose, p50", f"{late['image_to_pose_ms']['p50']:.0f} ms"],
         [f"{one['malformed']['of_each_topic']} malformed messages on each of {len(one['malformed']['topics'])} topics:"
          f" refused by {'; '.join(f'`{name}`' for name in refused)}",
          "; ".join(str(sum(each.values())) for each in refused.values())],
         [f"bag looped {one['looped_bag']['loops']:.0f} times: frames lost", one["looped_bag"]["lost"]],
         ["two sensors: frames answered",
-         " and ".join(part_of(each["answered"], each["sent"]) for each in one["two_sensors"].values())],
+         " and ".join(_of(each, "answered") for each in one["two_sensors"].values())],
         [f"disk full: files left half written by {len(one['full_disk']['writers'])} writers",
          one["full_disk"]["left_behind"]],
         [f"{steps['steps']} filter steps: deviation from a rotation; growth",
          f"{steps['orthonormality']:.0e}; {steps['resident_mb']['growth']:.1f} MiB"],
     ]  # fmt: skip
-    return ["what", "[soak]"], rows
+    return listed(("what", "[soak]"), rows)
+
+
+def _of(sent: dict, key: str) -> str:
+    return f"{sent[key]} of {sent['sent']}"

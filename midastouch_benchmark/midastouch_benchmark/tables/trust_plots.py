@@ -18,8 +18,9 @@ from matplotlib.figure import Figure
 
 from midastouch_common.files import atomic_path
 
-from .reports import ENOUGH, ROOT, report
-from .trust import PROMISED_WRONG, conditions, trusted
+from ..statistics.intervals import ENOUGH
+from .reports import ROOT, benchmark_summary, report, reported
+from .trust import PROMISED_WRONG, conditions
 
 FOLDER = ROOT / "docs" / "images"
 DIGEST = "Shown"
@@ -31,17 +32,18 @@ _TOO_MANY = "#f6dedb"
 
 
 def shown() -> dict[str, dict]:
-    """By condition, what the reports with trials enough say: levels and the share of frames whose region of that level
-    holds the truth, by kind of frame; share of converged frames that are wrong; each with intervals."""
-    out = {}
+    """By condition, what the reports with trials enough say: levels and the fraction of frames whose region of that
+    level holds the truth, by kind of frame; fraction of converged frames that are wrong; each with intervals."""
+    out, there = {}, reported()
     for name, what in conditions().items():
-        one = trusted(name)
-        if one is None or one["trials"] < ENOUGH:
+        if name not in there:
             continue
-        content = report(name)
-        (summary,) = content["summary"]["default"].values()
+        summary = benchmark_summary(name)
+        one = summary["trust"]
+        if one["trials"] < ENOUGH:
+            continue
         out[what] = {
-            "levels": content["levels"],
+            "levels": report(name)["levels"],
             "observed": {kind: summary["coverage"][kind]["observed"] for kind in one["regions"]},
             "regions": one["regions"],
             "wrong": one["converged_frames_wrong"],
@@ -55,7 +57,7 @@ def digest(content: dict) -> str:
 
 
 def regions_figure(content: dict[str, dict]) -> Figure:
-    """Measured over nominal share of frames whose region holds the truth, one line per condition; intervals at the
+    """Measured over nominal fraction of frames whose region holds the truth, one line per condition; intervals at the
     levels of the tables. On the diagonal the covariance means what it says, below it is too small."""
     figure = Figure(figsize=(11, 5.4), layout="constrained")
     titles = {"converged": "state `converged`", "right": "pose within 10 mm, whatever the state"}
@@ -66,8 +68,8 @@ def regions_figure(content: dict[str, dict]) -> Figure:
                 continue
             colour = _colour(k)
             axes.plot([0, *one["levels"]], [0, *one["observed"][kind]], color=colour, lw=1.6, label=what)
-            levels, shares, errors = _intervals(one["regions"][kind])
-            axes.errorbar(levels, shares, errors, color=colour, ms=3, **_BARS)
+            levels, fractions, errors = _intervals(one["regions"][kind])
+            axes.errorbar(levels, fractions, errors, color=colour, ms=3, **_BARS)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("nominal share", fontsize=9)
         axes.set_xlim(0, 1)
@@ -79,16 +81,16 @@ def regions_figure(content: dict[str, dict]) -> Figure:
 
 
 def wrong_figure(content: dict[str, dict]) -> Figure:
-    """Share of converged frames that are wrong by condition, with its interval; shaded: more than is promised."""
+    """Fraction of converged frames that are wrong by condition, with its interval; shaded: more than is promised."""
     kept = {what: one["wrong"] for what, one in content.items() if one["wrong"]["interval"]}
     figure = Figure(figsize=(9, 0.36 * len(kept) + 1.1), layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(kept))[::-1]
-    shares = 100 * np.array([one["share"] for one in kept.values()])
+    fractions = 100 * np.array([one["share"] for one in kept.values()])
     low, high = 100 * np.array([one["interval"] for one in kept.values()]).reshape(-1, 2).T
     promised = 100 * PROMISED_WRONG
     axes.axvspan(promised, 100, color=_TOO_MANY, lw=0, zorder=0)
-    axes.errorbar(shares, rows, xerr=np.maximum([shares - low, high - shares], 0), color=_POINT, ms=5, **_BARS)
+    axes.errorbar(fractions, rows, xerr=np.maximum([fractions - low, high - fractions], 0), color=_POINT, ms=5, **_BARS)
     axes.set_yticks(rows, list(kept), fontsize=9)
     axes.set_xscale("symlog", linthresh=promised)  # linear as far as the promise; the wrong object is at 100
     axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], ticks)
@@ -99,10 +101,10 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
 
 
 def _intervals(regions: dict[str, dict]) -> tuple[list[float], list[float], np.ndarray]:
-    """Levels (L,), shares (L,), and how far their intervals reach down and up (2, L)."""
-    shares = np.array([one["share"] for one in regions.values()])
+    """Levels (L,), fractions (L,), and how far their intervals reach down and up (2, L)."""
+    fractions = np.array([one["share"] for one in regions.values()])
     low, high = np.array([one["interval"] for one in regions.values()]).T
-    return [float(level) for level in regions], shares.tolist(), np.maximum([shares - low, high - shares], 0)
+    return [float(level) for level in regions], fractions.tolist(), np.maximum([fractions - low, high - fractions], 0)
 
 
 def _colour(number: int) -> tuple:

@@ -5,41 +5,34 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import socket
-from collections.abc import Iterator
-from functools import cache
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
-from ..baselines import dead_reckoning, paper_filter, registration
-from ..statistics.coverage import likelihood_counts
+from ..baselines import paper_filter, registration
+from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .open_trials import Workforce, make_books, run_open
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
-from .short_codes import ShortCodes
-from .stock import Stock
-from .trial import RECORD, TrialFrame, Yardstick, run_trial
-from .trial_log import TrialLog, key_of, source_digest
-from .variants import VARIANTS
+from .trial import RECORD, Yardstick, run_trial
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open, source_digest
+from .variants import VARIANTS, ShortCodes
 
-_THREADS = 1  # of a filter: trials run beside each other
+THREADS = 1  # of a filter: trials run beside each other
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What is run: stock; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
+    """What is run: cache; config, the default's filter settings; variants by name; inits, "paper" or "uniform"; beta,
     of the former; slides and seeds, their numbers; stride, every n-th frame; protocol, one of `PROTOCOLS`."""
 
-    stock: Stock
+    cache: Cache
     config: FilterConfig
     variants: tuple[str, ...]
     inits: tuple[str, ...] = ("paper", "uniform")
@@ -58,25 +51,13 @@ class Plan:
             "seeds": self.seeds,
             "stride": self.stride,
             "protocol": self.protocol,
-            "slide_length_m": self.stock.slides.length,
+            "slide_length_m": self.cache.slides.length,
             **PROTOCOLS[self.protocol].describe(),
-            "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.describe(),
+            "codebook_size": self.cache.codebook_size,
+            "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "filter_code": _filter_code(),
-            "threads": _THREADS,
-        }
-
-    def labels(self, mesh: ObjectMesh, variant: str, slide: int, init: str, seed: int) -> dict:
-        """Those of one trial."""
-        return {
-            "sequence": f"{mesh.name}/{slide:02d}",
-            "object": mesh.name,
-            "slide": slide,
-            "seed": seed,
-            "init": init,
-            "variant": variant,
-            "protocol": self.protocol,
+            "filter_code": filter_code(),
+            "threads": THREADS,
         }
 
     def key(self, mesh: ObjectMesh, foreign: ObjectMesh | None, codebook_digest: str, labels: dict) -> str:
@@ -87,76 +68,45 @@ class Plan:
             "settings": dataclasses.asdict(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
-            "slides": self.stock.slides.name,
+            "slides": self.cache.slides.name,
             "foreign": foreign.sha256 if foreign else None,
-            "protocol_code": _protocol_code(PROTOCOLS[self.protocol]),
+            "protocol_code": source_digest(Path(inspect.getfile(PROTOCOLS[self.protocol].disturb))),
             **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
-            "networks": self.stock.describe(),
-            "filter_code": _filter_code(),
+            "networks": self.cache.describe(),
+            "filter_code": filter_code(),
             "record": RECORD,
         }
         return key_of(labels | depends_on | variant.inputs)
-
-    def codebook_sizes(self) -> list[int | None]:
-        """Of all variants; None is the stock's own."""
-        return list(dict.fromkeys(VARIANTS[name].codebook_size for name in self.variants))
 
 
 def run_campaign(plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`; first the slides and codebooks that this needs.
 
-    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the stock's
-    folder.
+    Seeds come outermost, so that what a bounded run leaves out is spread over all objects. Workers must see the cache's
+    folder. Raises InputError if the protocol needs another object, and there is none.
     """
-    foreign = dict(zip((mesh.path for mesh in meshes), _foreign(PROTOCOLS[plan.protocol], meshes), strict=True))
-    _make_stock(plan, meshes, {mesh.path for mesh in foreign.values() if mesh}, workforce)
-    return run_open(_run_unit, _units(plan, meshes, foreign), log, workforce)
-
-
-def _make_stock(plan: Plan, meshes: list[ObjectMesh], foreign: set[Path], workforce: Workforce) -> None:
-    """Make what the trials need, as far as it is not there."""
+    foreign = _foreign(PROTOCOLS[plan.protocol], meshes)
+    sizes = tuple(dict.fromkeys(VARIANTS[name].codebook_size for name in plan.variants))  # None: the cache's own
     objects = {mesh.path for mesh in meshes}
-    make_books(plan.stock, sorted(objects), workforce.cluster, tuple(plan.codebook_sizes()))
-    touched = product(sorted(objects | foreign), plan.slides)
-    for _ in workforce.cluster.map(_make_touches, [(plan.stock, *one) for one in touched], workforce.deadline):
+    make_books(plan.cache, sorted(objects), workforce.cluster, sizes)
+    touched = product(sorted(objects | {mesh.path for mesh in foreign if mesh}), plan.slides)
+    for _ in workforce.cluster.map(_make_touches, [(plan.cache, *one) for one in touched], workforce.deadline):
         pass
-
-
-def _units(
-    plan: Plan, meshes: list[ObjectMesh], foreign: dict[Path, ObjectMesh | None]
-) -> Iterator[tuple[tuple, dict[str, dict]]]:
-    """One filter's work each: arguments of `_run_unit`, and the labels of the trials by their keys."""
-    sizes, code = plan.codebook_sizes(), _filter_code()
-    digests = {(mesh.path, size): plan.stock.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
-    for seed, mesh, variant in product(plan.seeds, meshes, plan.variants):
-        other, digest = foreign[mesh.path], digests[mesh.path, VARIANTS[variant].codebook_size]
-        trials = [plan.labels(mesh, variant, slide, init, seed) for slide, init in product(plan.slides, plan.inits)]
-        arguments = plan, mesh.path, other.path if other else None, variant, code
-        yield arguments, {plan.key(mesh, other, digest, labels): labels for labels in trials}
-
-
-def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
-    """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
-    networks = plan.stock.describe()
-    digest = plan.stock.codebook_digest(mesh)
-    content = [mesh.sha256, networks, digest, plan.stock.slides.name, plan.slides, _filter_code()]
-    key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
-    if (entry := log.get(key)) is None:
-        codes, poses = [], []
-        for slide in plan.slides:
-            sequence, touches = plan.stock.touches(mesh, slide)
-            for frame in touches.frames(sequence, stride=5):
-                if frame.felt.in_contact:
-                    codes.append(frame.felt.code)
-                    poses.append(frame.truth)
-        entry = {"counts": likelihood_counts(plan.stock.codebook(mesh), codes, np.array(poses), plan.config)}
-        log.add(key, entry)
-    return entry["counts"]
+    units, code = [], filter_code()
+    digests = {(mesh.path, size): plan.cache.codebook_digest(mesh, size) for mesh, size in product(meshes, sizes)}
+    for seed, (mesh, other), variant in product(plan.seeds, list(zip(meshes, foreign, strict=True)), plan.variants):
+        digest, trials = digests[mesh.path, VARIANTS[variant].codebook_size], {}
+        for slide, init in product(plan.slides, plan.inits):
+            labels = {"sequence": f"{mesh.name}/{slide:02d}", "object": mesh.name, "slide": slide, "seed": seed}
+            labels |= {"init": init, "variant": variant, "protocol": plan.protocol}
+            trials[plan.key(mesh, other, digest, labels)] = labels
+        units.append(((plan, mesh.path, other and other.path, variant, code), trials))
+    return run_open(_run_unit, units, log, workforce)
 
 
 def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | None]:
-    """For each object the other one that is touched; InputError if there is none."""
+    """For each object the other one that is touched, if the protocol has one."""
     if protocol.foreign == NEXT:
         if len(meshes) < 2:
             raise InputError("the wrong object cannot be touched with one object only; give two with --objects")
@@ -165,62 +115,46 @@ def _foreign(protocol: Protocol, meshes: list[ObjectMesh]) -> list[ObjectMesh | 
     return [bundled] * len(meshes)
 
 
-def _make_touches(stock: Stock, path: Path, slide: int) -> None:
-    stock.touches(ObjectMesh.load(path), slide)
+def _make_touches(cache: Cache, path: Path, slide: int) -> None:
+    cache.touches(ObjectMesh.load(path), slide)
 
 
 def _run_unit(
-    plan: Plan, path: Path, foreign_path: Path | None, variant_name: str, filter_code: str, trials: dict[str, dict]
+    plan: Plan, path: Path, foreign_path: Path | None, variant_name: str, code: str, trials: dict[str, dict]
 ) -> dict[str, dict]:
-    """Trials of one variant on one object, `foreign_path` the other one's; what is given and returned, by key.
+    """Trials of one variant on one object, `foreign_path` the other one's: by key, their labels in, with results out.
 
     InputError if this worker's code is not the campaign's.
     """
-    if _filter_code() != filter_code:
+    if filter_code() != code:
         raise InputError(f"worker {socket.gethostname()}: has another version of the filter; install the same there")
     mesh = ObjectMesh.load(path)
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
-    yardstick = Yardstick(plan.stock.symmetry(mesh), protocol.right, protocol.twins)
-    codebook = plan.stock.codebook(mesh, variant.codebook_size)
+    yardstick = Yardstick(plan.cache.symmetry(mesh), protocol.right, protocol.modulo_symmetry)
+    codebook = plan.cache.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
-    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, _THREADS)
-
-    @cache
-    def scene(slide: int) -> Disturbed:
-        disturbed = _disturbed(plan, mesh, foreign, slide)
-        frames = [variant.fingers(frame) for frame in disturbed.frames]
-        return dataclasses.replace(disturbed, frames=[short.frame(frame) for frame in frames] if short else frames)
-
-    def trial(scene: Disturbed, labels: dict) -> dict:
+    particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, THREADS)
+    scenes: dict[int, Disturbed] = {}
+    out = {}
+    for key, labels in trials.items():
+        if (slide := labels["slide"]) not in scenes:
+            frames = [[] if each is None else plan.cache.frames(each, slide, plan.stride) for each in (mesh, foreign)]
+            # the cache's own codebook: all variants meet the same scene
+            own = plan.cache.codebook(mesh) if foreign else None
+            scene = protocol.disturb(Scene(frames[0], np.random.default_rng(slide), frames[1], own))
+            seen = [variant.fingers(frame) for frame in scene.frames]
+            seen = [short.frame(frame) for frame in seen] if short else seen
+            scenes[slide] = dataclasses.replace(scene, frames=seen)
+        scene = scenes[slide]
         particle_filter.reset(labels["seed"])
         start_filter(particle_filter, mesh, scene.frames[0].truth, labels["init"], plan.beta)
         record = protocol.record(yardstick) if protocol.record else None
-        out = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
-        return labels | out | (record.result() if record else {})
-
-    return {key: trial(scene(labels["slide"]), labels) for key, labels in trials.items()}
-
-
-def _disturbed(plan: Plan, mesh: ObjectMesh, foreign: ObjectMesh | None, slide: int) -> Disturbed:
-    """One slide as the plan's protocol has it."""
-
-    def frames(mesh: ObjectMesh) -> list[TrialFrame]:
-        sequence, touches = plan.stock.touches(mesh, slide)
-        return touches.frames(sequence, plan.stride)
-
-    scene = Scene(frames(mesh), np.random.default_rng(slide))
-    if foreign:  # the stock's own codebook: all variants meet the same scene
-        scene = dataclasses.replace(scene, foreign=frames(foreign), codebook=plan.stock.codebook(mesh))
-    return PROTOCOLS[plan.protocol].disturb(scene)
+        trial = run_trial(scene.frames, particle_filter, record, yardstick, series=False, event=scene.event)
+        out[key] = labels | trial | (record.result() if record else {})
+    return out
 
 
-@cache
-def _filter_code() -> str:
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, *(Path(peer.__file__) for peer in (paper_filter, registration, dead_reckoning)))
-
-
-@cache
-def _protocol_code(protocol: Protocol) -> str:
-    return source_digest(Path(inspect.getfile(protocol.disturb)))
+def filter_code() -> str:
+    """Digest of the code of the filter and of the other methods."""
+    return filter_digest(*(Path(method.__file__) for method in (paper_filter, registration)))

@@ -92,12 +92,12 @@ def jump(scene: Scene) -> Disturbed:
 
 def lift(scene: Scene) -> Disturbed:
     """The arm lifts the sensor and puts it down where the slide leaps to, which the odometry tells."""
-    return _moved_away(scene, told=True)
+    return _moved_away(scene, reported=True)
 
 
 def kidnap(scene: Scene) -> Disturbed:
     """The sensor is lifted, and the object is moved before the next touch: nothing tells the filter."""
-    return _moved_away(scene, told=False)
+    return _moved_away(scene, reported=False)
 
 
 def push(scene: Scene) -> Disturbed:
@@ -119,8 +119,8 @@ def push(scene: Scene) -> Disturbed:
 def unexplained(scene: Scene) -> Disturbed:
     """12 consecutive touches are those of another object: of its slide, the ones that the codebook explains least."""
     frames, start = scene.frames, scene.middle
-    felt = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
-    strange = [dataclasses.replace(f, felt=touch) for f, touch in zip(frames[start:], felt, strict=False)]
+    touches = _least_explained(scene.foreign, scene.codebook, min(_UNEXPLAINED, len(frames) - start - 1))
+    strange = [dataclasses.replace(f, measurement=each) for f, each in zip(frames[start:], touches, strict=False)]
     end = start + len(strange)
     return Disturbed([*frames[:start], *strange, *frames[end:]], Event(start, end))
 
@@ -162,11 +162,11 @@ def _random_motion(rng: np.random.Generator, translation: float, rotation: float
 
 
 def _at_rest(frame: TrialFrame, rng: np.random.Generator) -> TrialFrame:
-    felt, noise = frame.felt, rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
-    if felt.code is not None:
-        change = rng.standard_normal(len(felt.code)) * _CODE_NOISE / np.sqrt(len(felt.code))
-        felt = dataclasses.replace(felt, code=(felt.code + change).astype(np.float32))
-    return dataclasses.replace(frame, felt=felt, measured=frame.measured @ se3.exp(noise))
+    measurement, noise = frame.measurement, rng.standard_normal(6) * np.repeat([_REST_T, _REST_R], 3)
+    if measurement.code is not None:
+        change = rng.standard_normal(len(measurement.code)) * _CODE_NOISE / np.sqrt(len(measurement.code))
+        measurement = dataclasses.replace(measurement, code=(measurement.code + change).astype(np.float32))
+    return dataclasses.replace(frame, measurement=measurement, measured=frame.measured @ se3.exp(noise))
 
 
 def _leap(scene: Scene) -> int:
@@ -176,16 +176,16 @@ def _leap(scene: Scene) -> int:
     return max(around, key=lambda k: np.linalg.norm(truth[k] - truth[k - 1]))
 
 
-def _moved_away(scene: Scene, told: bool) -> Disturbed:
+def _moved_away(scene: Scene, reported: bool) -> Disturbed:
     """Frames without contact, in which the sensor goes up and down again, before the slide's leap."""
     k = _leap(scene)
     before, after = scene.frames[:k], scene.frames[k:]
     last = before[-1]
-    jump = np.eye(4) if told else last.measured @ se3.inverse(after[0].measured)
+    jump = np.eye(4) if reported else last.measured @ se3.inverse(after[0].measured)
     air = Measurement(in_contact=False)
     heights = [_HEIGHT * min(k, _LIFTED - k) / (_LIFTED // 2) for k in range(1, _LIFTED + 1)]
     lifted = [
-        dataclasses.replace(last, felt=air, ms={}, measured=last.measured @ up, truth=last.truth @ up)
+        dataclasses.replace(last, measurement=air, ms={}, measured=last.measured @ up, truth=last.truth @ up)
         for up in (se3.make(np.eye(3), np.array([0.0, 0.0, height])) for height in heights)
     ]
     moved = [dataclasses.replace(frame, measured=jump @ frame.measured) for frame in after]
@@ -196,12 +196,14 @@ def _least_explained(foreign: list[TrialFrame], codebook: Codebook, n: int) -> l
     """n consecutive touches whose best match in the codebook is the worst, by the cosine of their codes, in the mean;
     InputError if there are not so many."""
     codes = codebook.codes / np.linalg.norm(codebook.codes, axis=1, keepdims=True)
-    best = np.array([_best_cosine(frame.felt, codes) for frame in foreign])
+    best = np.array([_best_cosine(frame.measurement, codes) for frame in foreign])
     if len(best) < n or not np.isfinite(means := np.convolve(best, np.full(n, 1 / n), "valid")).any():
         raise InputError(f"the other object's slide has no {n} touches in a row; give a longer one with --length")
     first = int(np.nanargmin(means))
-    return [frame.felt for frame in foreign[first : first + n]]
+    return [frame.measurement for frame in foreign[first : first + n]]
 
 
-def _best_cosine(felt: Measurement, codes: np.ndarray) -> float:
-    return float((codes @ (felt.code / np.linalg.norm(felt.code))).max()) if felt.in_contact else np.nan
+def _best_cosine(measurement: Measurement, codes: np.ndarray) -> float:
+    if not measurement.in_contact:
+        return np.nan
+    return float((codes @ (measurement.code / np.linalg.norm(measurement.code))).max())

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
 from midastouch_common import se3
 from midastouch_common.errors import InputError
@@ -27,27 +25,26 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
-from .open_trials import Workforce, make_books, run_open
+from .cache import Cache
 from .setup import Networks
-from .stock import Stock
 from .trial import FRAME_TIME, RIGHT
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, slides only",
     "lifts": "the same, lifts allowed",
     "random": "geodesics in random directions",
 }
-_HELD = 0.015  # m, over which `converged` must last
-_RIVAL = 0.2  # probability of a place that competes
+_CONVERGED_PATH = 0.015  # m, over which `converged` must last
+_COMPETING = 0.2  # probability of a place that competes
 
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What is run: stock, of codebooks and symmetries; config of the filter; policies, of `POLICIES`; trials per object
+    """What is run: cache, of codebooks and symmetries; config of the filter; policies, of `POLICIES`; trials per object
     and policy, whose numbers are their seeds; length [m], after which a trial is given up."""
 
-    stock: Stock
+    cache: Cache
     config: FilterConfig
     policies: tuple[str, ...] = tuple(POLICIES)
     trials: int = 10
@@ -60,16 +57,16 @@ class Plan:
             "trials": self.trials,
             "length_m": self.length,
             "step_m": STEP,
-            "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.describe(),
+            "codebook_size": self.cache.codebook_size,
+            "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "code": _code(),
+            "code": filter_digest(Path(__file__)),
         }
 
     def key(self, mesh: ObjectMesh, labels: dict) -> str:
         """Name of everything that the trial with these labels depends on."""
         depends_on = self.describe() | {"policies": None, "trials": None, "mesh": mesh.sha256}
-        return key_of(labels | depends_on | {"codebook": self.stock.codebook_digest(mesh)})
+        return key_of(labels | depends_on | {"codebook": self.cache.codebook_digest(mesh)})
 
 
 def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
@@ -87,7 +84,7 @@ def run_exploration(
 
     Seeds come outermost, so that what a bounded run leaves out is spread over all objects.
     """
-    make_books(plan.stock, [mesh.path for mesh in meshes], workforce.cluster)
+    make_books(plan.cache, [mesh.path for mesh in meshes], workforce.cluster)
     units = [
         ((plan, mesh.path), {plan.key(mesh, labels): labels})
         for seed, mesh, policy in product(range(plan.trials), meshes, plan.policies)
@@ -103,12 +100,12 @@ def _run(plan: Plan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
 
 
 def _explore(plan: Plan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
-    particle_filter = ParticleFilter(mesh, plan.stock.codebook(mesh), plan.config, seed)
+    particle_filter = ParticleFilter(mesh, plan.cache.codebook(mesh), plan.config, seed)
     particle_filter.initialise_uniform()
-    found = _Trial(mesh, plan.stock.networks, particle_filter, policy, seed).run(plan.length)
+    found = _Trial(mesh, plan.cache.networks, particle_filter, policy, seed).run(plan.length)
     truth, estimate = found.pop("truth"), found.pop("pose")
-    as_felt = plan.stock.symmetry(mesh).nearest(estimate[None], truth)[0]
-    errors = {"error_mm": estimate, "symmetric_error_mm": as_felt}
+    alike = plan.cache.symmetry(mesh).nearest(estimate[None], truth)[0]
+    errors = {"error_mm": estimate, "symmetric_error_mm": alike}
     return found | {name: 1e3 * float(pose_errors(pose, truth)[0]) for name, pose in errors.items()}
 
 
@@ -126,7 +123,7 @@ class _Trial:
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
         self._converged_at: float | None = None
-        self._alike, self._rivalled = 0, False
+        self._alike, self._competed = 0, False
         self._asked_ms: list[float] = []
         self.estimate: Estimate | None = None
 
@@ -156,14 +153,14 @@ class _Trial:
             "pose": pose,
             "right": bool(pose_errors(pose, self._finger.pose)[0] <= RIGHT),
             "truth_among_places": bool(among <= RIGHT),
-            "rivalled": self._rivalled,
+            "rivalled": self._competed,
             "places": len(places),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
         }
 
     def _motions(self) -> Iterator[Iterable[np.ndarray]]:
         """Motions to try, until one of them leads anywhere."""
-        self._rivalled |= self._has_rival()
+        self._competed |= self._has_competitor()
         if self._policy != "random":
             began = time.process_time()
             advice = self._advisor.advise(Wanted(lifts=self._policy == "lifts"))
@@ -179,16 +176,16 @@ class _Trial:
             length = 0.25 * self._diagonal * self._headings.uniform(0.4, 1)
             yield self._finger.slide(heading, length)
 
-    def _has_rival(self) -> bool:
+    def _has_competitor(self) -> bool:
         """Whether the true place and another one are probable."""
-        likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _RIVAL]
+        likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
         return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
 
     def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
         """Go on a way, until a trial's end."""
         for pose in motion:
             self._frame(pose)
-            if self._converged_at is not None and self._path - self._converged_at >= _HELD:
+            if self._converged_at is not None and self._path - self._converged_at >= _CONVERGED_PATH:
                 return "converged", self._converged_at
         if self._alike >= 2:
             return "alike", self._path
@@ -198,21 +195,16 @@ class _Trial:
         """One image at a pose (4, 4)."""
         penetration, normals = self._renderer.render_with_normals(pose[None])
         image = self._camera.image(penetration[0], normals[0], self._rng)
-        felt = measurement_of(self._pipeline.process(image, self._camera.background))
+        measurement = measurement_of(self._pipeline.process(image, self._camera.background))
         measured = measure_poses(pose[None], self._rng, NOISE_T, NOISE_R)[0]
-        if self.estimate is None and not felt.in_contact:
+        if self.estimate is None and not measurement.in_contact:
             return
         odometry = None if self._measured is None else se3.inverse(self._measured) @ measured
         if self._before is not None:
             self._path += float(np.linalg.norm(pose[:3, 3] - self._before[:3, 3]))
         self._measured, self._before = measured, pose
-        self.estimate = self._filter.step(odometry, felt, elapsed=FRAME_TIME)
+        self.estimate = self._filter.step(odometry, measurement, elapsed=FRAME_TIME)
         if self.estimate.status.state != CONVERGED:
             self._converged_at = None
         elif self._converged_at is None:
             self._converged_at = self._path
-
-
-def _code() -> str:
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, Path(__file__))

@@ -8,8 +8,6 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-import midastouch_filter
-import midastouch_kernels
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
@@ -24,12 +22,11 @@ from midastouch_filter.identification.catalogue_localiser import CatalogueLocali
 from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import UNKNOWN, Identity
 
-from .open_trials import Workforce, make_books, run_open
-from .stock import Stock
+from .cache import Cache
 from .trial import RIGHT, TrialFrame
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
 
-ASKED = (0.05, 0.1, 0.15, 0.2, 0.25)
+ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""
 
 _THREADS = 1
@@ -37,10 +34,10 @@ _THREADS = 1
 
 @dataclasses.dataclass(frozen=True)
 class IdentityPlan:
-    """stock; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
+    """cache; config, filter settings; slides, their numbers; unknown, probability beforehand that the object is none of
     the catalogue."""
 
-    stock: Stock
+    cache: Cache
     config: FilterConfig
     slides: tuple[int, ...]
     unknown: float = 0.5
@@ -54,12 +51,12 @@ class IdentityPlan:
         """For the JSON."""
         return {
             "slides": self.slides,
-            "slide_length_m": self.stock.slides.length,
+            "slide_length_m": self.cache.slides.length,
             "unknown": self.unknown,
-            "codebook_size": self.stock.codebook_size,
-            "networks": self.stock.describe(),
+            "codebook_size": self.cache.codebook_size,
+            "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "filter_code": _code(),
+            "filter_code": filter_digest(Path(__file__)),
             "threads": _THREADS,
         }
 
@@ -72,9 +69,9 @@ def run_identification(
     Slides come outermost, so that what a bounded run leaves out is spread over all objects.
     """
     paths = [mesh.path for mesh in meshes]
-    make_books(plan.stock, paths, workforce.cluster)
-    books = sorted([mesh.sha256, plan.stock.codebook_digest(mesh)] for mesh in meshes)
-    depends_on = {"identify": plan.describe() | {"slides": plan.stock.slides.name}, "catalogue": books}
+    make_books(plan.cache, paths, workforce.cluster)
+    books = sorted([mesh.sha256, plan.cache.codebook_digest(mesh)] for mesh in meshes)
+    depends_on = {"identify": plan.describe() | {"slides": plan.cache.slides.name}, "catalogue": books}
     units = [
         ((plan, paths), {key_of(depends_on | {"slide": slide, "mesh": mesh.sha256}): (mesh.name, slide)})
         for slide in plan.slides
@@ -90,10 +87,9 @@ def _run_slides(plan: IdentityPlan, paths: list[Path], slides: dict[str, tuple[s
 
 
 def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> list[dict]:
-    catalogue = _catalogue(plan.stock, tuple(paths), plan.settings)
+    catalogue = _catalogue(plan.cache, tuple(paths), plan.settings)
     entry = catalogue.entries[catalogue.number(catalogue.duplicates.get(name, name))]
-    sequence, touches = plan.stock.touches(entry.mesh, slide)
-    frames = touches.frames(sequence, 1)
+    frames = plan.cache.frames(entry.mesh, slide)
     labels = {"object": entry.name, "slide": slide, "in_catalogue": True, "objects": len(catalogue)}
     trials = [labels | identify(catalogue, frames, entry.name, plan.settings, plan.unknown)]
     if len(catalogue) > 1:
@@ -107,8 +103,8 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
 
 
 @cache
-def _catalogue(stock: Stock, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
-    books = [stock.codebook_path(ObjectMesh.load(path)) for path in paths]
+def _catalogue(cache: Cache, paths: tuple[Path, ...], config: FilterConfig) -> Catalogue:
+    books = [cache.codebook_path(ObjectMesh.load(path)) for path in paths]
     return read_catalogue(books, lambda path: None, NoiseModel.of(config))
 
 
@@ -124,7 +120,7 @@ def identify(
     cpu, count = 0.0, 0
     for frame in frames:
         start = time.process_time()
-        estimate = localiser.process(frame.measured, frame.felt)
+        estimate = localiser.process(frame.measured, frame.measurement)
         cpu += time.process_time() - start
         count += 1
         answers.note(frame, localiser.identity)
@@ -142,7 +138,7 @@ def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterCo
     identification, answers = Identification(catalogue, config, NoiseModel.of(config), unknown), Answers(UNKNOWN)
     last = None
     for frame in frames:
-        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         answers.note(frame, identification.identity)
         last = frame.measured
     return answers.describe()
@@ -168,7 +164,7 @@ class Answers:
         right_from_m: path from which the answer is right until the end, None if it is not; length_m."""
         wrong = [k for k, (_, _, right) in enumerate(self._given) if not right]
         since = wrong[-1] + 1 if wrong else 0
-        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED if at <= self.path]
+        asked = [next(each for each in self._given if each[0] >= at) for at in ASKED_AT_M if at <= self.path]
         return {
             "answer": self._answer,
             "right": self._given[-1][2],
@@ -180,7 +176,7 @@ class Answers:
 
 
 def right_answer(catalogue: Catalogue, name: str) -> str:
-    """On an object of that name: its own, that of its twin, or `UNKNOWN` if it is not in the catalogue."""
+    """On an object of that name: its own, that of one of the same shape, or `UNKNOWN` if none is in the catalogue."""
     name = catalogue.duplicates.get(name, name)
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
@@ -189,7 +185,7 @@ def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:
     """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
     start, last = time.process_time(), None
     for frame in frames:
-        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         last = frame.measured
     cpu = 1e3 * (time.process_time() - start) / len(frames)
     return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1])}
@@ -200,9 +196,3 @@ def _is_right(estimate: Estimate | None, frame: TrialFrame) -> bool:
     if estimate is None or estimate.status.state != CONVERGED:
         return False
     return bool(pose_errors(estimate.pose, frame.truth)[0] < RIGHT)
-
-
-@cache
-def _code() -> str:
-    packages = [Path(package.__file__).parent for package in (midastouch_filter, midastouch_kernels)]
-    return source_digest(*packages, Path(__file__))

@@ -1,22 +1,100 @@
-"""The test protocols of `midastouch benchmark`, by name: what is slid over, what happens on the way, how it starts."""
+"""The test protocols of `midastouch benchmark`, by name: what is slid over or grasped, what happens on the way, how it
+starts."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
+from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
+from midastouch_common import se3
 from midastouch_common.errors import InputError
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import closest_mode_error, pose_errors
+from midastouch_filter.core.estimate import Estimate
+from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.touch import Measurement
+from midastouch_perception.simulation.grasp import CONTACTS
 from midastouch_perception.simulation.slide import Leap
 
 from . import disturbances
-from .disturbances import Disturbance
-from .grasps import GraspRecord, GraspStock, grasp
-from .real_sensor import RealSensorStock
-from .stock import SlideKind, Stock
-from .trial import RIGHT, Yardstick
+from .cache import Cache, SlideKind
+from .disturbances import Disturbance, Disturbed, Scene
+from .real_sensor import RealSensorCache
+from .trial import FRAME_TIME, RIGHT, AnyFilter, TrialFrame, Yardstick
+
+_HELD_FRAMES = 10  # frames, half a second
+_HEIGHT = 0.02  # m, of the open hand on its way to the next grasp
+
+
+@dataclasses.dataclass(frozen=True)
+class GraspCache(Cache):
+    """A cache whose sequences are grasps."""
+
+    def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
+        simulate_grasp_sequence(mesh, self.networks.sensor, self.slides.grasps, number, path, True)
+
+
+def grasp(scene: Scene) -> Disturbed:
+    """Each grasp is held still; then the hand opens, and goes to the next one.
+
+    The arm's poses tell the first finger's motion, with their error; that of a further finger's pose relative to the
+    first one is its own.
+    """
+    frames: list[TrialFrame] = []
+    for first, *others in zip(*(scene.frames[k::CONTACTS] for k in range(CONTACTS)), strict=True):
+        if frames:
+            frames += [_open(frames[-1]), _open(first)]
+        back = se3.inverse(first.truth)
+        fingers = {
+            f"finger_{k}": dataclasses.replace(other.measurement, T_gel_finger=back @ other.measured)
+            for k, other in enumerate(others, 2)
+        }
+        frames += [dataclasses.replace(first, others=fingers, seconds=FRAME_TIME)] * _HELD_FRAMES
+    return Disturbed(frames)
+
+
+def _open(frame: TrialFrame) -> TrialFrame:
+    """The hand above a place that it grasps, before or after."""
+    up = se3.make(np.eye(3), np.array([0.0, 0.0, _HEIGHT]))
+    air = {"measurement": Measurement(in_contact=False), "ms": {}, "others": {}, "seconds": FRAME_TIME}
+    return dataclasses.replace(frame, measured=frame.measured @ up, truth=frame.truth @ up, **air)
+
+
+class GraspRecord:
+    """What the filter believes at the end of each grasp; an `Observer` of a trial."""
+
+    def __init__(self, yardstick: Yardstick):
+        self._yardstick = yardstick
+        self._rows: dict[int, dict] = {}  # by the index of the grasp's frame
+
+    def __call__(self, frame: TrialFrame, estimate: Estimate, particle_filter: AnyFilter) -> None:
+        if not frame.measurement.in_contact:
+            return
+        truth, right = frame.truth, self._yardstick.right
+        poses = self._yardstick.counted(particle_filter.poses, truth)
+        modes = self._yardstick.counted(np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4), truth)
+        pose = self._yardstick.counted(estimate.pose[None], truth)[0]
+        distance, angle = closest_mode_error(modes, truth)
+        self._rows[frame.index] = {
+            "closest_mode_trans_mm": 1e3 * distance,
+            "closest_mode_rot_deg": float(np.degrees(angle)),
+            "found": bool(distance <= right),
+            "share": float(particle_filter.weights[pose_errors(poses, truth)[0] <= right].sum()),
+            "right": bool(pose_errors(pose, truth)[0] <= right),
+            "converged": estimate.status.state == CONVERGED,
+        }
+
+    def result(self) -> dict:
+        """For the trial: grasps, in their order, each with the error of the closest mode, whether that is `found`
+        within the yardstick's limit, the belief's fraction within it, and whether the published pose is `right`."""
+        return {"grasps": list(self._rows.values())}
+
 
 NEXT = "next"
 """Foreign touches are those of the next object of the campaign."""
@@ -35,9 +113,9 @@ _NARROW = 0.2  # of the paper's start
 class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
     paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
-    touched in place of the campaign's objects; make_stock, of slides as its sensors see them; codebook_size, poses;
-    right [m], how near a pose must be to the truth; twins, as of `Yardstick`; record, of what a trial is asked on its
-    way."""
+    touched in place of the campaign's objects; make_cache, of slides as its sensors see them; codebook_size, poses;
+    right [m], how near a pose must be to the truth; modulo_symmetry, as of `Yardstick`; record, of what a trial is
+    asked on its way."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -46,15 +124,15 @@ class Protocol:
     beta: float = 1.0
     foreign: str | None = None
     small_parts: bool = False
-    make_stock: Callable[..., Stock] = Stock
+    make_cache: Callable[..., Cache] = Cache
     codebook_size: int = 50_000
     right: float = RIGHT
-    twins: bool = False
+    modulo_symmetry: bool = False
     record: Callable[[Yardstick], GraspRecord] | None = None
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
-        return {"foreign": self.foreign, "right_m": self.right, "twins": self.twins}
+        return {"foreign": self.foreign, "right_m": self.right, "twins": self.modulo_symmetry}
 
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
@@ -68,30 +146,32 @@ PROTOCOLS = {
     "tool_bias": Protocol("tool 2 mm, 2 deg off", disturbances.tool_bias, _SHORT),
     "late": Protocol("poses 50 ms late", disturbances.late, _SHORT),
     "slow_camera": Protocol("every image comes twice", disturbances.slow_camera, _SHORT),
-    "rest": _event("the arm rests in contact for 20 s", disturbances.rest),
+    "rest": _event("at rest in contact for 20 s", disturbances.rest),
     "lift": _event("lifted 20 mm, put down 50 mm away", disturbances.lift, Leap(0.05)),
-    "kidnap": _event("the same, untold", disturbances.kidnap, Leap(0.05)),
+    "kidnap": _event("lifted; the object is moved by 50 mm, untold", disturbances.kidnap, Leap(0.05)),
     "jump": _event("30 mm, 175 deg in one step", disturbances.jump, Leap(0.03, np.radians(175.0))),
     "unexplained": _event("12 touches that nothing explains", disturbances.unexplained, foreign="eyebolt"),
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
-    "wrong_mesh": Protocol("another object is touched", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT),
-    "real_sensor": Protocol("seen by real sensors", make_stock=RealSensorStock),
-    "real_sensor_calibrated": Protocol("... each calibrated", make_stock=partial(RealSensorStock, calibrated=True)),
+    "wrong_mesh": Protocol(
+        "another object is touched (always wrong)", disturbances.wrong_mesh, _SHORT, (UNIFORM,), foreign=NEXT
+    ),
+    "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
+    "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
     "small_parts": Protocol(
-        "parts smaller than the gel",
+        "parts smaller than the gel, twins counted",
         slides=SlideKind(0.075),
         small_parts=True,
         codebook_size=10_000,
         right=0.004,
-        twins=True,
+        modulo_symmetry=True,
     ),
     "grasp": Protocol(
         "grasped without sliding, by four fingers",
         grasp,
         SlideKind(grasps=4),
         (UNIFORM,),
-        make_stock=GraspStock,
-        twins=True,
+        make_cache=GraspCache,
+        modulo_symmetry=True,
         record=GraspRecord,
     ),
 }

@@ -22,9 +22,8 @@ from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.measured_optics import MeasuredOptics, MeasuredSensor, measured_sensors
 from midastouch_perception.tdn import load_tdn
 
+from .cache import Cache, Touches
 from .setup import Networks
-from .stock import Stock
-from .touches import Touches
 
 _BALL_DIAMETER = 6e-3  # m: a bearing's
 _PRESSES = 10
@@ -33,8 +32,8 @@ _CHUNK = 32  # maps rendered at a time: bounds memory
 
 
 @dataclasses.dataclass(frozen=True)
-class RealSensorStock(Stock):
-    """A stock whose slides are seen by measured sensors. calibrated: whether each was calibrated before."""
+class RealSensorCache(Cache):
+    """A cache whose slides are seen by measured sensors. calibrated: whether each was calibrated before."""
 
     calibrated: bool = False
 
@@ -54,12 +53,15 @@ class RealSensorStock(Stock):
         return [MeasuredOptics.load(name) for name in measured_sensors()]
 
     @cached_property
-    def calibrations(self) -> list[SensorCalibration]:
-        """One of each measured sensor."""
-        return [
-            calibrate_measured(optics, self.networks.sensor, np.random.default_rng(k))
-            for k, optics in enumerate(self.optics)
-        ]
+    def _calibrations(self) -> dict[int, SensorCalibration]:
+        return {}
+
+    def calibration(self, which: int) -> SensorCalibration:
+        """That of one of the measured sensors, made on first use."""
+        if which not in self._calibrations:
+            rng = np.random.default_rng(which)
+            self._calibrations[which] = calibrate_measured(self.optics[which], self.networks.sensor, rng)
+        return self._calibrations[which]
 
     def describe(self) -> dict[str, str]:
         optics = " ".join(f"{optics.name}-{optics.content_id}" for optics in self.optics)
@@ -72,7 +74,7 @@ class RealSensorStock(Stock):
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
         which, sensor = number % len(self.optics), self.networks.sensor
         camera = MeasuredSensor(self.optics[which], sensor, np.random.default_rng(number))
-        calibration = self.calibrations[which] if self.calibrated else None
+        calibration = self.calibration(which) if self.calibrated else None
         networks = dataclasses.replace(self.networks, tdn=load_tdn(self.tdn, sensor, calibration=calibration))
         renderer, images = PenetrationRenderer(mesh, sensor.for_maps), []
         for start in range(0, sequence.n_frames, _CHUNK):

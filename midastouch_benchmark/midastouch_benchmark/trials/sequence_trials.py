@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from midastouch_bringup.datasets import Sequence
 from midastouch_common import se3
+from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.touch import measurement_of
@@ -101,5 +102,46 @@ def perceived(
     """What networks without a memory of earlier frames make of the images (320, 240, 3) at these indices."""
     pipeline = networks.pipeline()
     for i, image in zip(indices, images, strict=True):
-        felt = measurement_of(pipeline.process(image, background))
-        yield TrialFrame(i, felt, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
+        measurement = measurement_of(pipeline.process(image, background))
+        yield TrialFrame(i, measurement, pipeline.ms, sequence.poses_measured[i], sequence.poses_true[i])
+
+
+_NEAR, _FAR = 5e-3, 20e-3  # m: gel is pressed 2 mm deep, trackers are some millimetres off; no surface there
+_MESH_FRAME = {"tactile_tracking": "the gel frame of the trial's first image"}
+
+
+def mesh_doubt(sequence: Sequence, indices: list[int], mesh: ObjectMesh) -> str:
+    """What to think of a mesh some millimetres off the true poses of these frames; empty if it is near.
+
+    Raises InputError if it is so far off that the sensor cannot have touched it there.
+    """
+    _, distances, _ = mesh.closest_points(sequence.poses_true[indices][:, :3, 3])
+    off = float(np.median(distances))
+    if off <= _NEAR:
+        return ""
+    frame = _MESH_FRAME.get(sequence.layout, "the object's frame of the recording")
+    said = f"{sequence.path}: the true poses are {1e3 * off:.0f} mm off the surface of {mesh.name} (median)"
+    if off > _FAR:
+        raise InputError(f"{said}, so it is not touched there; give the mesh in metres in {frame}")
+    return f"{said}; is the mesh in {frame}?"
+
+
+PAPER_REAL_BETA = 0.5
+"""Width of the paper's starts on real slides."""
+PAPER_REAL = {
+    "trials": 500,
+    "e_trans_mm": 19.7,
+    "e_rot_deg": 21.5,
+    "min_cluster_trans_mm": 11.1,
+    "min_cluster_rot_deg": 10.8,
+}
+"""Fifty slides over ten objects, ten starts each: mean final error of the particles, median of the closest mode's."""
+
+
+def require_real(sequences: Iterable[Sequence]) -> None:
+    """Raises InputError naming the first sequence that is not a real one of YCB-Slide."""
+    for sequence in sequences:
+        if sequence.layout != "real":
+            raise InputError(
+                f"{sequence.path}: not a real slide of YCB-Slide; get them with midastouch download ycb-slide real"
+            )

@@ -63,7 +63,7 @@ class Networks:
 @dataclasses.dataclass(frozen=True)
 class Untouched:
     """A sequence's no-contact image (320, 240, 3) uint8 RGB; source, where it comes from; doubt, why it may show
-    contacts, and the mend, empty if nothing speaks for that."""
+    contacts, and the fix, empty if nothing speaks for that."""
 
     image: np.ndarray
     source: str

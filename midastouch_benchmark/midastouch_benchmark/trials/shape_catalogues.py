@@ -25,11 +25,10 @@ from midastouch_perception.codebook_build import build_codebook
 from midastouch_perception.simulation.procedural import random_shape
 
 from ..statistics.intervals import ENOUGH
+from .cache import Cache
 from .identification import Answers, IdentityPlan
-from .open_trials import Workforce, run_open
-from .stock import Stock
 from .trial import TrialFrame
-from .trial_log import TrialLog, key_of, source_digest
+from .trial_log import TrialLog, Workforce, key_of, run_open, source_digest
 
 EARLY = 0.1
 """m of path after which is asked, besides the end."""
@@ -51,7 +50,7 @@ class ShapePlan(IdentityPlan):
         return (
             super().describe()
             | {"room": self.room, "sizes": self.sizes, "touched": self.touched, "seed": _SEED}
-            | _code()
+            | {"trial_code": source_digest(Path(__file__))}
         )
 
     def mates(self, number: int, size: int) -> range:
@@ -65,8 +64,8 @@ def run_shapes(plan: ShapePlan, log: TrialLog, workforce: Workforce) -> tuple[li
     numbers = {number for size in plan.sizes for number in plan.mates(plan.touched - 1, size)} | set(
         range(plan.touched)
     )
-    books = dict(workforce.cluster.map(_make, [(plan.stock, number) for number in sorted(numbers)]))
-    described = plan.describe() | {"sizes": None, "touched": None, "slides": plan.stock.slides.name}
+    books = dict(workforce.cluster.map(_make, [(plan.cache, number) for number in sorted(numbers)]))
+    described = plan.describe() | {"sizes": None, "touched": None, "slides": plan.cache.slides.name}
     units = [
         (
             (plan, tuple(books[each] for each in plan.mates(number, size))),
@@ -80,25 +79,25 @@ def run_shapes(plan: ShapePlan, log: TrialLog, workforce: Workforce) -> tuple[li
     return [trial for both in done for trial in both["trials"]], missing
 
 
-def shape_path(stock: Stock, number: int) -> Path:
+def shape_path(cache: Cache, number: int) -> Path:
     """Where the mesh of a random shape is kept."""
-    return stock.folder / "shapes" / f"shape_{number:04d}.ply"
+    return cache.folder / "shapes" / f"shape_{number:04d}.ply"
 
 
-def _make(stock: Stock, number: int) -> tuple[int, Path]:
+def _make(cache: Cache, number: int) -> tuple[int, Path]:
     """Make a shape and its codebook, unless they are there: its number and the path of the latter.
 
     No filter runs on it, so that nothing is derived.
     """
-    path, networks = shape_path(stock, number), stock.networks
+    path, networks = shape_path(cache, number), cache.networks
     if not path.is_file():
         random_shape(np.random.default_rng([_SEED, number]), path.stem).save(path)
     mesh = ObjectMesh.load(path)
-    book = stock.codebook_path(mesh)
+    book = cache.codebook_path(mesh)
     try:
         Codebook.load(book, mesh=mesh, tcn=networks.tcn.network_id, first=1)
     except InputError:  # none yet, or of an older mesh or network
-        build_codebook(mesh, networks.tcn, networks.sensor, stock.codebook_size).save(book)
+        build_codebook(mesh, networks.tcn, networks.sensor, cache.codebook_size).save(book)
     return number, book
 
 
@@ -109,9 +108,8 @@ def _run_slides(plan: ShapePlan, books: tuple[Path, ...], slides: dict[str, tupl
 
 def _run_slide(plan: ShapePlan, books: tuple[Path, ...], size: int, number: int, slide: int) -> list[dict]:
     catalogue = _catalogue(books, plan.settings, plan.room)
-    mesh = ObjectMesh.load(shape_path(plan.stock, number))
-    sequence, touches = plan.stock.touches(mesh, slide)
-    frames = touches.frames(sequence, 1)
+    mesh = ObjectMesh.load(shape_path(plan.cache, number))
+    frames = plan.cache.frames(mesh, slide)
     labels = {"object": mesh.name, "slide": slide, "size": size}
     trials = [labels | {"in_catalogue": True} | _identify(catalogue, frames, mesh.name, plan)]
     if size > 1:
@@ -134,7 +132,7 @@ def _identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, pl
     answers, last, took, early = Answers(truth), None, [], None
     for frame in frames:
         start = time.process_time()
-        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.felt)
+        identification.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         took.append(1e3 * (time.process_time() - start))
         last = frame.measured
         identity = identification.identity
@@ -148,7 +146,3 @@ def _identify(catalogue: Catalogue, frames: Iterable[TrialFrame], truth: str, pl
         "slowest_ms": max(took),
         "memory_mib": resident_mb(os.getpid()),
     }
-
-
-def _code() -> dict:
-    return {"trial_code": source_digest(Path(__file__))}

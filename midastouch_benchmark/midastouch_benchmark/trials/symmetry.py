@@ -24,7 +24,7 @@ from midastouch_common.pose_metric import ROTATION_SCALE
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
 _SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m, and of the diagonal of what is smaller: a nut is no ring
-_SHARE = 0.9  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
+_FRACTION = 0.9  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
 _TURNS = 40  # by which a sphere is told
 _FACING = np.cos(np.radians(45))  # a thin plate's other side is near, but not the same surface
 
@@ -148,7 +148,7 @@ def find_symmetry(mesh: ObjectMesh) -> Symmetry:
     surface = _Surface(mesh, tolerance)
     centre = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
     turned = _about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())
-    if np.mean([surface.deviation(motion) <= tolerance for motion in turned]) >= _SHARE:  # a softball bulges here
+    if np.mean([surface.deviation(motion) <= tolerance for motion in turned]) >= _FRACTION:  # a softball bulges here
         return Symmetry(free="all", centre=centre)
     found = [np.eye(4)]
     for start in surface.promising(_about(centre, _rotation_grid(_ROTATIONS))):
@@ -212,12 +212,12 @@ class _Surface:
         normals = self._normals @ transform[:3, :3].T
         distance = np.full(len(points), np.inf)
         near = np.flatnonzero(self._tree.query(points)[0] < self._near)
-        if len(near) < _SHARE * len(points):
+        if len(near) < _FRACTION * len(points):
             return np.inf
         _, distance[near], face = self._mesh.closest_points(points[near])
         facing = np.einsum("nj,nj->n", normals[near], self._mesh.face_normals[face])
         distance[near[facing < _FACING]] = np.inf
-        return float(np.quantile(distance, _SHARE, method="higher"))
+        return float(np.quantile(distance, _FRACTION, method="higher"))
 
     def promising(self, transforms: np.ndarray) -> list[np.ndarray]:
         """Those of motions (K, 4, 4) that agree best before alignment, well apart from one another and the identity."""

@@ -16,8 +16,8 @@ from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 
-from ..baselines.dead_reckoning import DeadReckoning
 from ..baselines.paper_filter import PaperFilter
+from ..baselines.registration import DeadReckoning
 from ..statistics.coverage import Coverage, WeightReliability
 from .symmetry import Symmetry
 
@@ -36,15 +36,15 @@ AnyFilter = ParticleFilter | PaperFilter | DeadReckoning
 
 @dataclasses.dataclass(frozen=True)
 class TrialFrame:
-    """Input of one step: index in the sequence, what was felt and the time [ms] of the networks for it, measured and
-    true `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
-    before, None where nobody knows; others, what further fingers felt, by name.
+    """Input of one step: index in the sequence, measurement and the time [ms] of the networks for it, measured and true
+    `T_obj_gel` (4, 4); the true one nan where there is none, as on the wrong object; seconds since the frame
+    before, None where nobody knows; others, what further fingers measured, by name.
 
     Only differences of the measured pose reach the filter.
     """
 
     index: int
-    felt: Measurement
+    measurement: Measurement
     ms: dict[str, float]
     measured: np.ndarray
     truth: np.ndarray
@@ -55,15 +55,16 @@ class TrialFrame:
 @dataclasses.dataclass(frozen=True)
 class Yardstick:
     """What errors are measured by: symmetry of the object; right [m]: a published pose nearer to the truth is right;
-    twins: the symmetric pose nearest to the truth is taken for every error, as no touch tells it from the other."""
+    modulo_symmetry: the symmetric pose nearest to the truth is taken for every error, as no touch tells it from the
+    other."""
 
     symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
     right: float = RIGHT
-    twins: bool = False
+    modulo_symmetry: bool = False
 
     def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Poses (N, 4, 4) as they are compared with the truth (4, 4)."""
-        return self.symmetry.nearest(poses, truth) if self.twins and len(poses) else poses
+        return self.symmetry.nearest(poses, truth) if self.modulo_symmetry and len(poses) else poses
 
 
 FRAME_TIME = 0.05
@@ -109,7 +110,7 @@ def run_trial(
         previous = frame.measured
         fingers = {"others": frame.others} if frame.others else {}  # other methods know one finger only
         start, cpu_start = time.perf_counter(), time.process_time()
-        estimate = particle_filter.step(odometry, frame.felt, elapsed=frame.seconds, **fingers)
+        estimate = particle_filter.step(odometry, frame.measurement, elapsed=frame.seconds, **fingers)
         ms, cpu_ms = 1e3 * (time.perf_counter() - start), 1e3 * (time.process_time() - cpu_start)
         record.add(frame, estimate, particle_filter, ms, cpu_ms)
         if observe is not None:
@@ -144,15 +145,15 @@ class _Record:
         self._filter_ms.update(estimate.status.ms)
         self._filter_cpu_ms.append(filter_cpu_ms)
         self._states.append((frame.index, estimate.status.state))
-        self._in_contact.append(frame.felt.in_contact)
-        if frame.felt.in_contact:
-            self._areas.append(frame.felt.contact_area)
+        self._in_contact.append(frame.measurement.in_contact)
+        if frame.measurement.in_contact:
+            self._areas.append(frame.measurement.contact_area)
         self._right.append(False)
         if estimate.pose is not None and np.isfinite(frame.truth).all():
-            # the twin of the truth, not of the estimate: the covariance belongs to the pose as published
+            # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
             truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
             self._right[-1] = bool(pose_errors(estimate.pose, truth)[0] <= self._yardstick.right)
-            if frame.felt.in_contact:
+            if frame.measurement.in_contact:
                 self._coverage.add(estimate, truth, self._right[-1])
                 self._reliability.add(estimate.status.mode_mass, self._right[-1])
         self._last = frame, estimate
@@ -177,7 +178,7 @@ class _Record:
             "mode_mass": status.mode_mass,
             "ess": status.ess,
             "state": status.state,
-            "in_contact": frame.felt.in_contact,
+            "in_contact": frame.measurement.in_contact,
             **{f"ms_{stage}": self._ms[stage][-1] for stage in STAGES},
             "ms": sum(self._ms[stage][-1] for stage in STAGES),
             "estimate": None if estimate.pose is None else np.round(se3.to_xyzquat(estimate.pose), 6),

@@ -5,21 +5,56 @@ from __future__ import annotations
 import dataclasses
 import time
 
+import numpy as np
+
 from midastouch_bringup.inspection import require_open3d
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.presets import PRESETS, preset_in_words
+from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from ..baselines.dead_reckoning import DeadReckoning, OdometryConfig
 from ..baselines.paper_filter import PaperConfig, PaperFilter
-from ..baselines.registration import Registration, RegistrationConfig
+from ..baselines.registration import DeadReckoning, OdometryConfig, Registration, RegistrationConfig
 from .trial import AnyFilter, TrialFrame
 
+
+class ShortCodes:
+    """Projects codes onto the `length` orthogonal directions that keep most of a codebook's codes, and normalises them.
+
+    Principal components about the origin, not about the mean: of all projections they keep cosines best, in the mean
+    of squares. Calibration of the score is left as it is.
+    """
+
+    def __init__(self, codes: np.ndarray, length: int):
+        """`codes` (M, D) of the codebook; length at most D."""
+        codes = np.asarray(codes, float)
+        _, directions = np.linalg.eigh(codes.T @ codes)  # by rising share
+        self._basis = directions[:, ::-1][:, :length]
+
+    def shorten(self, codes: np.ndarray) -> np.ndarray:
+        """Unit codes (..., length) float32 of codes (..., D)."""
+        short = np.asarray(codes, float) @ self._basis
+        short /= np.maximum(np.linalg.norm(short, axis=-1, keepdims=True), 1e-12)
+        return short.astype(np.float32)
+
+    def codebook(self, codebook: Codebook) -> Codebook:
+        """The codebook with short codes."""
+        return Codebook(codebook.poses, self.shorten(codebook.codes), codebook.meta)
+
+    def frame(self, frame: TrialFrame) -> TrialFrame:
+        """A frame with short codes."""
+        others = {name: self._short(touch) for name, touch in frame.others.items()}
+        return dataclasses.replace(frame, measurement=self._short(frame.measurement), others=others)
+
+    def _short(self, touch: Measurement) -> Measurement:
+        return touch if touch.code is None else dataclasses.replace(touch, code=self.shorten(touch.code))
+
+
 DEFAULT, PRESET = "default", "preset"
-PAPER, PEER, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
+PAPER, BASELINE, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
 COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
@@ -100,10 +135,12 @@ VARIANTS = {
         "the paper's filter: softmax of cosines, resampling at every step, annealing, DBSCAN", PAPER, method="paper"
     ),
     "paper_5k": Variant("the same, started with 5,000 particles", PAPER, {"n_start": 5_000}, method="paper"),
-    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", PEER, method="registration"),
-    "odometry": Variant("the arm's odometry alone, from one draw of the start", PEER, method="odometry"),
+    "registration": Variant("FPFH, RANSAC and ICP of the accumulated contact cloud", BASELINE, method="registration"),
+    "odometry": Variant("the arm's odometry alone, from one draw of the start", BASELINE, method="odometry"),
     "no_refinement": Variant("no alignment to penetration maps, no re-evaluation", MECHANISM, {"refinement": False}),
-    "no_hindsight": Variant("last touches are not re-evaluated at rival places", MECHANISM, {"smoothing": False}),
+    "no_hindsight": Variant(
+        "last touches are not re-evaluated at competing hypotheses", MECHANISM, {"smoothing": False}
+    ),
     "no_recovery": Variant("no injection when the likelihood collapses", MECHANISM, {"recovery": False}),
     "codes_no_recovery": Variant(
         "no alignment to penetration maps, no re-evaluation, no injection",
@@ -137,14 +174,14 @@ VARIANTS = {
     "no_size_gate": Variant("resampling at every touch", GATE, open_gates=("effective_size",)),
     "no_book_gate": Variant("few particles, too, have the whole codebook scored", GATE, open_gates=("whole_book",)),
     "no_modes_gate": Variant("modes are found anew when nothing changed, too", GATE, open_gates=("unmoved_modes",)),
-    "no_rival_gate": Variant("a mode without rivals is replayed as often", GATE, open_gates=("unrivalled",)),
+    "no_rival_gate": Variant("a mode without competitors is re-evaluated as often", GATE, open_gates=("unrivalled",)),
     "no_wide_gate": Variant(
         "wide modes are aligned to the penetration maps too", GATE, {"refine_translation": 0.05, "refine_rotation": 1.5}
     ),
     "1k": Variant("at most 1,000 particles", COUNT, {"max_particles": 1_000}),
     "20k": Variant("at most 20,000 particles", COUNT, {"max_particles": 20_000}),
     "50k": Variant("at most 50,000 particles, as the paper's", COUNT, {"max_particles": 50_000}),
-    "align_1": Variant("one mode is aligned to the felt map", BUDGET, {"refined_modes": 1}),
+    "align_1": Variant("one mode is aligned to the measured map", BUDGET, {"refined_modes": 1}),
     "align_2": Variant("two modes are", BUDGET, {"refined_modes": 2}),
     "align_8": Variant("eight modes are", BUDGET, {"refined_modes": 8}),
     "book_5k": Variant("codebook of 5,000 poses", INPUT, codebook_size=5_000),
@@ -163,7 +200,7 @@ def _group(*groups: str) -> tuple[str, ...]:
 
 
 SETS = {
-    "peers": ("paper", *_group(PEER)),
+    "peers": ("paper", *_group(BASELINE)),
     "counts": _group(COUNT),
     "gates": _group(GATE),
     "codebooks": _group(INPUT),

@@ -5,6 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from midastouch_benchmark.baselines.registration import DeadReckoning
+from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import VARIANTS
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -32,8 +34,8 @@ def test_a_slide_over_a_tool_is_laid_onto_it():
     first = registration.poses[0]
     odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses[40:]))]
     states = []
-    for motion, felt in zip(odometry, maps[40:], strict=True):
-        estimate = registration.step(motion, Measurement(True, penetration=felt))
+    for motion, measurement in zip(odometry, maps[40:], strict=True):
+        estimate = registration.step(motion, Measurement(True, penetration=measurement))
         states.append(estimate.status.state)
     assert (states[0], states[-1]) == ("ambiguous", "converged")
     started, ended = (np.linalg.norm(a[:3, 3] - b[:3, 3]) for a, b in ((first, poses[40]), (estimate.pose, poses[-1])))
@@ -46,3 +48,44 @@ def test_where_open3d_is_missing_it_says_so(monkeypatch):
     monkeypatch.delitem(sys.modules, "midastouch_bringup.inspection.library", raising=False)
     assert "pip install -r tools/requirements/open3d.txt" in VARIANTS["registration"].missing
     assert VARIANTS["odometry"].missing == ""
+
+
+@pytest.fixture
+def reckoning(mesh, codebook) -> DeadReckoning:
+    return DeadReckoning(mesh, codebook)
+
+
+def test_it_says_nothing_before_a_start(reckoning):
+    estimate = reckoning.step(None, Measurement(False))
+    assert (estimate.pose, estimate.status.state) == (None, "uninitialised")
+    assert reckoning.poses.shape == (0, 4, 4)
+
+
+def test_it_keeps_its_first_error(reckoning, sequence):
+    poses = sequence.poses_true
+    reckoning.initialise_gaussian(poses[0], 0.02, 0.3)
+    (started,) = reckoning.poses
+    odometry = [None, *(se3.inverse(before) @ after for before, after in pairwise(poses))]
+    for motion in odometry:
+        estimate = reckoning.step(motion, Measurement(False))
+    assert estimate.status.state == "converged"
+    assert estimate.pose == pytest.approx(started @ se3.inverse(poses[0]) @ poses[-1], abs=1e-9)
+    assert 1e-3 < np.linalg.norm(started[:3, 3] - poses[0][:3, 3]) < 0.08
+
+
+def test_the_seed_draws_the_start(reckoning, codebook):
+    starts = []
+    for seed in (1, 2, 1):
+        reckoning.reset(seed)
+        reckoning.initialise_uniform()
+        starts.append(reckoning.poses[0])
+    assert (starts[0] == starts[2]).all()
+    assert (starts[0] != starts[1]).any()
+    assert (np.abs(codebook.poses - starts[0]).max(axis=(1, 2)) < 1e-9).any()
+
+
+def test_it_runs_in_a_trial(reckoning, sequence):
+    reckoning.initialise_uniform()
+    pairs = zip(sequence.poses_measured, sequence.poses_true, strict=True)
+    frames = [TrialFrame(k, Measurement(False), {}, *poses, seconds=0.05) for k, poses in enumerate(pairs)]
+    assert run_trial(frames, reckoning)["frames_converged"] == 30

@@ -6,7 +6,7 @@ from midastouch_bringup import cli
 def test_its_tables_show_what_its_json_holds(shared, tmp_path, capsys):
     told = tmp_path / "checks.json"
     backgrounds = str(shared / "data/digit_backgrounds")
-    assert cli.main(["evaluate-checks", backgrounds, "--sensors", "2", "--json", str(told)]) == 0
+    assert cli.main(["evaluate-checks", backgrounds, "--sensors", "1", "--json", str(told)]) == 0
     printed, result = capsys.readouterr().out, json.loads(told.read_text())
     assert set(result["fit_check"]) <= {line.split("  ")[0] for line in printed.splitlines()}
     assert len(result["ball_diameter"]["given"]) > 2

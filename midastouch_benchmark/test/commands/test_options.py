@@ -1,3 +1,7 @@
+import argparse
+import json
+import math
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,7 +49,7 @@ def test_mesh_and_codebook_are_found_by_the_objects_name(box):
 
 
 def test_without_a_codebook_the_error_names_the_command(box):
-    with pytest.raises(InputError, match=r"no codebook of cup; build it: midastouch build-codebook cup\.ply"):
+    with pytest.raises(InputError, match=r"cup\.npz: .*midastouch build-codebook cup\.ply"):
         options.load_object("cup", None, None, NETWORKS)
 
 
@@ -53,8 +57,7 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
     """What the error tells to build is what is looked for."""
     box.path.rename(tmp_path / "aligned.ply")
     codebook_path("box").unlink()
-    told = r"aligned\.npz: no codebook of aligned; build it: midastouch build-codebook aligned\.ply"
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=r"aligned\.npz: .*midastouch build-codebook aligned\.ply"):
         options.load_object("avocado", "aligned.ply", None, NETWORKS)
     save_book(ObjectMesh.load("aligned.ply"), name="aligned")
     assert options.load_object("avocado", "aligned.ply", None, NETWORKS)[0].name == "aligned"
@@ -62,7 +65,7 @@ def test_a_given_mesh_leads_to_its_own_codebook(box, tmp_path):
 
 def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
     box.path.rename(tmp_path / "moved.ply")
-    with pytest.raises(InputError, match=r"box\.ply' is not there any more; give it with --mesh"):
+    with pytest.raises(InputError, match=r"box\.ply' .*--mesh"):
         options.load_object("box", None, None, NETWORKS)
     assert options.load_object("box", "moved.ply", None, NETWORKS)[0].name == "moved"
 
@@ -70,12 +73,60 @@ def test_a_mesh_that_has_moved_must_be_given(box, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mesh_sha256": "0" * 64}, "built for the mesh"),
+        ({"mesh_sha256": "0" * 64}, r"box\.npz"),
         ({"tcn": "net-2"}, "net-2"),
-        ({"sensor_id": "id-2", "sensor": "other"}, "built for the sensor other"),
+        ({"sensor_id": "id-2", "sensor": "other"}, r"box\.npz: .*other"),
     ],
 )
 def test_what_does_not_belong_together_is_refused(box, changes, message):
     save_book(box, **changes)
     with pytest.raises(InputError, match=message):
         options.load_object("box", None, None, NETWORKS)
+
+
+def test_a_result_is_kept_with_the_command_that_made_it(tmp_path, capsys):
+    parser = argparse.ArgumentParser()
+    options.add_json_option(parser)
+    args = parser.parse_args(["--json", str(tmp_path / "r.json")])
+    args.command_line = "midastouch measure"
+    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line") == 0
+    assert capsys.readouterr().out == "a table\na line\n"
+    assert json.loads((tmp_path / "r.json").read_text()) == {"command": "midastouch measure", "mm": 0.3333}
+
+
+def test_it_is_shown_without_being_kept(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert options.conclude(argparse.Namespace(json=None), {}, "a table") == 0
+    assert (capsys.readouterr().out, list(tmp_path.iterdir())) == ("a table\n", [])
+
+
+def parsed(*given: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    options.add_campaign_options(parser, "trial")
+    return parser.parse_args(["--jobs", "1", *given])
+
+
+def test_the_deadline_is_counted_from_the_start():
+    with options.campaign(parsed(), "trial") as workforce:
+        assert workforce.deadline == math.inf
+    before = time.monotonic()
+    with options.campaign(parsed("--minutes", "2"), "trial") as workforce:
+        progress = workforce.start_progress(2)
+        for number, square in enumerate(workforce.cluster.map(pow, [(1, 2), (3, 2)], workforce.deadline)):
+            assert square == (2 * number + 1) ** 2
+            progress(1)
+    assert before + 120 <= workforce.deadline <= time.monotonic() + 120
+
+
+def test_it_is_said_how_it_goes_on():
+    assert options.left(0, "trial") == []
+    (line,) = options.left(3, "slide")
+    assert line.startswith("3 slides")
+
+
+def test_objects_are_named_by_how_they_begin():
+    assert [mesh.name for mesh in options.chosen_meshes(None, ["eye", "ball"])] == ["eyebolt", "ball"]
+    with pytest.raises(InputError, match=r"'cup': .*ball.*--objects"):
+        options.chosen_meshes(None, ["cup"])
+    with pytest.raises(InputError, match="nowhere: "):
+        options.chosen_meshes("nowhere", None)

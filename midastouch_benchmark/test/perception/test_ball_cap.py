@@ -1,14 +1,18 @@
 import numpy as np
 import pytest
 import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
 
 from midastouch_benchmark.perception.ball_cap import (
     ball_penetration,
     centre_under,
     circle_outline,
+    fit_sphere,
     mask_outline,
-    misfit,
     nearest_cap,
+    outline_residual,
+    principal_curvatures,
 )
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
@@ -47,7 +51,7 @@ def test_an_outline_tells_the_ball(sensor, x, y, depth):
     outline = mask_outline(ball_penetration(truth, RADIUS, sensor) > 0, sensor)
     found = centre_under(outline, RADIUS)
     np.testing.assert_allclose(found, truth, atol=6e-5)  # half a pixel
-    assert misfit(outline, found, RADIUS) < 6e-5
+    assert outline_residual(outline, found, RADIUS) < 6e-5
 
 
 def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
@@ -61,16 +65,71 @@ def test_a_circle_of_the_camera_image_tells_the_ball(sensor):
 
 def test_a_circle_wider_than_the_ball_misses_it(sensor):
     wide = circle_outline((120, 160, 100), 0.5, sensor)  # 5.4 mm
-    assert misfit(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
+    assert outline_residual(wide, centre_under(wide, RADIUS), RADIUS) > 3e-4
 
 
 def test_the_nearest_cap_of_a_cap_is_itself(sensor):
     truth = centre(sensor)
-    felt = ball_penetration(truth, RADIUS, sensor)
-    np.testing.assert_allclose(nearest_cap(felt, felt > 0, RADIUS, sensor), truth, atol=5e-6)
+    measured = ball_penetration(truth, RADIUS, sensor)
+    np.testing.assert_allclose(nearest_cap(measured, measured > 0, RADIUS, sensor), truth, atol=5e-6)
 
 
 def test_the_nearest_cap_of_one_pixel(sensor):
-    felt = np.zeros((160, 120), np.float32)
-    felt[80, 60] = 2e-4
-    assert np.isfinite(nearest_cap(felt, felt > 0, RADIUS, sensor)).all()
+    measured = np.zeros((160, 120), np.float32)
+    measured[80, 60] = 2e-4
+    assert np.isfinite(nearest_cap(measured, measured > 0, RADIUS, sensor)).all()
+
+
+CENTRE = np.array([1e-3, -2e-3, -3e-3])
+
+
+def cap(radius: float, reach: float = 1.5e-3, centre=CENTRE) -> np.ndarray:
+    """Points of a ball's upper side within `reach` of its top, seen from above."""
+    x, y = np.meshgrid(*[np.linspace(-reach, reach, 25)] * 2)
+    inside = np.hypot(x, y) < min(reach, radius)
+    x, y = x[inside], y[inside]
+    return centre + np.column_stack([x, y, np.sqrt(radius**2 - x**2 - y**2)])
+
+
+@given(st.floats(2e-3, 3e-2))
+def test_an_exact_cap(radius):
+    sphere = fit_sphere(cap(radius))
+    assert sphere.radius == pytest.approx(radius, rel=1e-3)
+    np.testing.assert_allclose(sphere.centre, CENTRE, atol=2e-3 * radius)
+    assert sphere.residual < 1e-7
+
+
+def test_a_given_radius_is_kept():
+    points = cap(4e-3)
+    sphere = fit_sphere(points, 5e-3)
+    assert sphere.radius == 5e-3
+    np.testing.assert_allclose(sphere.centre[:2], CENTRE[:2], atol=1e-5)
+    assert sphere.centre[2] < CENTRE[2]
+    assert 0 < sphere.residual < 5e-5
+
+
+def test_noise_is_the_residual():
+    rng = np.random.default_rng(0)
+    points = cap(4e-3)
+    points[:, 2] += rng.normal(0, 2e-5, len(points))
+    sphere = fit_sphere(points)
+    assert sphere.residual == pytest.approx(2e-5, rel=0.15)
+    assert sphere.radius == pytest.approx(4e-3, rel=0.05)
+
+
+def test_curvatures_of_a_ball_are_equal():
+    np.testing.assert_allclose(principal_curvatures(cap(0.01, 1e-3)), 100, rtol=0.02)
+
+
+def test_curvatures_off_the_top_of_a_ball():
+    """Where its side is seen at 30 deg the curvature is the same, though the depth map looks steeper."""
+    points = cap(0.01, 6e-3)
+    aside = points[np.hypot(points[:, 0] - CENTRE[0] - 5e-3, points[:, 1] - CENTRE[1]) < 1e-3]
+    np.testing.assert_allclose(principal_curvatures(aside), 100, rtol=0.1)
+
+
+def test_curvatures_tell_cylinder_dent_and_saddle():
+    x, y = (a.ravel() for a in np.meshgrid(*[np.linspace(-1e-3, 1e-3, 15)] * 2))
+    for z, expected in ((-(x**2) / 2, (0, 1)), (x**2 + y**2, (-2, -2)), (x**2 - y**2, (-2, 2))):
+        found = principal_curvatures(np.column_stack([x, y, 100 * z]))
+        np.testing.assert_allclose(found / 100, expected, atol=0.02)

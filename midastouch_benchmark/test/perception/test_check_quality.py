@@ -1,23 +1,32 @@
 import numpy as np
 import pytest
 
+from midastouch_benchmark.perception import check_quality
 from midastouch_benchmark.perception.check_quality import (
-    MISFITS,
+    FACTORS,
+    FAULTS,
     TOUCHES,
     CheckQuality,
     ImaginarySensor,
     causes_named,
+    diameter_checks,
     imaginary_sensors,
     layout_quality,
+    real_checks,
     roc_area,
     wire,
 )
+from midastouch_bringup.datasets.ball_presses import BallPresses
+from midastouch_bringup.datasets.slide_simulation import no_contact_image
+from midastouch_perception.sensor_calibration.network_checks import RADIUS_RATIO
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.simulation.randomisation import RandomisationRange
+from midastouch_perception.simulation.simulated_digit import PressedSensor
+from midastouch_perception.tdn import load_tdn
 
 
 class SlopeTdn:
-    """Feels the relief that the fake images code as brightness: 10 um a grey level of their mean change."""
+    """Feels the penetration map that the fake images code as brightness: 10 um a grey level of their mean change."""
 
     network_id = "fake"
 
@@ -58,7 +67,7 @@ def quality():
 
 def test_fit_check_alarms(quality):
     fit = quality.fit()
-    assert set(fit) == {"right", *MISFITS}
+    assert set(fit) == {"right", *FAULTS}
     assert fit["right"]["alarms"] == 0
     assert fit["right"]["auc_quietest_tenth"] == 0.5
     assert fit["another sensor's background"]["alarms"] == 1
@@ -128,3 +137,32 @@ def test_layouts_of_real_sensors(shared):
     named = causes_named(images)
     assert min(named.values()) >= 0.5
     assert np.mean(list(named.values())) > 0.75
+
+
+@pytest.fixture(scope="module")
+def real():
+    return SensorModel.load("digit_real")
+
+
+def test_alarms_are_counted_with_the_right_and_with_a_touched_background(real):
+    rng = np.random.default_rng(7)
+    digit = PressedSensor(real, no_contact_image(real, rng)[None], 3e-3, rng)
+    presses = BallPresses(digit.presses(8), digit.background, None)
+    counted = real_checks(load_tdn("fast", real), presses, rng)
+    assert counted["trials"] == 16
+    assert counted["right"] <= 0.1
+    assert counted["touched"] >= 0.7
+
+
+def test_doubts_are_counted_by_factor(real, monkeypatch):
+    truth = iter(np.random.default_rng(0).uniform(0.98, 1.02, 3) * RADIUS_RATIO * 3e-3)
+    monkeypatch.setattr(check_quality, "measured_radius", lambda *_: next(truth))
+    monkeypatch.setattr(check_quality, "RADII", (3e-3, 3e-3))
+    rng = np.random.default_rng(0)
+    counted = diameter_checks(real, no_contact_image(real, rng)[None], 3, rng)
+    assert counted["felt_over_true"] == pytest.approx(RADIUS_RATIO, rel=0.02)
+    assert counted["spread"] < 0.03
+    given = {each["factor"]: each for each in counted["given"]}
+    assert set(given) == set(FACTORS)
+    assert given[1.0] == {"factor": 1.0, "doubted": 0}
+    assert given[2.0]["doubted"] == given[0.5]["doubted"] == 1

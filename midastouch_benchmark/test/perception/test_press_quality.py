@@ -7,6 +7,7 @@ from midastouch_benchmark.perception.press_quality import measure_presses, visib
 from midastouch_bringup.datasets.ball_presses import BallPresses, load_ball_presses
 from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.tdn import load_tdn
 
 RADIUS = 4e-3
 FREE = np.full((320, 240, 3), 100, np.uint8)
@@ -22,14 +23,14 @@ class FakeTdn:
 
     network_id = "fake"
 
-    def __init__(self, sensor, felt=lambda penetration: penetration):
-        self.sensor, self._felt = sensor, felt
+    def __init__(self, sensor, measured=lambda penetration: penetration):
+        self.sensor, self._measured = sensor, measured
 
     def difference(self, image, background):
         return image[::2, ::2].astype(np.float32) - background[::2, ::2]
 
     def predict(self, image, background, difference=None):
-        return self._felt(self.difference(image, background)[..., 0] * np.float32(1e-5))
+        return self._measured(self.difference(image, background)[..., 0] * np.float32(1e-5))
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +58,8 @@ def labelled(presses):
     return BallPresses(presses.images, FREE, circles)
 
 
-def summary_of(sensor, presses, felt=lambda penetration: penetration):
-    return measure_presses(FakeTdn(sensor, felt), presses, RADIUS)[1]
+def summary_of(sensor, presses, measured=lambda penetration: penetration):
+    return measure_presses(FakeTdn(sensor, measured), presses, RADIUS)[1]
 
 
 @pytest.mark.parametrize("kind", ["presses", "labelled"])
@@ -83,10 +84,10 @@ def test_what_is_right_is_found_right(sensor, kind, request):
 @pytest.mark.parametrize("factor", [0.4, 1.5])
 @pytest.mark.parametrize("kind", ["presses", "labelled"])
 def test_a_depth_that_is_scaled_is_reported_so(sensor, kind, factor, request):
-    """What a comparison with a sphere fitted to the felt depth cannot see; labels or not."""
+    """What a comparison with a sphere fitted to the measured depth cannot see; labels or not."""
     summary = summary_of(sensor, request.getfixturevalue(kind), lambda penetration: factor * penetration)
     assert summary["peak_ratio"] == pytest.approx(factor, rel=0.05)
-    # curvatures scale with the depth; what is added to the relief of the gel is scaled, the dome itself is not
+    # curvatures scale with the depth; what is added to the penetration map of the gel is scaled, the dome itself is not
     dome = np.mean([1 / dict(sensor.dome)[key] for key in ("radius_x", "radius_y")])
     curvature = factor / RADIUS + (factor - 1) * dome
     assert summary["felt_radius_mm"] == pytest.approx(1e3 / curvature, rel=0.1)
@@ -161,7 +162,7 @@ def test_a_radius_that_is_none(sensor, presses, radius):
 
 
 def test_a_ball_too_small_for_its_labels(sensor, labelled):
-    with pytest.raises(InputError, match=r"leaves no contact as wide as its circle.*--ball-diameter"):
+    with pytest.raises(InputError, match=r"check --ball-diameter"):
         measure_presses(FakeTdn(sensor), labelled, 1.5e-3)
 
 
@@ -179,7 +180,6 @@ def test_visible_contact_is_the_largest_change(sensor):
 @pytest.mark.parametrize(("name", "radius", "scale"), [("d20641", 4.4e-3, 18680), ("vocdex", 3e-3, 18500)])
 def test_real_presses(shared, name, radius, scale):
     """What must hold whatever the network: presses are found and bulge, and the ideal caps are those of the labels."""
-    from midastouch_perception.tdn import load_tdn
 
     presses = load_ball_presses(shared / f"data/digit_real/sphere_presses_{name}")
     some = presses.only(list(presses.images)[::5])
@@ -192,3 +192,18 @@ def test_real_presses(shared, name, radius, scale):
         wide = some.circles[row["image"]][2] / scale
         flat = 1e3 * (radius - np.sqrt(radius**2 - wide**2))
         assert 0.93 < row["ideal_peak_mm"] / flat < 1.1, "dome and perspective change a cap little"
+
+
+@pytest.mark.parametrize(
+    ("folder", "radius", "scale"),
+    [("sphere_presses_d20641", 4.4e-3, 18680.0), ("sphere_presses_vocdex", 3e-3, 18500.0)],
+)
+def test_a_ball_on_sensors_never_seen_is_measured_as_one_of_about_its_size(shared, folder, radius, scale):
+    presses = load_ball_presses(shared / "data/digit_real" / folder)
+    some = presses.only(sorted(presses.images)[::3])
+    summary = measure_presses(load_tdn("fast", SensorModel.load("digit_real").at_scale(scale)), some, radius)[1]
+    assert summary["found_share"] == summary["bulges_share"] == 1
+    assert 0.5 < summary["peak_ratio"] < 1.4
+    assert 0.65e3 * radius < summary["felt_radius_mm"] < 1.6e3 * radius
+    assert summary["iou"] > 0.75
+    assert summary["outside_share"] < 0.05

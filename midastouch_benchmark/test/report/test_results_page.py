@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.statistics.summary import summarise_trials
+from midastouch_benchmark.report.results_page import scaling_figure, write_results_page
+from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 
@@ -101,6 +101,77 @@ def test_foreign_and_incomplete_files_are_refused_by_name(content, tmp_path):
 
 
 def test_a_foreign_file_leaves_no_folder_behind(tmp_path):
-    with pytest.raises(InputError, match=r"x\.json: not a result"):
+    with pytest.raises(InputError, match=r"x\.json: "):
         write_results_page([("x.json", {"a": 1})], tmp_path / "page")
     assert not (tmp_path / "page").exists()
+
+
+def test_every_table_is_on_the_page(tmp_path):
+    case = {"alarms": 0.25, "named_turned": 0.67, "quietest_tenth": 1.5, "explained_share": 0.75}
+    case |= {"auc_quietest_tenth": 0.5, "auc_explained_share": None}
+    touches = [{"from_mm": 0.05, "to_mm": 0.1, "touches": 7, "missed": 0.14}]
+    result = {
+        "network": "tdn_x-1",
+        "sensor": "digit_tacto",
+        "sensors": 40,
+        "no_contact_images": 24,
+        "fit_check": {"right": case},
+        "no_contact_image": {"upside down": 1.0},
+        "cause_named": {"upside down": 0.83},
+        "real_sensors": {"d20641": {"trials": 62, "right": 0.02, "touched": 0.97}},
+        "ball_diameter": {"given": [{"factor": 1.4, "doubted": 0.46}]},
+        "capture": {"a touch refused": 0.98},
+        "contact": {
+            "missed": {"wire": touches},
+            "false": [{"brighter": 0.02, "false_contacts": 0.03}],
+            "false_while_warming": 0.011,
+        },
+    }
+    content = write_results_page([("checks.json", result)], tmp_path).read_text()
+    for text in ("tdn_x-1", "25 %", "upside down", "98 %", "83 %", "67 %", "wire", "0.05 to 0.1 mm", "14 %", "1.50",
+                 "2 % brighter", "d20641", "97 %", "46 %", "3 %", "1 %"):  # fmt: skip
+        assert text in content
+
+
+def test_what_was_taken_for_what_is_on_the_page(tmp_path):
+    figure = {"share": 0.9, "interval": [0.8, 0.95]}
+    value = {"value": 0.12, "interval": None}
+    summary = {
+        "known": 200, "unknown": 200, "objects": 10, "enough": True, "right": figure, "pose_right": figure,
+        "alone_pose_right": figure, "refused": figure, "path_until_right": value,
+        "calibration_error": 0.02, "cpu_ratio": value,
+        "answers": {"mug -> unknown": 3},
+    }  # fmt: skip
+    content = {"identification": summary, "catalogue": ["mug", "drill"], "trials": []}
+    page = write_results_page([("identify.json", content)], tmp_path).read_text()
+    assert "mug, drill" in page
+    assert "mug -&gt; unknown: 3" in page
+    assert "90 % (80%...95%)" in page
+    assert "0.020" in page
+
+
+def point(particles: int, poses: int) -> dict:
+    milliseconds = particles / 1e4
+    times = {"cpu": milliseconds, "p50": milliseconds, "p95": milliseconds}
+    return {"particles": particles, "poses": poses, "step_ms": times, "memory_mb": poses / 1e3}
+
+
+POINTS = [point(50_000, 50_000), point(100, 50_000), point(50_000, 1_000_000)]
+
+
+def test_time_and_memory_are_drawn_over_each_number():
+    curves = [axes.lines[0].get_xydata().tolist() for axes in scaling_figure(POINTS).axes]
+    assert curves == [
+        [[100, 0.01], [50_000, 5]],
+        [[50_000, 5], [1_000_000, 5]],
+        [[100, 50], [50_000, 50]],
+        [[50_000, 50], [1_000_000, 1000]],
+    ]
+
+
+def test_the_page_has_table_and_curves(tmp_path):
+    content = {"object": "ball", "frames": 60, "threads": 2, "scaling": POINTS}
+    page = write_results_page([("scale.json", content)], tmp_path).read_text()
+    assert "1,000,000" in page
+    assert 'src="scaling_0.png"' in page
+    assert (tmp_path / "scaling_0.png").stat().st_size > 5000

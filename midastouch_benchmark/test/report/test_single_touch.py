@@ -3,10 +3,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from midastouch_benchmark.report.code_colours import code_colours, codebook_places
 from midastouch_benchmark.report.results_page import write_results_page
-from midastouch_benchmark.report.single_touch import error_picture, overview
-from midastouch_benchmark.single_touch.summary import summarise_objects
+from midastouch_benchmark.report.single_touch import code_colours, codebook_places, error_picture, overview
+from midastouch_benchmark.single_touch.per_object import summarise_objects
 from midastouch_perception.codebook import FORMAT, Codebook
 
 FIGURES = (

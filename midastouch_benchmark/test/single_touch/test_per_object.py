@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.single_touch import per_object as single_touch_object
-from midastouch_benchmark.single_touch.per_object import CELL_COLUMNS, SingleTouchPlan, error_by_place, measure_object
+from midastouch_benchmark.single_touch.per_object import (
+    CELL_COLUMNS,
+    SingleTouchPlan,
+    error_by_place,
+    measure_object,
+    summarise_objects,
+)
 from midastouch_benchmark.single_touch.simulated_touch import Lighting
-from midastouch_benchmark.single_touch.summary import single_touch_table, summarise_objects
+from midastouch_benchmark.tables.perception import single_touch_notes, single_touch_table
 from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
 from midastouch_perception.sensor_model import SensorModel
@@ -115,14 +121,14 @@ def test_several_objects_and_their_mean(measure):
     assert content["summary"]["normalised_top25_error"] == pytest.approx(2 * first)
     assert content["baselines"]["image_embedding"] == pytest.approx(objects[0]["baselines"]["image_embedding"])
     assert content["baselines"]["minkloc3d"] is None
-    lines = single_touch_table(content).splitlines()
-    assert [line.split()[0] for line in lines[2:5]] == ["mug", "can", "mean"]
-    assert f"{2 * first:.3f}" in lines[4]
-    assert "minkloc3d: no weights given" in lines[-2]
-    assert f"medians: {content['summary']['median_of_medians']:.3f}" in lines[-1]
+    table, notes = single_touch_table(content), single_touch_notes(content)
+    assert [name.split()[0] for name in table["object"]] == ["mug", "can", "mean"]
+    assert table["mean"][2] == f"{2 * first:.3f}"
+    assert notes[-2] == "minkloc3d: no weights given"
+    assert f"{content['summary']['median_of_medians']:.3f}" in notes[-1]
 
 
 def test_one_object_stands_for_itself(measure):
     content = summarise_objects([measure(SingleTouchPlan(60, Lighting()))])
     assert content["object"] == "block"
-    assert len(single_touch_table(content).splitlines()[2].split()) == 12
+    assert list(single_touch_table(content)["object"]) == ["block"]

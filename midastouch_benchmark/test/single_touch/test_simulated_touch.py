@@ -48,12 +48,12 @@ def test_touches_are_seen_and_their_codes_repeat_with_the_seed(kind, mesh, poses
 
     def encoder(percepts):
         seen.append(percepts)
-        area = percepts.penetration.reshape(len(percepts.felt), -1).sum(axis=1)
+        area = percepts.penetration.reshape(len(percepts.in_contact), -1).sum(axis=1)
         return np.stack([np.cos(area), np.sin(area)], axis=1)
 
-    codes, felt = simulator.encode(poses, {"area": encoder}, np.random.default_rng(1))
-    assert [len(p.felt) for p in seen] == [20, 5]
-    assert felt.mean() > 0.8
+    codes, in_contact = simulator.encode(poses, {"area": encoder}, np.random.default_rng(1))
+    assert [len(p.in_contact) for p in seen] == [20, 5]
+    assert in_contact.mean() > 0.8
     np.testing.assert_array_equal(
         codes["area"], simulator.encode(poses, {"area": encoder}, np.random.default_rng(1))[0]["area"]
     )
@@ -73,13 +73,13 @@ def test_a_touch_that_is_not_felt_has_a_random_code(mesh, poses):
     away = poses.copy()
     away[::2, :3, 3] += 0.05 * away[::2, :3, 2]
     simulator = TouchSimulator(mesh, networks(), Lighting())
-    codes, felt = simulator.encode(
-        away, {"one": lambda p: np.ones((len(p.felt), 8)) / np.sqrt(8)}, np.random.default_rng(0)
+    codes, in_contact = simulator.encode(
+        away, {"one": lambda p: np.ones((len(p.in_contact), 8)) / np.sqrt(8)}, np.random.default_rng(0)
     )
-    assert not felt[::2].any()
+    assert not in_contact[::2].any()
     assert np.linalg.norm(codes["one"], axis=1) == pytest.approx(1)
-    assert len(np.unique(codes["one"][~felt], axis=0)) == (~felt).sum()
-    assert len(np.unique(codes["one"][felt], axis=0)) == 1
+    assert len(np.unique(codes["one"][~in_contact], axis=0)) == (~in_contact).sum()
+    assert len(np.unique(codes["one"][in_contact], axis=0)) == 1
 
 
 def test_fcrn_is_shown_whole_camera_images(mesh, poses):
@@ -87,10 +87,10 @@ def test_fcrn_is_shown_whole_camera_images(mesh, poses):
     simulator = TouchSimulator(mesh, SimpleNamespace(tdn=tdn, sensor=networks().sensor), Lighting("random"))
     (percepts,) = simulator.percepts(poses[:3], np.random.default_rng(0))
     assert [(image.shape, image.dtype) for image in tdn.shown] == 3 * [((320, 240, 3), np.uint8)]
-    assert percepts.felt.all()
+    assert percepts.in_contact.all()
 
 
 def test_networks_that_feel_nothing_are_refused(mesh, poses):
     simulator = TouchSimulator(mesh, networks(threshold=300), Lighting())
-    with pytest.raises(InputError, match="block: 25 touches, 0 of them felt"):
+    with pytest.raises(InputError, match="block: 0 of 25 touches"):
         simulator.encode(poses, {}, np.random.default_rng(0))

@@ -3,7 +3,7 @@ import signal
 import pytest
 import trimesh
 
-from midastouch_benchmark.speed.scaling import Slide, measure, scaling_table, sizes
+from midastouch_benchmark.speed.scaling import Slide, measure, sizes
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import Measurement
@@ -27,22 +27,15 @@ def test_each_filter_is_timed_in_a_process_of_its_own(mesh, codebook, tmp_path):
     Codebook(codebook.poses, codebook.codes, codebook.meta | saved).save(files[1])
     poses = codebook.poses[:5]
     slide = Slide([Measurement(True, code, 1e-4) for code in codebook.codes[:5]], poses, poses[0])
-    few, many = (measure(*files, slide, count) for count in (100, 1_000_000))
+    few, many = (measure(*files, slide, count) for count in (100, 500_000))
     assert 0 < few["memory_mb"] < many["memory_mb"]
     assert 0 < few["step_ms"]["cpu"] < many["step_ms"]["cpu"]
 
 
 def test_a_process_that_dies_says_so(tmp_path):
-    with pytest.raises(InputError, match=r"block\.npz: the process with 100 particles died; memory is short"):
+    with pytest.raises(InputError, match=r"block\.npz: .*100 particles.*give fewer"):
         measure(tmp_path / "block.ply", tmp_path / "block.npz", Slide([Deadly()], [], None), 100)
 
 
 def test_one_number_is_varied_at_a_time():
     assert list(sizes((100, 50_000), (1_000, 50_000))) == [(100, 50_000), (50_000, 50_000), (50_000, 1_000)]
-
-
-def test_the_table_has_a_row_for_each_filter():
-    point = {"particles": 1000, "poses": 50_000, "step_ms": {"cpu": 1.234, "p50": 1.0, "p95": 2.0}, "memory_mb": 99.7}
-    header, rows = scaling_table([point])
-    assert rows == [["1,000", "50,000", "1.23", "1.00", "2.00", "100"]]
-    assert len(header) == len(rows[0])

@@ -2,7 +2,6 @@ import pytest
 
 from midastouch_benchmark.statistics.comparison import (
     compare_variants,
-    comparison_table,
     difference_text,
     front_text,
     pareto_front,
@@ -92,13 +91,3 @@ def test_what_beats_the_default_is_named(rows):
     differing = {"e_trans_mm": 2.0, "difference_mm": -1.0, "difference_mm_interval": [-1.5, -0.5]}
     text = front_text([rows["default"], rows["paper"], rows["1k"] | differing | {"filter_ratio": 0.125}])
     assert text == "faster than the default and more exact: 1k (-1.0 (-1.5 ... -0.5) mm, 0.12 of the time)"
-
-
-def test_the_table_has_a_row_per_variant_with_what_differs(rows):
-    variants = {name: {"summary": f"about {name}"} for name in rows}
-    header, cells = comparison_table(list(rows.values()), variants)
-    assert all(len(row) == len(header) for row in cells)
-    by_name = {row[0]: dict(zip(header, row, strict=True)) for row in cells}
-    assert by_name["paper"]["what differs"] == "about paper"
-    assert by_name["paper"]["error ratio"] == "4.00"
-    assert by_name["default"]["error - default's mm"] == "-"

@@ -1,36 +1,37 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.intervals import bootstrap_interval, share_interval
+from midastouch_benchmark.statistics.intervals import bootstrap_interval, error_ratio, fraction_interval
+from midastouch_common.errors import InputError
 
 
 def test_independent_cases_have_wilsons_interval():
-    interval = share_interval([1] * 8 + [0] * 2, [1] * 10, range(10))
+    interval = fraction_interval([1] * 8 + [0] * 2, [1] * 10, range(10))
     assert interval == pytest.approx([0.49, 0.943], abs=0.03)
 
 
 def test_cases_that_go_together_count_once():
     """Ten slides of ten trials, each all right or all wrong, tell no more than ten trials."""
     right = np.repeat([1, 1, 1, 1, 1, 1, 1, 1, 0, 0], 10)
-    together = share_interval(right, np.ones(100), np.repeat(range(10), 10))
-    assert together == pytest.approx(share_interval(right[::10], np.ones(10), range(10)), abs=1e-9)
-    alone = share_interval(right, np.ones(100), range(100))
+    together = fraction_interval(right, np.ones(100), np.repeat(range(10), 10))
+    assert together == pytest.approx(fraction_interval(right[::10], np.ones(10), range(10)), abs=1e-9)
+    alone = fraction_interval(right, np.ones(100), range(100))
     assert alone[1] - alone[0] < 0.4 * (together[1] - together[0])
 
 
 def test_never_seen_is_not_impossible():
-    low, high = share_interval([0] * 100, [50] * 100, range(100))
+    low, high = fraction_interval([0] * 100, [50] * 100, range(100))
     assert low == 0
     assert high == pytest.approx(0.037, abs=0.001)
 
 
 def test_cases_in_which_nothing_was_counted_make_nothing_surer():
-    some = share_interval([1] * 10, [1] * 10, range(10))
-    assert share_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some
+    some = fraction_interval([1] * 10, [1] * 10, range(10))
+    assert fraction_interval([1] * 10 + [0] * 90, [1] * 10 + [0] * 90, range(100)) == some
 
 
 def test_nothing_counted_has_no_interval():
-    assert share_interval([0, 0], [0, 0], range(2)) is None
+    assert fraction_interval([0, 0], [0, 0], range(2)) is None
     assert bootstrap_interval([1.0, np.nan], range(2)) is None
 
 
@@ -48,3 +49,41 @@ def test_the_interval_of_a_mean_covers_it_as_often_as_it_says():
 def test_unknown_values_are_left_out():
     values = [1.0, 2.0, 3.0, np.nan]
     assert bootstrap_interval(values, range(4), np.median) == bootstrap_interval(values[:3], range(3), np.median)
+
+
+def trials(errors: np.ndarray) -> list[dict]:
+    """errors (objects, slides, seeds) mm."""
+    return [
+        {"object": f"o{i}", "slide": j, "init": "paper", "seed": k, "final": {"e_trans_mm": float(error)}}
+        for (i, j, k), error in np.ndenumerate(errors)
+    ]
+
+
+def test_the_ratio_is_that_of_pairs_in_any_order():
+    base = np.random.default_rng(0).uniform(1, 50, (4, 2, 3))
+    ratio = error_ratio(trials(2 * base)[::-1], trials(base))
+    assert ratio.value == ratio.median == pytest.approx(2)
+    assert (ratio.low, ratio.high) == pytest.approx((2, 2))
+    assert ratio.pairs == 24
+
+
+def test_trials_without_a_partner_do_not_count():
+    base = np.full((2, 2, 3), 4.0)
+    more = np.full((2, 2, 5), 6.0)
+    more[..., 3:] = 1000
+    assert error_ratio(trials(more), trials(base)).value == pytest.approx(1.5)
+
+
+def test_seeds_on_one_slide_are_not_taken_for_independent():
+    rng = np.random.default_rng(1)
+    by_slide = np.exp(rng.normal(0, 1, (10, 2, 1)))
+    alike = np.broadcast_to(by_slide, (10, 2, 50))
+    base = trials(np.ones((10, 2, 50)))
+    many, few = error_ratio(trials(alike), base), error_ratio(trials(by_slide), base)
+    assert many.high - many.low == pytest.approx(few.high - few.low)
+    assert many.low < many.value < many.high
+
+
+def test_results_of_other_slides_are_refused():
+    with pytest.raises(InputError, match="same slides and seeds"):
+        error_ratio(trials(np.ones((1, 1, 1))), [])

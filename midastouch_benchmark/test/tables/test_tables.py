@@ -1,36 +1,30 @@
 """What the tables of reports claim, and what they leave open."""
 
+import pytest
+
+from midastouch_benchmark.tables import comparisons, reports, trust
+from midastouch_benchmark.tables.table import UNMEASURED, tidy
 from midastouch_benchmark.trials.variants import VARIANTS
 
 
-def test_trust_is_claimed_by_whole_intervals_only(monkeypatch):
-    from midastouch_benchmark.tables import trust as tool
-
-    monkeypatch.setattr(tool, "PROMISED_WRONG", 0.05)
-    report = {"trials": 200, "converged_frames_wrong": {"share": 0.04, "interval": [0.03, 0.049]}}
-    none = {"share": None, "interval": None}
-    report |= {"right_if_converged_at_end": none, "right_if_converged_modulo_symmetry_at_end": none, "regions": {}}
-    monkeypatch.setattr(tool, "reported", lambda: ["kidnap"])
-    monkeypatch.setattr(tool, "benchmark_summary", lambda name: {"trust": report})
-
-    def cells() -> list[str]:
-        (row,) = (row for row in tool.converged()[1] if row[0] == tool.PROTOCOLS["kidnap"])
-        return row[1:3]
-
-    assert cells() == ["4.0 % (3.0%...4.9%)", "kept"]
-    report["converged_frames_wrong"] = {"share": 0.04, "interval": [0.03, 0.06]}
-    assert cells()[1] == "not shown"
-    report["converged_frames_wrong"] = {"share": 0.08, "interval": [0.06, 0.1]}
-    assert cells()[1] == "*not kept*"
-    report["trials"] = 99
-    assert cells() == ["too few (99)", "too few (99)"]
-    monkeypatch.setattr(tool, "reported", list)
-    assert cells()[0] == tool.UNMEASURED
+@pytest.mark.parametrize(
+    ("fraction", "interval", "verdict"),
+    [(0.04, [0.03, 0.049], "kept"), (0.04, [0.03, 0.06], "not shown"), (0.08, [0.06, 0.1], "*not kept*")],
+)
+def test_trust_is_claimed_by_whole_intervals_only(fraction, interval, verdict):
+    form = trust.verdict("a", 0.05, "kept", "*not kept*", "not shown")
+    assert form({"a.share": fraction, "a.interval": interval}) == verdict
+    assert form({"a.share": None, "a.interval": None}) == "-"
 
 
-def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials(monkeypatch):
-    from midastouch_benchmark.tables import accuracy as tool
+def test_the_promise_about_converged_stands_in_its_table():
+    wrong = {"share": 0.5, "interval": [0.4, 0.6]}
+    rows = [{"what": "kidnap", "trials": n, "trust": {"converged_frames_wrong": wrong}} for n in (200, 99)]
+    table = trust.converged_table(tidy(rows)).iloc[:, 1:3].to_numpy().tolist()
+    assert table == [["50.0 % (40.0%...60.0%)", "*not kept*"], ["too few (99)"] * 2]
 
+
+def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_trials():
     def compared(variant: str, cpu: float, error: float) -> dict:
         same = dict.fromkeys(("difference_mm", "wrong_converged", "e_rot_deg"), 0.0)
         one = {"variant": variant, "trials": 100, "cpu_ms_filter": cpu, "e_trans_mm": error, "verdict": "-"}
@@ -38,22 +32,18 @@ def test_the_front_marks_the_default_and_presets_and_claims_nothing_below_100_tr
 
     rows = [compared("default", 6, 2), compared("fast", 3, 4), compared("20k", 4, 5)]
     about = {one["variant"]: VARIANTS[one["variant"]].describe() for one in rows}
-    monkeypatch.setattr(tool, "reported", lambda: ["front"])
-    monkeypatch.setattr(tool, "report", lambda name: {"comparison": rows, "variants": about})
-    table = [(row[0].startswith("**"), row[1]) for row in tool.front()[1]]
-    assert table == [(True, "yes"), (False, ""), (True, "yes")]
-    rows[:] = [one | {"trials": 99} for one in rows]
-    ((what, *cells, _),) = tool.front()[1]
+    table = comparisons.front_table({"comparison": rows, "variants": about})
+    marks = zip(table.iloc[:, 0].str.startswith("**"), table.iloc[:, 1], strict=True)
+    assert list(marks) == [(True, "yes"), (False, ""), (True, "yes")]
+    few = comparisons.front_table({"comparison": [one | {"trials": 99} for one in rows], "variants": about})
+    ((what, *cells, _),) = few.to_numpy().tolist()
     assert (what, set(cells)) == ("3 variants", {"too few (99)"})
-    monkeypatch.setattr(tool, "reported", list)
-    assert tool.front()[1][0][0] == tool.UNMEASURED
 
 
-def test_an_ablation_that_is_not_measured_yet_is_in_the_table(monkeypatch):
-    from midastouch_benchmark.tables import accuracy as tool
-
-    monkeypatch.setattr(tool, "reported", list)
-    header, rows = tool.variants()
-    by_report = {row[-1]: row for row in rows}
-    assert by_report["`ablation_rest`"][:2] == ["at rest in contact for 20 s", tool.UNMEASURED]
-    assert {len(row) for row in rows} == {len(header)}
+@pytest.mark.parametrize(
+    "table", [comparisons.variants, comparisons.front, comparisons.baselines, comparisons.grasps, comparisons.codebooks]
+)
+def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
+    for module in (reports, comparisons):
+        monkeypatch.setattr(module, "reported", list)
+    assert UNMEASURED in table().to_numpy()[0].tolist()

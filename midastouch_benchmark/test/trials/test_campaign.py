@@ -3,24 +3,28 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
+from scipy.stats import vonmises_fisher
 
-from midastouch_benchmark.trials.campaign import Plan, likelihood_levels, run_campaign
-from midastouch_benchmark.trials.open_trials import Workforce
-from midastouch_benchmark.trials.stock import SlideKind
+from midastouch_benchmark.statistics.coverage import LEVELS, observed_fractions
+from midastouch_benchmark.trials.cache import SlideKind, Touches
+from midastouch_benchmark.trials.campaign import Plan, run_campaign
+from midastouch_benchmark.trials.likelihood import likelihood_counts, likelihood_levels
 from midastouch_benchmark.trials.symmetry import Symmetry
-from midastouch_benchmark.trials.touches import Touches
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import INPUT, VARIANTS, Variant
 from midastouch_bringup.cluster import open_cluster
+from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
+from midastouch_perception.codebook import Codebook
 
 
 @dataclass(frozen=True)
-class StubStock:
-    """A stock without files, over one slide."""
+class StubCache:
+    """A cache without files, over one slide."""
 
     sequence: object
     book: object
@@ -40,6 +44,9 @@ class StubStock:
     def touches(self, mesh, number):
         return self.sequence, Touches.perceive(self.sequence, self.networks)
 
+    def frames(self, mesh, number, stride=1):
+        return self.touches(mesh, number)[1].frames(self.sequence, stride)
+
     def symmetry(self, mesh):
         return Symmetry()
 
@@ -54,7 +61,7 @@ def saved_mesh(mesh, tmp_path_factory) -> ObjectMesh:
 @pytest.fixture
 def plan(sequence, codebook, networks) -> Plan:
     return Plan(
-        StubStock(sequence, codebook, networks),
+        StubCache(sequence, codebook, networks),
         FilterConfig(max_particles=1000, min_particles=300),
         ("default", "no_kld"),
         ("paper",),
@@ -83,8 +90,8 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
         totals.append(total)
         return done.append
 
-    told = replace(here, start_progress=start_progress)
-    trials, missing = run_campaign(plan, [saved_mesh], log, told)
+    reported = replace(here, start_progress=start_progress)
+    trials, missing = run_campaign(plan, [saved_mesh], log, reported)
     assert missing == 0
     assert {(t["variant"], t["seed"]) for t in trials} == {
         ("default", 0), ("default", 1), ("no_kld", 0), ("no_kld", 1),
@@ -93,7 +100,7 @@ def test_every_combination_is_run_once(plan, saved_mesh, log, here, tmp_path):
     assert (totals, sum(done)) == ([4], 4)
     # again: nothing is left to do
     kept = TrialLog(tmp_path / "trials.jsonl")
-    again, _ = run_campaign(plan, [saved_mesh], kept, told)
+    again, _ = run_campaign(plan, [saved_mesh], kept, reported)
     assert totals == [4, 0]
     assert again == trials
     # other settings are other trials
@@ -150,5 +157,24 @@ def test_a_protocol_disturbs_the_frames(plan, saved_mesh, log, here):
 def test_the_likelihood_is_judged_once(plan, saved_mesh, log, monkeypatch):
     counts = likelihood_levels(plan, saved_mesh, log)
     assert sum(counts) == 6
-    monkeypatch.setattr(StubStock, "touches", lambda *_: pytest.fail("judged again"))
+    monkeypatch.setattr(StubCache, "touches", lambda *_: pytest.fail("judged again"))
     assert likelihood_levels(plan, saved_mesh, log) == counts
+
+
+@pytest.mark.parametrize(("temperature", "calibrated"), [(0.1, True), (0.02, False)])
+def test_the_likelihood_is_judged_by_the_rank_of_the_true_entry(temperature, calibrated):
+    rng = np.random.default_rng(1)
+    poses = se3.make(np.eye(3), np.stack([np.linspace(0, 1, 400), np.zeros(400), np.zeros(400)], axis=1))
+    codes = rng.standard_normal((400, 16)).astype(np.float32)
+    codes /= np.linalg.norm(codes, axis=1, keepdims=True)
+    book = Codebook(poses, codes, {"temperature": temperature, "outlier": 0.02})
+    # codes as a temperature of 0.1 means them: density exp(s / 0.1) around the true entry's
+    true = rng.integers(0, 400, 600)
+    measured = [vonmises_fisher(codes[k] / np.linalg.norm(codes[k]), 10).rvs(1, rng)[0] for k in true.tolist()]
+    counts = likelihood_counts(book, measured, poses[true], FilterConfig(threads=1))
+    assert sum(counts) == 600
+    fractions = observed_fractions(counts)
+    if calibrated:
+        assert fractions == pytest.approx(LEVELS, abs=0.08)
+    else:
+        assert fractions[9] < LEVELS[9] - 0.1  # half of the mass, but not half of the truths

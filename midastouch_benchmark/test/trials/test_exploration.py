@@ -2,10 +2,9 @@
 
 import pytest
 
+from midastouch_benchmark.trials.cache import Cache
 from midastouch_benchmark.trials.exploration import Plan, run_exploration
-from midastouch_benchmark.trials.open_trials import Workforce
-from midastouch_benchmark.trials.stock import Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -16,8 +15,8 @@ from midastouch_perception.objects import bundled_objects
 def explored(tmp_path_factory):
     """Where it is told to and at random, for 30 mm each."""
     folder = tmp_path_factory.mktemp("exploration")
-    stock = Stock(folder, codebook_size=400)
-    plan = Plan(stock, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03)
+    cache = Cache(folder, codebook_size=400)
+    plan = Plan(cache, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03)
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():

@@ -3,15 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.identification_summary import (
-    calibration_error,
-    identification_table,
-    summarise_identification,
-)
+from midastouch_benchmark.statistics.exploring import calibration_error, summarise_identification
+from midastouch_benchmark.tables.results import of_identification
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
-from midastouch_benchmark.trials.open_trials import Workforce
-from midastouch_benchmark.trials.stock import SlideKind, Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
@@ -22,8 +18,8 @@ from midastouch_perception.objects import bundled_objects
 def campaign(tmp_path_factory):
     """Two bundled objects, slid over for 60 mm each: the plan, meshes, log and trials."""
     folder = tmp_path_factory.mktemp("identify")
-    stock = Stock(folder, slides=SlideKind(0.06), codebook_size=800)
-    plan = IdentityPlan(stock, FilterConfig(max_particles=1000), (0,))
+    cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
+    plan = IdentityPlan(cache, FilterConfig(max_particles=500), (0,))
     meshes = [ObjectMesh.load(path) for _, path in sorted(bundled_objects().items())[:2]]
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
@@ -49,8 +45,8 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
     plan, meshes, log, trials = campaign
     begun = []
     with open_cluster() as cluster:
-        told = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
-        again, _ = run_identification(plan, meshes, log, told)
+        reported = Workforce(cluster, start_progress=lambda total: begun.append(total) or (lambda done: None))
+        again, _ = run_identification(plan, meshes, log, reported)
         further = dataclasses.replace(plan, slides=(0, 1))
         _, missing = run_identification(further, meshes, TrialLog(log_path(plan)), Workforce(cluster, -np.inf))
     assert begun == [0]
@@ -59,7 +55,7 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
 
 
 def log_path(plan):
-    return plan.stock.folder / "other.jsonl"
+    return plan.cache.folder / "other.jsonl"
 
 
 def trial(number, in_catalogue=True, right=True, confidence=0.9, **other):
@@ -83,14 +79,14 @@ def test_the_summary_counts_both_kinds_of_trials():
     assert summary["calibration_error"] == pytest.approx(0.05)
     assert summary["answers"]["object_0 -> that"] == 2
     assert summary["enough"]
-    header, rows = identification_table(summary)
-    assert header[0] == "5 objects, 100 slides"
-    assert rows[0][1] == "90%"
+    ((_, table),) = of_identification({"identification": summary})
+    assert table["slides"][0] == "100 with, 100 without"
+    assert table["right at the end"][0].startswith("90 % (")
 
 
 def test_few_trials_claim_nothing():
-    _, rows = identification_table(summarise_identification([trial(0), trial(1, False)]))
-    assert {row[1] for row in rows} == {"too few (1)"}
+    ((_, table),) = of_identification({"identification": summarise_identification([trial(0), trial(1, False)])})
+    assert set(table.iloc[0, 2:]) == {"too few (1)"}
 
 
 def test_probabilities_that_come_true_are_calibrated():

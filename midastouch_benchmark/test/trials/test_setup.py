@@ -51,7 +51,7 @@ def test_a_former_name_counts_with_a_warning(tmp_path, text):
 
 
 def test_an_unknown_preset_is_refused():
-    with pytest.raises(InputError, match="preset quick: not known"):
+    with pytest.raises(InputError, match=r"quick: .*fast"):
         load_filter_config(None, "quick")
 
 
@@ -61,10 +61,10 @@ def test_an_unknown_preset_is_refused():
         ("max_partikles: 5", "max_partikles"),
         ("max_particles: -5", "max_particles"),
         ("relief_fit: 0.5\npenetration_fit: 0.5", "give penetration_fit only"),
-        ("max_particles: [", "not YAML"),
-        ("preset: quick", "preset quick: not known; there are fast, balanced"),
-        ("preset: [fast]", "preset .*not known"),
-        ("- 1", "holds no settings"),
+        ("max_particles: [", "YAML"),
+        ("preset: quick", "quick.*fast, balanced"),
+        ("preset: [fast]", "preset"),
+        ("- 1", "name: value"),
     ],
 )
 def test_bad_settings_are_refused_naming_the_file(tmp_path, text, message):

@@ -1,10 +1,10 @@
 import pytest
 
-from midastouch_benchmark.statistics.shape_summary import shape_table, summarise_shapes
-from midastouch_benchmark.trials.open_trials import Workforce
+from midastouch_benchmark.statistics.exploring import summarise_shapes
+from midastouch_benchmark.tables.exploring import shapes_table
+from midastouch_benchmark.trials.cache import Cache, SlideKind
 from midastouch_benchmark.trials.shape_catalogues import ShapePlan, run_shapes
-from midastouch_benchmark.trials.stock import SlideKind, Stock
-from midastouch_benchmark.trials.trial_log import TrialLog
+from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup import cli
 from midastouch_bringup.cluster import open_cluster
 from midastouch_filter.core.config import FilterConfig
@@ -14,8 +14,8 @@ from midastouch_filter.core.config import FilterConfig
 def campaign(tmp_path_factory):
     """Catalogues of one and of three shapes, with room for one; one shape is slid over for 60 mm."""
     folder = tmp_path_factory.mktemp("shapes")
-    stock = Stock(folder, slides=SlideKind(0.06), codebook_size=300)
-    plan = ShapePlan(stock, FilterConfig(), (0,), room=300, sizes=(1, 3), touched=1)
+    cache = Cache(folder, slides=SlideKind(0.06), codebook_size=300)
+    plan = ShapePlan(cache, FilterConfig(), (0,), room=300, sizes=(1, 3), touched=1)
     log = TrialLog(folder / "log.jsonl")
     with open_cluster() as cluster:
         trials, missing = run_shapes(plan, log, Workforce(cluster))
@@ -57,16 +57,15 @@ def test_the_summary_is_by_the_size_of_the_catalogue():
     summary = summarise_shapes(trials)
     assert list(summary) == ["10", "1000"]
     ten = summary["10"]
-    shares = {
+    fractions = {
         key: ten[key]["share"] for key in ("compared_early", "leads_early", "compared", "leads", "right", "refused")
     }
-    assert shares == pytest.approx(
+    assert fractions == pytest.approx(
         {"compared_early": 0.8, "leads_early": 0.0, "compared": 1.0, "leads": 0.9, "right": 0.9, "refused": 0.7}
     )
-    header, rows = shape_table(summary)
-    assert len(header) == len(rows[0]) == len(rows[1])
-    assert rows[0][2].startswith("80%")
-    assert rows[1][2:8] == ["too few"] * 6
+    table = shapes_table(summary)
+    assert table["compared after 0.1 m"][0].startswith("80 %")
+    assert set(table.iloc[1, 2:]) == {f"too few ({summary['1000']['known']})"}
 
 
 def test_shapes_and_meshes_do_not_go_together(capsys):

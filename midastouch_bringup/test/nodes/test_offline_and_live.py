@@ -104,16 +104,16 @@ def live(graph, recording: Path, folder: Path) -> tuple[list, list, list]:
 
 def test_evaluation_and_nodes_give_the_same_codes_and_estimates(graph, recording, networks, tmp_path):
     frames, estimates = evaluated(recording, networks)
-    assert sum(frame.felt.in_contact for frame in frames) > 10
+    assert sum(frame.measurement.in_contact for frame in frames) > 10
     codes, poses, answers = live(graph, recording, tmp_path)
     while _without_relief(answers[-1]):  # a filter that got no CPU for long has given a cloud up, and says so
         graph.remove_all()
         codes, poses, answers = live(graph, recording, tmp_path)
     for frame, code in zip(frames, codes, strict=True):
-        assert code.in_contact == frame.felt.in_contact
-        assert code.contact_area == np.float32(frame.felt.contact_area)
-        sent = np.zeros(0) if frame.felt.code is None else frame.felt.code
-        np.testing.assert_array_equal(np.array(code.code, np.float32), sent, strict=frame.felt.in_contact)
+        assert code.in_contact == frame.measurement.in_contact
+        assert code.contact_area == np.float32(frame.measurement.contact_area)
+        sent = np.zeros(0) if frame.measurement.code is None else frame.measurement.code
+        np.testing.assert_array_equal(np.array(code.code, np.float32), sent, strict=frame.measurement.in_contact)
     for estimate, pose, answer in zip(estimates, poses, answers, strict=True):
         assert stamp_of(pose) == stamp_of(answer)
         assert pose.pose.pose == pose_to_msg(estimate.pose)

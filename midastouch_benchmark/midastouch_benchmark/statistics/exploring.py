@@ -1,0 +1,142 @@
+"""Figures of which object it is, and of how a finger finds where it is: right how often, and after how far."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .intervals import ENOUGH, Figures
+
+
+def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
+    """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
+
+    trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of
+    the latter those with the truth among the places; rivalled, fraction in which another place competed with the true
+    one, and of these `told_apart`, those that end right, and `said_alike`, those in which it was said that nothing
+    tells places apart; path_m, median until converged and right, infinite for all others; asked_ms, CPU time that no
+    answer takes longer than in 95 % of the trials; path_ratio, of the median path to that of `random`.
+    """
+    policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
+    out = {}
+    for name, some in policies.items():
+        objects = {each: [t for t in some if t["object"] == each] for each in dict.fromkeys(t["object"] for t in some)}
+        out[name] = _of_policy(some) | {"objects": {each: _of_policy(part) for each, part in objects.items()}}
+    base = out.get("random", {}).get("path_m", {}).get("value")
+    for one in out.values():
+        path = one["path_m"]["value"]
+        one["path_ratio"] = path / base if base and np.isfinite(base) else None
+    return out
+
+
+def _of_policy(trials: list[dict]) -> dict:
+    figures = Figures([(t["object"], t["seed"]) for t in trials])
+    converged = [t["ending"] == "converged" for t in trials]
+    right = [c and t["right"] for c, t in zip(converged, trials, strict=True)]
+    alike = [t["ending"] == "alike" for t in trials]
+    rivalled = [bool(t["rivalled"]) for t in trials]
+    named = [a and t["truth_among_places"] for a, t in zip(alike, trials, strict=True)]
+    paths = np.array([t["path_m"] if r else np.inf for r, t in zip(right, trials, strict=True)])
+
+    def of_rivalled(part: list[bool]) -> dict:
+        return figures.fraction([a and b for a, b in zip(rivalled, part, strict=True)], [int(a) for a in rivalled])
+
+    asked = [t["asked_ms"][1] for t in trials if t["asked_ms"]]
+    return {
+        "trials": len(trials),
+        "enough": len(trials) >= ENOUGH,
+        "right": figures.fraction(right),
+        "wrong": figures.fraction([c and not r for c, r in zip(converged, right, strict=True)]),
+        "alike": figures.fraction(alike),
+        "alike_truly": figures.fraction(named, [int(a) for a in alike]),
+        "rivalled": figures.fraction(rivalled),
+        "told_apart": of_rivalled(right),
+        "said_alike": of_rivalled(alike),
+        "path_m": figures.value(paths, np.median),
+        "asked_ms": float(np.quantile(asked, 0.95)) if asked else None,
+    }
+
+
+_BINS = 10
+
+
+def summarise_identification(trials: list[dict]) -> dict:
+    """Over all trials: {"share" or "value", "interval"} of each figure, and what they are of.
+
+    known, unknown: numbers of trials with the object in the catalogue and without; right, of the former, at the end;
+    pose_right, likewise, and alone_pose_right, of the filter that knows the object; refused, of the latter;
+    path_until_right [m], median of the former, infinite where half never are; calibration_error: expected calibration
+    error of the answers at the end and on the way, of both; cpu_ratio: mean CPU of a frame over that of the filter
+    which knows the object; answers: `confusions`; enough: whether there are trials enough for a claim.
+    """
+    known = [trial for trial in trials if trial["in_catalogue"]]
+    unknown = [trial for trial in trials if not trial["in_catalogue"]]
+    of_known = Figures.by_slide(known)
+    return {
+        "known": len(known),
+        "unknown": len(unknown),
+        "objects": len({trial["object"] for trial in trials}),
+        "enough": min(len(known), len(unknown)) >= ENOUGH,
+        "right": of_known.fraction([trial["right"] for trial in known]),
+        "pose_right": of_known.fraction([trial["pose_right"] for trial in known]),
+        "alone_pose_right": of_known.fraction([trial["alone_pose_right"] for trial in known]),
+        "refused": Figures.by_slide(unknown).fraction([trial["right"] for trial in unknown]),
+        "path_until_right": of_known.value(
+            [np.inf if t["right_from_m"] is None else t["right_from_m"] for t in known], np.median
+        ),
+        "calibration_error": calibration_error(
+            [tuple(each[1:]) for t in trials for each in (*t["asked"], (0.0, t["confidence"], t["right"]))]
+        ),
+        "cpu_ratio": of_known.value([t["cpu_ms"] / t["alone_cpu_ms"] for t in known], np.mean),
+        "answers": confusions(trials),
+    }
+
+
+def calibration_error(answers: list[tuple[float, bool]]) -> float | None:
+    """Expected calibration error of answers, each with its probability and whether it is right (Guo et al. 2017)."""
+    if not answers:
+        return None
+    confidence, right = (np.array(column, float) for column in zip(*answers, strict=True))
+    index = np.minimum((confidence * _BINS).astype(int), _BINS - 1)
+    gap = np.bincount(index, confidence, _BINS) - np.bincount(index, right, _BINS)
+    return float(np.abs(gap).sum() / len(answers))
+
+
+def confusions(trials: list[dict]) -> dict[str, int]:
+    """How often one was taken for another at the end: "truth -> answer" and number, most often first."""
+    wrong = [t for t in trials if not t["right"]]
+    names = [f"{t['object']}{'' if t['in_catalogue'] else ' (left out)'} -> {t['answer']}" for t in wrong]
+    return dict(sorted(((name, names.count(name)) for name in dict.fromkeys(names)), key=lambda each: -each[1]))
+
+
+def summarise_shapes(trials: list[dict]) -> dict[str, dict]:
+    """For each size of the catalogue: {"share" or "value", "interval"} of each figure, and what they are of.
+
+    known, unknown: numbers of trials with the shape in the catalogue and without; of the former after `EARLY` m
+    compared_early and leads_early: the shape was compared, no other one was more probable; compared and leads, likewise
+    at the end; right, that it was more probable than `unknown`, too; refused, of the latter; cpu_ms of a frame, without
+    the networks; slowest_ms, of all frames; memory_mib of the process, at most; enough: whether there are trials enough
+    for a claim.
+    """
+    return {
+        str(size): _of_size([t for t in trials if t["size"] == size]) for size in sorted({t["size"] for t in trials})
+    }
+
+
+def _of_size(trials: list[dict]) -> dict:
+    known = [trial for trial in trials if trial["in_catalogue"]]
+    unknown = [trial for trial in trials if not trial["in_catalogue"]]
+    of_known = Figures.by_slide(known)
+    return {
+        "known": len(known),
+        "unknown": len(unknown),
+        "enough": len(known) >= ENOUGH,
+        "compared_early": of_known.fraction([trial["early"]["compared"] for trial in known]),
+        "leads_early": of_known.fraction([trial["early"]["leads"] for trial in known]),
+        "compared": of_known.fraction([trial["late"]["compared"] for trial in known]),
+        "leads": of_known.fraction([trial["late"]["leads"] for trial in known]),
+        "right": of_known.fraction([trial["right"] for trial in known]),
+        "refused": Figures.by_slide(unknown).fraction([trial["right"] for trial in unknown]),
+        "cpu_ms": Figures.by_slide(trials).value([trial["cpu_ms"] for trial in trials], np.mean),
+        "slowest_ms": max(trial["slowest_ms"] for trial in trials),
+        "memory_mib": max(trial["memory_mib"] for trial in trials),
+    }

@@ -1,0 +1,156 @@
+"""Tables of the filter against other methods and against itself: fewer poses, parts off, other contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from ..statistics.comparison import pareto_front
+from ..statistics.intervals import ENOUGH
+from ..trials.variants import DEFAULT, PRESET
+from .reports import COMMANDS, conditions_of, frame_of, report, reported
+from .table import Form, Row, between, fraction, is_missing, percent, pose, text, tidy, value, written
+
+COMPARED: dict[str, Form] = {
+    "particles, mean": lambda row: f"{row['e_trans_mm']:.1f} mm, {row['e_rot_deg']:.1f} deg",
+    "paired difference": lambda row: _difference(row, "difference_mm", "{:+.1f}", " mm"),
+    "right": lambda row: f"{row['right'] * row['trials']:.0f} of {row['trials']:.0f}",
+    "frames converged wrong": percent("wrong_converged", 1),
+    "CPU a frame; against the default": lambda row: f"{row['cpu_ms_filter']:.1f} ms; {row['verdict']}",
+}
+"""A variant against the default on the same trials, by a row of `compare_variants`."""
+METHODS: dict[str, Form] = {
+    "published pose, median": pose("estimate", "median", "trust.estimate_trans_mm.median.interval"),
+    "right": fraction("trust.right_at_end"),
+    "frames converged wrong": fraction("trust.converged_wrong", 1),
+    "CPU a frame": value("trust.filter_cpu_ms.mean", "{:.1f}", " ms"),
+}
+GRASPS: dict[str, Form] = {
+    "closest mode found": fraction("found"),
+    "probability at the true place": fraction("share"),
+    "pose right": fraction("right"),
+    "converged": fraction("converged"),
+    "converged wrong": fraction("converged_wrong"),
+}
+
+
+def _difference(row: Row, key: str, form: str, unit: str = "") -> str:
+    if is_missing(row[key]):
+        return "-"
+    return f"{form.format(row[key])}{unit} ({between(row[f'{key}_interval'], form)})"
+
+
+def compared_frame(content: dict, **about: object) -> pd.DataFrame:
+    """A tidy frame of a result's comparison, with what each variant is, and what else is said of each row."""
+    return tidy(
+        one | {key: content["variants"][one["variant"]][key] for key in ("summary", "group")} | about
+        for one in content["comparison"]
+    )
+
+
+def compared_table(content: dict) -> pd.DataFrame:
+    """Variants of a result of `midastouch benchmark` against its default, by start."""
+    about = {"start": text("init"), "variant": text("variant"), "trials": text("trials"), "filter": text("summary")}
+    return written(compared_frame(content), about | COMPARED, {})
+
+
+def methods_table(content: dict, init: str) -> pd.DataFrame:
+    """The default and other methods behind the same networks, of one start of a result of `midastouch benchmark`."""
+    rows = [
+        {"what": content["variants"][name]["summary"]} | {k: v for k, v in by_init[init].items() if k != "objects"}
+        for name, by_init in content["summary"].items()
+        if "trust" in by_init.get(init, {})
+    ]
+    return written(tidy(rows), {"method": text("what"), "trials": text("trials")}, METHODS)
+
+
+def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
+    """What is believed after each grasp, by what grasps: summaries of `grasp_summary`."""
+    rows = [{"what": what, "grasp": k} | one for what, each in grasps.items() for k, one in enumerate(each, 1)]
+    return written(tidy(rows), {"contacts": text("what"), "after grasp": text("grasp")}, GRASPS)
+
+
+def codebooks() -> pd.DataFrame:
+    """What fewer poses cost, on the same slides."""
+    names = {"book_5k": "5,000", "book_10k": "10,000", DEFAULT: "50,000"}
+
+    def rows() -> list[dict]:
+        content = report("codebooks")
+        compared = {one["variant"]: one for one in content["comparison"]}
+        out = []
+        for variant, poses in names.items():
+            (summary,) = content["summary"][variant].values()
+            out.append({"what": poses, "report": "codebooks"} | {"summary": summary} | compared[variant])
+        return out
+
+    claims = {
+        "right at the end": lambda row: f"{row['summary.right']:.0f} of {row['summary.trials']:.0f}",
+        "paired difference": lambda row: _difference(row, "right_difference", "{:+.0%}"),
+        "particles, mean": pose("summary.e", "mean"),
+        "paired difference ": lambda row: _difference(row, "difference_mm", "{:+.1f}", " mm"),
+        "closest mode, median": pose("summary.closest_mode", "median"),
+        "CPU a frame": text("cpu_ms_filter", "{:.1f} ms"),
+    }
+    frame = tidy(rows()) if "codebooks" in reported() else frame_of({"codebooks": "-"}, report)
+    return written(frame, {"poses": text("what")}, claims, "report")
+
+
+def baselines() -> pd.DataFrame:
+    """Other methods behind the same networks, on the same trials."""
+    if "peers" not in reported():
+        return written(frame_of({"peers": "-"}, report), {"method": text("what"), "trials": text("trials")}, METHODS)
+    content = report("peers")
+    (init,) = content["summary"][DEFAULT]
+    table = methods_table(content, init)
+    for name, why in content["skipped_variants"].items():
+        table.loc[len(table)] = [name, "-", f"skipped: {why}", *["-"] * (len(METHODS) - 1)]
+    return table
+
+
+def grasps() -> pd.DataFrame:
+    """Grasps without sliding, by how many fingers touch."""
+    about = {"contacts": text("what"), "after grasp": text("grasp")}
+    if "grasp" not in reported():
+        return written(frame_of({"grasp": "-"}, report), about, GRASPS, "report")
+    summary, rows = report("grasp")["summary"], []
+    for contacts, variant in enumerate(("contact_1", "contacts_2", "contacts_3", DEFAULT), 1):
+        (by_grasp,) = (one["grasps"] for one in summary[variant].values())
+        rows += [
+            {"what": contacts, "grasp": number, "report": "grasp"} | by_grasp[number - 1]
+            for number in (1, len(by_grasp))
+        ]
+    return written(tidy(rows), about, GRASPS, "report")
+
+
+def variants() -> pd.DataFrame:
+    """What each part of the filter is worth, under the protocols that exercise it."""
+    frames, there = [], reported()
+    for name in (name for name in COMMANDS if name.startswith("ablation")):
+        if name in there:
+            frames.append(compared_frame(report(name), what=conditions_of(name), report=name))
+        else:
+            frames.append(frame_of({name: conditions_of(name)}, report))
+    about = {"conditions": text("what"), "filter": text("summary")}
+    return pd.concat([written(frame, about, COMPARED, "report") for frame in frames], ignore_index=True)
+
+
+def front() -> pd.DataFrame:
+    """Run time against error: what can be had in more or less, fastest first, with the default and the presets."""
+    if "front" not in reported():
+        return written(frame_of({"front": "-"}, report), {"filter": text("what")}, COMPARED, "report")
+    return front_table(report("front"))
+
+
+def front_table(content: dict) -> pd.DataFrame:
+    """The same, of a result of `midastouch benchmark --variant front`."""
+    best = [one["variant"] for one in pareto_front(content["comparison"], "e_trans_mm")]
+    frame = compared_frame(content, report="front").sort_values("cpu_ms_filter", kind="stable")
+    if (trials := frame["trials"].iloc[0]) < ENOUGH:  # one row says it for all
+        frame = tidy([{"summary": f"{len(frame)} variants", "trials": trials, "report": "front", "group": ""}])
+
+    def what(row: Row) -> str:
+        return f"**{row['summary']}**" if row["group"] in (DEFAULT, PRESET) else row["summary"]
+
+    claims = {"nothing is both faster and more exact": lambda row: "yes" if row["variant"] in best else ""} | COMPARED
+    return written(frame, {"filter": what}, claims, "report")

@@ -1,0 +1,155 @@
+"""One table layer: a result becomes a tidy frame once; terminal, page and document are three ways to write it.
+
+A *tidy frame* has one row for each thing that was measured and one column for each figure, as numbers; what is nested
+in a result is named by its path, `trust.right_at_end.share`. A *form* turns a row into the words of one cell, and a
+table is a frame of such words, its columns named as a reader sees them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import pandas as pd
+from tabulate import tabulate
+
+from midastouch_bringup.drawing.page import Page
+
+from ..statistics.intervals import ENOUGH
+
+Row = Mapping[str, Any]
+Form = Callable[[Row], object]
+UNMEASURED = "*not measured yet*"
+_WIDE = 7  # columns from which a table of a few rows is turned upright for a screen
+_FEW = 3  # rows
+
+
+def tidy(rows: Iterable[dict]) -> pd.DataFrame:
+    """A tidy frame of results, one row each."""
+    return pd.json_normalize(list(rows))
+
+
+def written(
+    frame: pd.DataFrame, about: Mapping[str, Form], claims: Mapping[str, Form], sources: str | None = None
+) -> pd.DataFrame:
+    """The table of a tidy frame: columns `about` what was measured, and `claims`, which need `ENOUGH` trials.
+
+    Of a row whose `measured` is false, nothing is known yet. `sources`: label of a last column with the row's `report`.
+    Labels that a reader sees twice differ by a space at their end.
+    """
+    lines = []
+    for row in frame.to_dict("records"):
+        line = [form(row) for form in about.values()]
+        if not row.get("measured", True):
+            line += [UNMEASURED, *["-"] * (len(claims) - 1)]
+        elif claims and row["trials"] < ENOUGH:
+            line += [f"too few ({row['trials']:.0f})"] * len(claims)
+        else:
+            line += [form(row) for form in claims.values()]
+        if sources:
+            line.append(f"[{row['report']}]" if row.get("measured", True) else f"`{row['report']}`")
+        lines.append(line)
+    labels = [*about, *claims, *([sources] if sources else [])]
+    return pd.DataFrame(lines, columns=list(map(str.strip, labels)), dtype=object)
+
+
+def listed(labels: tuple[str, ...], rows: Iterable[tuple]) -> pd.DataFrame:
+    """A table of words that are no figures of one frame, such as a list of quantities with a value each."""
+    return pd.DataFrame(list(rows), columns=list(labels), dtype=object)
+
+
+def upright(table: pd.DataFrame) -> pd.DataFrame:
+    """A wide table of a few rows with its columns as rows; any other as it is."""
+    if len(table.columns) < _WIDE or len(table) > _FEW:
+        return table
+    turned = table.to_numpy().T.tolist()
+    lines = [[label, *cells] for label, cells in zip(table.columns[1:], turned[1:], strict=True)]
+    return pd.DataFrame(lines, columns=[table.columns[0], *map(str, turned[0])], dtype=object)
+
+
+def terminal(table: pd.DataFrame) -> str:
+    """For a screen: padded columns, the first one aligned left, the others right."""
+    table = upright(table)
+    align = ("left", *["right"] * (len(table.columns) - 1))
+    return tabulate(
+        table.astype(str).to_numpy().tolist(), list(table.columns), "simple", disable_numparse=True, colalign=align
+    ) if len(table) else "  ".join(map(str, table.columns))  # fmt: skip
+
+
+def on_page(page: Page, table: pd.DataFrame) -> None:
+    """On a page, as HTML and Markdown."""
+    table = upright(table)
+    page.table(list(table.columns), table.to_numpy().tolist())
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """For a document; not padded, so that a changed figure changes one line."""
+    lines = [list(table.columns), ["---"] * len(table.columns), *table.to_numpy().tolist()]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def is_missing(value: object) -> bool:
+    """None or nan, as a figure is that a result does not have."""
+    return value is None or value != value
+
+
+def text(key: str, form: str = "{}") -> Form:
+    """A value; a dash where there is none."""
+    return lambda row: "-" if is_missing(row.get(key)) else form.format(row[key])
+
+
+def percent(key: str, digits: int = 0) -> Form:
+    """A fraction in percent."""
+    return lambda row: "-" if is_missing(row.get(key)) else f"{100 * row[key]:.{digits}f} %"
+
+
+def part(key: str, whole: str = "trials") -> Form:
+    """So many of so many."""
+    return lambda row: f"{row[key]:.0f} of {row[whole]:.0f}"
+
+
+def pose(prefix: str, statistic: str, interval: str | None = None) -> Form:
+    """An error in mm and deg, of `<prefix>_trans_mm.<statistic>` and its like; interval: key of that of the former."""
+
+    def form(row: Row) -> str:
+        errors = [row.get(f"{prefix}_{unit}{statistic and '.' + statistic}") for unit in ("trans_mm", "rot_deg")]
+        if any(map(is_missing, errors)):
+            return "-"
+        words = "{:.1f} mm, {:.1f} deg".format(*errors)
+        return f"{words} ({between(row.get(interval), '{:.1f}')} mm)" if interval else words
+
+    return form
+
+
+def fraction(key: str, digits: int = 0) -> Form:
+    """A fraction with its 95 % interval: `<key>.share` and `<key>.interval`."""
+
+    def form(row: Row) -> str:
+        if is_missing(row.get(f"{key}.share")):
+            return "-"
+        return f"{100 * row[f'{key}.share']:.{digits}f} % ({between(row[f'{key}.interval'], f'{{:.{digits}%}}')})"
+
+    return form
+
+
+def value(key: str, form: str, unit: str = "", never: bool = False) -> Form:
+    """A value with its 95 % interval: `<key>.value` and `<key>.interval`. never: one that is missing is infinite."""
+
+    def words(row: Row) -> str:
+        number = row.get(f"{key}.value")
+        if is_missing(number) and not never:
+            return "-"
+        return f"{_or_never(number, form)}{unit} ({between(row.get(f'{key}.interval'), form)})"
+
+    return words
+
+
+def between(interval: list[float] | None, form: str) -> str:
+    """The bounds of an interval."""
+    return "-" if is_missing(interval) else "...".join(_or_never(bound, form) for bound in interval)
+
+
+def _or_never(number: float | None, form: str) -> str:
+    """A result file has no infinite numbers: it has none in their place."""
+    return "never" if is_missing(number) or math.isinf(number) else form.format(number)

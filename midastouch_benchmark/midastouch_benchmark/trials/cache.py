@@ -1,0 +1,239 @@
+"""Slides, codebooks, touches and symmetries of an accuracy run: made when first asked for, then kept in a folder."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import zipfile
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from midastouch_bringup.codebooks import cached_codebook, cached_codebook_path
+from midastouch_bringup.datasets import Sequence, load_sequence
+from midastouch_bringup.datasets.slide_simulation import simulate_sequence
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path, sha256
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.touch import Measurement, measurement_of
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.simulation.slide import Leap
+
+from .setup import Networks, untouched_of
+from .symmetry import Symmetry, cached_symmetry
+from .trial import FRAME_TIME, TrialFrame
+
+_WARM_UP_FRAMES = 3
+_STAGES = ("tdn", "tcn")
+
+
+@dataclass(frozen=True)
+class Touches:
+    """Of N frames: measurements, what the filter is told; ms (N, 2), time of depth and code network; made_from, what
+    they depend on."""
+
+    measurements: list[Measurement]
+    ms: np.ndarray
+    made_from: dict
+
+    @classmethod
+    def perceive(cls, sequence: Sequence, networks: Networks) -> Touches:
+        """Run the networks over a sequence; each frame once, timed."""
+        free = untouched_of(sequence)
+        images = [sequence.image(i) for i in range(sequence.n_frames)]
+        return cls.of_images(images, free.image, networks, made_from(sequence, networks) | {"background": free.source})
+
+    @classmethod
+    def of_images(cls, images: list[np.ndarray], background: np.ndarray, networks: Networks, origin: dict) -> Touches:
+        """Run the networks over images and a no-contact image, all (320, 240, 3) uint8; origin: as `made_from`."""
+        pipeline = networks.pipeline()
+        for image in images[:_WARM_UP_FRAMES]:
+            pipeline.process(image, background)
+        pipeline = networks.pipeline()
+        measurements, ms = [], np.zeros((len(images), len(_STAGES)))
+        for image, row in zip(images, ms, strict=True):
+            measurements.append(measurement_of(pipeline.process(image, background)))
+            row[:] = [pipeline.ms.get(stage, 0.0) for stage in _STAGES]
+        return cls(measurements, ms, origin)
+
+    def save(self, path: Path) -> None:
+        """Write one `.npz`."""
+        code = np.array([m.code for m in self.measurements if m.in_contact], np.float32)
+        penetration = np.array([m.penetration for m in self.measurements if m.in_contact], np.float32)
+        content = {
+            "in_contact": np.array([m.in_contact for m in self.measurements]),
+            "area": np.array([m.contact_area for m in self.measurements]),
+            "code": code,
+            "relief": penetration,
+            "ms": self.ms,
+            "made_from": np.array(json.dumps(self.made_from)),
+        }
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            np.savez_compressed(stream, **content)
+
+    @classmethod
+    def load(cls, path: Path) -> Touches:
+        """Read what `save` wrote; InputError for anything else."""
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                origin = json.loads(str(data["made_from"]))
+                in_contact, area, ms = data["in_contact"], data["area"], data["ms"]
+                touching = iter(zip(data["code"], area[in_contact], data["relief"], strict=True))
+            measurements = []
+            for touched in in_contact:
+                if touched:
+                    code, a, penetration = next(touching)
+                    measurements.append(Measurement(True, code, float(a), origin["tcn"], penetration))
+                else:
+                    measurements.append(Measurement(False))
+        except (OSError, ValueError, KeyError, EOFError, StopIteration, zipfile.BadZipFile) as error:
+            raise InputError(f"{path}: not a file of touches ({error}); remove it") from error
+        return cls(measurements, ms, origin)
+
+    def frames(self, sequence: Sequence, stride: int) -> list[TrialFrame]:
+        """Frames of a trial over the sequence, every `stride`-th."""
+        return [
+            TrialFrame(
+                i,
+                self.measurements[i],
+                dict(zip(_STAGES, self.ms[i].tolist(), strict=True)),
+                sequence.poses_measured[i],
+                sequence.poses_true[i],
+                FRAME_TIME * stride,
+            )
+            for i in range(0, sequence.n_frames, stride)
+        ]
+
+
+def made_from(sequence: Sequence, networks: Networks) -> dict:
+    """What the touches of a sequence depend on."""
+    return {"sequence": str(sequence.path.name), "frames": sequence.n_frames, **networks.describe()}
+
+
+_SEEDS = 10  # tried for a slide that gets stuck
+_NEXT_SEED = 1000
+_LIGHT = "additive"  # of the slides: TACTO's
+
+
+@dataclass(frozen=True)
+class SlideKind:
+    """length [m]; leap, on the way; grasps: how many, in place of a slide."""
+
+    length: float = 0.5
+    leap: Leap | None = None
+    grasps: int = 0
+
+    @property
+    def name(self) -> str:
+        """For folders and keys."""
+        if self.grasps:
+            return f"{self.grasps}grasps"
+        parts = [f"{1e3 * self.length:.0f}mm"]
+        if self.leap is not None:
+            parts.append(f"leap{1e3 * self.leap.distance:.0f}mm")
+            parts += [f"{np.degrees(self.leap.angle):.0f}deg"] if self.leap.angle is not None else []
+        return "_".join(parts)
+
+
+@dataclass(frozen=True)
+class Cache:
+    """What trials are made of.
+
+    folder: where it is kept, apart for each sensor model; tdn, tcn, sensor: as for `Networks.load`; slides, their kind;
+    codebook_size, poses.
+    """
+
+    folder: Path
+    tdn: str = "fast"
+    tcn: str = "fast"
+    sensor: str = "digit_tacto"
+    slides: SlideKind = SlideKind()
+    codebook_size: int = 50_000
+
+    def __getstate__(self) -> dict:
+        """Without the networks: another process loads its own."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @cached_property
+    def networks(self) -> Networks:
+        """Loaded on first use; for the light of the slides, which is TACTO's."""
+        return Networks.load(self.tdn, self.tcn, self.sensor, _LIGHT)
+
+    def describe(self) -> dict[str, str]:
+        """What the touches of every slide depend on, for the JSON."""
+        return self.networks.describe()
+
+    def codebook(self, mesh: ObjectMesh, size: int | None = None) -> Codebook:
+        """The object's codebook; of `size` poses if they are not `codebook_size`."""
+        networks = self.networks
+        return cached_codebook(mesh, networks.tcn, networks.sensor, size or self.codebook_size, self._codebooks, jobs=1)
+
+    def codebook_digest(self, mesh: ObjectMesh, size: int | None = None) -> str:
+        """Hash of the same codebook, which must have been made."""
+        return sha256(self.codebook_path(mesh, size))[:12]
+
+    def codebook_path(self, mesh: ObjectMesh, size: int | None = None) -> Path:
+        """Where `codebook` keeps it."""
+        return cached_codebook_path(mesh, size or self.codebook_size, self._codebooks)
+
+    @property
+    def _touches(self) -> str:
+        return "touches"
+
+    @property
+    def _home(self) -> Path:
+        return self.folder / Path(self.sensor).stem
+
+    @property
+    def _codebooks(self) -> Path:
+        return self._home / "codebooks"
+
+    def slide(self, mesh: ObjectMesh, number: int) -> Sequence:
+        """Slide `number` over the object. The number is its seed; where that gets stuck, the next thousand's."""
+        kind = f"{self.slides.name}_{mesh.sha256[:8]}"
+        path = self._home / "slides" / kind / mesh.name / f"{number:02d}"
+        if not path.is_dir():
+            self._simulate(mesh, number, path)
+        return load_sequence(path)
+
+    def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
+        # caches whose networks are for other light share the slides and use their paths alone
+        kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=_LIGHT)
+        for attempt in range(_SEEDS):
+            seed = number + _NEXT_SEED * attempt
+            try:
+                simulate_sequence(mesh, sensor, kind.length, seed, path, True, leap=kind.leap)
+                return
+            except InputError as error:
+                stuck = error
+        raise InputError(f"{mesh.name}: no slide of {kind.length} m in {_SEEDS} tries ({stuck}); give a shorter one")
+
+    def touches(self, mesh: ObjectMesh, number: int) -> tuple[Sequence, Touches]:
+        """Slide `number` over the object and what the networks make of it."""
+        sequence = self.slide(mesh, number)
+        origin = made_from(sequence, self.networks) | self.describe()
+        path = self._home / self._touches / sequence.path.parent.parent.name / f"{mesh.name}_{number:02d}.npz"
+        try:
+            touches = Touches.load(path)
+            if origin.items() <= touches.made_from.items():
+                return sequence, touches
+        except InputError:  # none yet, or damaged
+            pass
+        touches = self._perceive(mesh, sequence, number)
+        touches = dataclasses.replace(touches, made_from=touches.made_from | origin)
+        touches.save(path)
+        return sequence, touches
+
+    def frames(self, mesh: ObjectMesh, number: int, stride: int = 1) -> list[TrialFrame]:
+        """Every `stride`-th frame of slide `number` over the object, as a trial takes them."""
+        sequence, touches = self.touches(mesh, number)
+        return touches.frames(sequence, stride)
+
+    def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
+        return Touches.perceive(sequence, self.networks)
+
+    def symmetry(self, mesh: ObjectMesh) -> Symmetry:
+        """The object's symmetry."""
+        return cached_symmetry(mesh, self.folder / "symmetries")
