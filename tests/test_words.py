@@ -126,7 +126,10 @@ def test_code_uses_the_words_of_the_field(folder):
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_documents_use_the_words_of_the_field(document):
-    found = [f"{document}:{line}: {word}" for line, word in in_text(DOCUMENTS[document])]
+    """But for generated tables, which quote committed reports."""
+    text = DOCUMENTS[document]
+    written = re.sub(r"<!-- table .*?<!-- end -->", lambda one: "\n" * one[0].count("\n"), text, flags=re.S)
+    found = [f"{document}:{line}: {word}" for line, word in in_text(written)]
     assert not found, "\n".join([*found, f"say instead: {BANNED}"])
 
 

@@ -34,7 +34,7 @@ def add_parser(subparsers) -> None:
         "  plain        nothing is wrong, paper's start     uniform      nothing known at the start\n"
         "  tool_bias    tool 2 mm, 2 deg off                late         poses 50 ms late\n"
         "  slow_camera  every image comes twice             rest         the arm rests in contact for 20 s\n"
-        "  lift         lifted, put down 50 mm away         kidnap       the same, untold\n"
+        "  lift         lifted, put down 50 mm away         kidnap       the same, unreported\n"
         "  jump         30 mm, 175 deg in one step          unexplained  12 touches that nothing explains\n"
         "  push         the object moves by 5 mm, 5 deg     wrong_mesh   another object is touched\n"
         "  small_parts  parts smaller than the gel          grasp        held still by up to four fingers\n"

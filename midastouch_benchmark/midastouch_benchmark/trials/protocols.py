@@ -148,7 +148,7 @@ PROTOCOLS = {
     "slow_camera": Protocol("every image comes twice", disturbances.slow_camera, _SHORT),
     "rest": _event("at rest in contact for 20 s", disturbances.rest),
     "lift": _event("lifted 20 mm, put down 50 mm away", disturbances.lift, Leap(0.05)),
-    "kidnap": _event("lifted; the object is moved by 50 mm, untold", disturbances.kidnap, Leap(0.05)),
+    "kidnap": _event("lifted; the object is moved by 50 mm, unreported", disturbances.kidnap, Leap(0.05)),
     "jump": _event("30 mm, 175 deg in one step", disturbances.jump, Leap(0.03, np.radians(175.0))),
     "unexplained": _event("12 touches that nothing explains", disturbances.unexplained, foreign="eyebolt"),
     "push": _event("the object is pushed by 5 mm, 5 deg", disturbances.push),
