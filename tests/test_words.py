@@ -40,8 +40,9 @@ BANNED_IN_THE_FILTER = BANNED_AS_NAMES | {"place": "hypothesis; of points: posit
 BANNED_CONSTANTS = {"ASKED", "HELD", "SAID", "TOLD"}
 """Whole names of constants; say what they limit, with the unit."""
 OTHER_MEANINGS = {
-    "FindPackageShare", "get_package_share_directory", "get_package_share_path",  # of ROS
+    "SHARE", "FindPackageShare", "get_package_share_directory", "get_package_share_path",  # of ROS
     "_reflect",  # at an edge
+    "column_shares", "row_shares",  # of Rerun's layouts
 }  # fmt: skip
 ENDINGS = ("", "s", "ed", "ing", "es")
 SOURCES = sorted(
@@ -125,7 +126,10 @@ def test_code_uses_the_words_of_the_field(folder):
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_documents_use_the_words_of_the_field(document):
-    found = [f"{document}:{line}: {word}" for line, word in in_text(DOCUMENTS[document])]
+    """But for generated tables, which quote committed reports."""
+    text = DOCUMENTS[document]
+    written = re.sub(r"<!-- table .*?<!-- end -->", lambda one: "\n" * one[0].count("\n"), text, flags=re.S)
+    found = [f"{document}:{line}: {word}" for line, word in in_text(written)]
     assert not found, "\n".join([*found, f"say instead: {BANNED}"])
 
 

@@ -75,7 +75,7 @@ def centre_under(outline: np.ndarray, radius: float) -> np.ndarray:
     """Centre (3,) m of the ball that meets the undeformed gel in an outline: points (N, 3) m on the gel, N >= 4.
 
     The least-squares one of the two below the gel. An outline wider than the ball has none: its points stay apart from
-    the ball (see `misfit`).
+    the ball (see `outline_residual`).
     """
     return fit_sphere(outline, radius).centre
 

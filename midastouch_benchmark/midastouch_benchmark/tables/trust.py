@@ -13,7 +13,7 @@ from ..statistics.coverage import WEIGHTS
 from .reports import CONDITIONS, OPTICS, STARTS, benchmark_summary, frame_of, held_out, reported
 from .table import Form, Row, fraction, is_missing, listed, text, value, written
 
-_WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved unreported"}
+_WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved, unreported"}
 EVENTS = ("rest", "lift", "kidnap", "jump", "unexplained", "push")
 """Protocols in which something happens on the way."""
 PROMISED_WRONG, PROMISED_REGION = 1 - FilterConfig().converged_probability, 0.95

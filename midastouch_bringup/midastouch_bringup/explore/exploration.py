@@ -60,7 +60,7 @@ _LEAPS = 0.25  # fraction of the motions at random: slides alone stay for long w
 _MOST_FRUITLESS = 3  # motions in a row in which nothing is measured, or refused or hopeless suggestions
 _SURE = 2  # motions in a row after which the filter knows: what is wrong seldom outlives another one
 _BLOCKED = 0.5  # of its length: a slide that ends before that has met something to lift over
-_SHARES = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
+_RANDOM_LENGTHS = 0.1, 0.25  # shortest and longest random slide, of the object's diagonal, as of simulated slides
 
 Poses = Iterator[np.ndarray]
 
@@ -122,7 +122,7 @@ class Exploration:
 
     def random_slide(self) -> Motion:
         """Somewhere, straight on."""
-        length = self.world.mesh.diagonal * self._rng.uniform(*_SHARES)
+        length = self.world.mesh.diagonal * self._rng.uniform(*_RANDOM_LENGTHS)
         return Motion(self._rng.uniform(0, 2 * np.pi), length)
 
     def random_leap(self) -> Motion:

@@ -32,9 +32,9 @@ class MountTf(PipelineNode):
     def __init__(self, **kwargs):
         super().__init__("mount_tf", **kwargs)
         settings = Parameters(self, PARAMETERS)
-        share = Path(get_package_share_directory("midastouch_bringup"))
+        folder = Path(get_package_share_directory("midastouch_bringup"))
         mount = read_mount(
-            settings["frames_file"] or share / "config" / "frames.yaml",
+            settings["frames_file"] or folder / "config" / "frames.yaml",
             settings["sensor_prefix"],
             settings["tool_frame"],
             settings["tf_prefix"],

@@ -124,7 +124,9 @@ class FilterConfig:
     recovery: bool = _switch(True, "inject the codebook's best matches when the likelihood collapses")
     recovery_alpha_slow: float = _number(0.04, 1e-4, 1.0, "", "rate of the long average of the likelihood")
     recovery_alpha_fast: float = _number(1.0, 1e-3, 1.0, "", "rate of the short average of the likelihood")
-    recovery_share: float = _number(0.1, 0.0, 0.9, "", "largest fraction of particles injected per update")
+    recovery_fraction: float = _number(
+        0.1, 0.0, 0.9, "", "largest fraction of particles injected per update", former="recovery_share"
+    )
 
     # --- modes and status
     mode_radius: float = _number(0.012, 1e-3, 0.2, "m", "peaks nearer than this may be one mode; 1 rad is 10 mm")

@@ -50,14 +50,14 @@ class LikelihoodTrend:
 
     @property
     def injection(self) -> float:
-        """Fraction of particles to inject, in [0, recovery_share]: 0 unless the short average has collapsed.
+        """Fraction of particles to inject, in [0, recovery_fraction]: 0 unless the short average has collapsed.
 
         It must also have fallen below the long average: touches that never fitted (a wrong mesh, a sensor
         unlike the training's) are no reason to go on guessing.
         """
         if not self._config.recovery or self.support < _COLLAPSE or self.short > self.long:
             return 0.0
-        return self._config.recovery_share * (1.0 - math.exp(self.short - self.long))
+        return self._config.recovery_fraction * (1.0 - math.exp(self.short - self.long))
 
 
 class Reweighting:

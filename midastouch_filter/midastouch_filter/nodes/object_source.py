@@ -129,12 +129,12 @@ def resolve(address: str, what: str) -> Path:
     if address.startswith(_PACKAGE):
         name, _, inside = address[len(_PACKAGE) :].partition("/")
         try:
-            share = Path(get_package_share_directory(name))
+            folder = Path(get_package_share_directory(name))
         except (PackageNotFoundError, ValueError) as error:
             raise InputError(f"{address}: no package '{name}' is installed; check {what}") from error
         # Without following links: `colcon build --symlink-install` fills a share folder with links to the sources.
-        path = Path(os.path.normpath(share / inside))
-        if not path.is_relative_to(share):
+        path = Path(os.path.normpath(folder / inside))
+        if not path.is_relative_to(folder):
             raise InputError(f"{address}: leaves its package; check {what}")
         return path
     try:

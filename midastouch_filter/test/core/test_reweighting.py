@@ -21,13 +21,13 @@ def test_injects_after_a_collapse_only():
     assert after([2.0] * 30).injection == 0
     assert after([0.0] * 100).injection == 0  # a ball: nothing is ever told, nothing has collapsed
     collapsed = after([2.0] * 30 + [WORST] * 8)
-    assert 0 < collapsed.injection <= FilterConfig().recovery_share
+    assert 0 < collapsed.injection <= FilterConfig().recovery_fraction
     assert collapsed.support > 0.6
 
 
 def test_gives_up_injecting_when_nothing_ever_fits():
     assert after([WORST] * 8).injection > 0
-    assert after([WORST] * 1000).injection < 0.01 * FilterConfig().recovery_share + 1e-12
+    assert after([WORST] * 1000).injection < 0.01 * FilterConfig().recovery_fraction + 1e-12
 
 
 def test_a_correlated_touch_counts_in_part():
