@@ -2,9 +2,12 @@
 
 import ast
 import re
+from pathlib import Path
 
+import packages
 import pytest
-from documents import DOCUMENTS, ROOT, SPANS, section
+import yaml
+from documents import DOCUMENTS, ROOT, SPANS, section, table
 
 TOP_FOLDERS = "|".join(
     sorted(
@@ -41,22 +44,36 @@ def test_files_that_are_named_exist():
 
 
 def test_walks_are_short_and_name_what_is_there():
-    walks = re.split(r"^\*\*.*\*\*$", section("docs/architecture.md", "## Four walks"), flags=re.M)[1:]
-    assert len(walks) == 4
+    walks = re.split(r"^\*\*.*\*\*$", section("docs/architecture.md", "## Six walks"), flags=re.M)[1:]
+    assert len(walks) == 6
     for walk in walks:
         stations = re.findall(r"^\d\. \[[^\]]+\]\(\.\./([^)]+)\): `([\w.]+)`$", walk, flags=re.M)
         assert 1 < len(stations) <= 6
         for path, name in stations:
-            assert name in defined_names((ROOT / path).read_text()), f"{path}: {name}"
+            assert name in defined_names(ROOT / path), f"{path}: {name}"
 
 
-def defined_names(source: str) -> set[str]:
-    """Classes, functions and methods (`Class.method`) of a module."""
+def defined_names(path: Path) -> set[str]:
+    """Classes, functions, methods (`Class.method`) and constants of a module; keys of a YAML file."""
+    if path.suffix == ".yaml":
+        return set(yaml.safe_load(path.read_text()))
     kinds = ast.ClassDef | ast.FunctionDef
-    top = [node for node in ast.parse(source).body if isinstance(node, kinds)]
-    return {node.name for node in top} | {
+    statements = ast.parse(path.read_text()).body
+    top = [node for node in statements if isinstance(node, kinds)]
+    constants = {ast.unparse(target) for node in statements if isinstance(node, ast.Assign) for target in node.targets}
+    return constants | {node.name for node in top} | {
         f"{node.name}.{inner.name}" for node in top for inner in node.body if isinstance(inner, kinds)
     }
+
+
+def test_every_room_is_in_the_table():
+    listed = {re.fullmatch(r"`(.*)`", row[0])[1] for row in table("docs/architecture.md", "## Rooms")}
+    rooms = {
+        path.parent.relative_to(ROOT / package).as_posix()
+        for package in packages.PYTHON
+        for path in (ROOT / package / package).glob("*/__init__.py")
+    }
+    assert {room for room in rooms - listed if room.split("/")[1] not in ("nodes", "ros")} == set()
 
 
 def test_the_readme_is_short():
