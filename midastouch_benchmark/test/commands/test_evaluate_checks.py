@@ -1,8 +1,11 @@
 import json
 
+import pytest
+
 from midastouch_bringup import cli
 
 
+@pytest.mark.slow
 def test_its_tables_show_what_its_json_holds(shared, tmp_path, capsys):
     told = tmp_path / "checks.json"
     backgrounds = str(shared / "data/digit_backgrounds")

@@ -177,6 +177,7 @@ def test_bench_has_the_keys_of_the_design(run):
         assert result[key] > 0
 
 
+@pytest.mark.slow
 def test_bench_scale_measures_each_size_and_has_a_page(run, workspace, monkeypatch):
     monkeypatch.setattr(scaling, "USUAL", 300)  # poses and particles of what is not varied
     sizes = ("--particles", "100", "--poses", "200", "--frames", "10")

@@ -144,6 +144,7 @@ def real():
     return SensorModel.load("digit_real")
 
 
+@pytest.mark.slow
 def test_alarms_are_counted_with_the_right_and_with_a_touched_background(real):
     rng = np.random.default_rng(7)
     digit = PressedSensor(real, no_contact_image(real, rng)[None], 3e-3, rng)

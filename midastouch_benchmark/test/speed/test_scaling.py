@@ -18,6 +18,7 @@ class Deadly:
         return signal.raise_signal, (signal.SIGKILL,)
 
 
+@pytest.mark.slow
 def test_each_filter_is_timed_in_a_process_of_its_own(mesh, codebook, tmp_path):
     files = tmp_path / "block.ply", tmp_path / "block.npz"
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(files[0])

@@ -26,6 +26,7 @@ def explored(tmp_path_factory):
     return run(), run
 
 
+@pytest.mark.slow
 def test_each_policy_is_tried_from_the_same_start(explored):
     (trials, missing), _ = explored
     assert not missing
@@ -35,6 +36,7 @@ def test_each_policy_is_tried_from_the_same_start(explored):
     assert random["asked_ms"] is None
 
 
+@pytest.mark.slow
 def test_a_way_ends_converged_or_where_it_is_too_long(explored):
     (trials, _), _ = explored
     for trial in trials:
@@ -43,6 +45,7 @@ def test_a_way_ends_converged_or_where_it_is_too_long(explored):
         assert least <= trial["path_m"] <= 0.2  # the motion under way is ended
 
 
+@pytest.mark.slow
 def test_the_same_command_goes_on_and_finds_the_same(explored):
     first, run = explored
     assert run() == first

@@ -28,6 +28,7 @@ def campaign(tmp_path_factory):
     return plan, meshes, log, trials
 
 
+@pytest.mark.slow
 def test_every_slide_is_run_with_the_object_and_without(campaign):
     _, meshes, _, trials = campaign
     names = [mesh.name for mesh in meshes]
@@ -41,6 +42,7 @@ def test_every_slide_is_run_with_the_object_and_without(campaign):
         assert trial["right"] == (trial["right_from_m"] is not None)
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
     plan, meshes, log, trials = campaign
     begun = []

@@ -22,6 +22,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("cache")
 
 
+@pytest.mark.slow
 def test_a_calibration_brings_what_is_felt_nearer_to_the_truth(tool, folder):
     error = {}
     for calibrated in (False, True):

@@ -23,6 +23,7 @@ def campaign(tmp_path_factory):
     return plan, log, trials
 
 
+@pytest.mark.slow
 def test_a_slide_is_run_in_every_catalogue_with_the_shape_and_without(campaign):
     _, _, trials = campaign
     assert [(t["size"], t["in_catalogue"]) for t in trials] == [(1, True), (3, True), (3, False)]
@@ -33,6 +34,7 @@ def test_a_slide_is_run_in_every_catalogue_with_the_shape_and_without(campaign):
     assert all(0 < t["cpu_ms"] <= t["slowest_ms"] for t in trials)
 
 
+@pytest.mark.slow
 def test_what_was_run_is_not_run_again(campaign):
     plan, log, trials = campaign
     begun = []

@@ -18,6 +18,7 @@ def test_parts_are_smaller_than_the_gel(parts):
         assert np.ptp(mesh.bounds, axis=0).max() < GEL
 
 
+@pytest.mark.slow
 def test_symmetric_poses_of_a_nut_are_known(parts):
     assert find_symmetry(parts["hex_nut"]).describe() == "12 poses alike"
     assert find_symmetry(parts["cotter_pin"]).trivial

@@ -214,6 +214,7 @@ def test_another_object_is_put_in_the_place_of_the_first(graph, engine):
     assert [contacts[0].in_contact, contacts[-1].in_contact] == [True, False]
 
 
+@pytest.mark.slow
 def test_over_dds_the_depth_network_feels_what_the_simulator_says_is_there(graph, tmp_path):
     """Engine and `tdn` here, the simulator in a process of its own."""
     sensor, mesh = SensorModel.load("digit_tacto"), ObjectMesh.load(bundled_objects()["handle_tool"])

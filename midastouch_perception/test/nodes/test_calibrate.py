@@ -70,6 +70,7 @@ def guide(folder, **more) -> Iterator[subprocess.Popen]:
     assert code == 0
 
 
+@pytest.mark.slow
 def test_a_process_guides_through_the_presses_and_tdn_uses_what_they_tell(graph, folder, digit, presses):
     with guide(folder):
         camera = Camera(graph)
