@@ -27,7 +27,7 @@ import midastouch_perception  # noqa: F401
 from midastouch_bringup.processes.local_domain import claimed_domain
 
 if TYPE_CHECKING:
-    from midastouch_common.ros.testing import Graph
+    from midastouch_common.ros.testing import RosGraph
 
 # on a busy machine time says nothing about the code
 settings.register_profile("workspace", deadline=None, derandomize=True)
@@ -54,7 +54,7 @@ def _heeding_signals() -> Iterator[None]:
 
 
 @pytest.fixture
-def graph() -> Iterator[Graph]:
+def graph() -> Iterator[RosGraph]:
     """A ROS graph for one test."""
     from midastouch_common.ros.testing import open_graph
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.bags.run_record import Hypothesis, Snapshot
+from midastouch_bringup.bags.run_record import RecordedMode, Snapshot
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import Codebook
@@ -34,7 +34,7 @@ def run() -> list[Snapshot]:
         truth = pose_at([1, y, 0.2])
         spread = np.array([0.02, 0.02, 0.02, 0.5, 0.5, 0.5]) / (1 + i)
         particles = truth @ se3.exp(spread * rng.standard_normal((50, 6)))
-        mode = Hypothesis(1.0, particles[0], np.diag(spread**2))
+        mode = RecordedMode(1.0, particles[0], np.diag(spread**2))
         penetration = np.full((16, 12), 5e-4, np.float32)
         image = rng.integers(0, 255, (32, 24, 3), dtype=np.uint8)
         code = None if i == 3 else (truth[:3, 2] / np.linalg.norm(truth[:3, 2])).astype(np.float32)

@@ -41,7 +41,7 @@ class HealthReport:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class StreamEvidence:
     """The measurements that the verdict rests on.
 
     Attributes:
@@ -61,7 +61,7 @@ class Evidence:
     jitter_limit: float
 
 
-def assess(evidence: Evidence, clock: ClockOffset) -> HealthReport:
+def assess(evidence: StreamEvidence, clock: ClockOffset) -> HealthReport:
     """The verdict on one moment."""
     findings = sorted(_findings(evidence), key=lambda finding: -finding[0])
     level = findings[0][0] if findings else Level.OK
@@ -73,7 +73,7 @@ def _quiet_message(state: ReaderState) -> str:
     return "capture is off" if state is ReaderState.STOPPED else state.value
 
 
-def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
+def _findings(evidence: StreamEvidence) -> list[tuple[Level, str]]:
     reader = evidence.reader
     if reader.silent_s > _LONGEST_SILENCE_S:
         return [(Level.ERROR, f"the device driver hangs since {reader.silent_s:.0f} s; replug the sensor")]
@@ -93,7 +93,7 @@ def _findings(evidence: Evidence) -> list[tuple[Level, str]]:
     return findings
 
 
-def _uneven(evidence: Evidence) -> str:
+def _uneven(evidence: StreamEvidence) -> str:
     reader = evidence.reader
     if reader.state is not ReaderState.STREAMING or evidence.jitter is None:
         return ""
@@ -105,7 +105,7 @@ def _uneven(evidence: Evidence) -> str:
     )
 
 
-def _values(evidence: Evidence, clock: ClockOffset) -> dict[str, str]:
+def _values(evidence: StreamEvidence, clock: ClockOffset) -> dict[str, str]:
     reader = evidence.reader
     values = {
         "state": reader.state.value,
@@ -169,5 +169,5 @@ class StreamMonitor:
         """The verdict on the stream now; stamps may be ``jitter_limit`` seconds off even spacing."""
         rate = self._rate.rate(self._clock.now_ns()) if self._rate else None
         backward = self._rate.backward if self._rate else 0
-        evidence = Evidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)
+        evidence = StreamEvidence(reader, rate, backward, self._image, self._jitter.jitter(), jitter_limit)
         return assess(evidence, self._offset)

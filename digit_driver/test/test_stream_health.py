@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from digit_driver.frames import Frame, MonotonicClock, ReaderState, ReaderStatus, SourceInfo
-from digit_driver.stream_health import Evidence, Level, StreamMonitor, assess
+from digit_driver.stream_health import Level, StreamEvidence, StreamMonitor, assess
 from digit_driver.stream_monitors import ImageHealth, ImageReport, JitterMonitor, RateMonitor
 from midastouch_common.clock_offset import ClockOffset
 
@@ -15,7 +15,7 @@ PERIOD = 16_666_667  # ns, of the stamps
 INFO = SourceInfo("/dev/video0", "D20001", 240, 320, 60.0)
 STREAMING = ReaderStatus(ReaderState.STREAMING, INFO)
 GOOD = ImageReport(mean=90.0, saturated=0.0, repeats=0, problem="")
-NORMAL = Evidence(STREAMING, 60.0, 0, GOOD, jitter=0.001, jitter_limit=0.005)
+NORMAL = StreamEvidence(STREAMING, 60.0, 0, GOOD, jitter=0.001, jitter_limit=0.005)
 
 
 def test_rate_is_known_after_one_window_and_falls_when_frames_cease() -> None:

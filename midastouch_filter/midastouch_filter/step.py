@@ -22,7 +22,7 @@ from .core.gates import Gates, Stopwatch
 from .core.motion_model import Odometry, OdometryJump
 from .core.particles import Particles
 from .core.resampling import effective_size
-from .core.state import Evidence, StateMachine, Status
+from .core.state import StateEvidence, StateMachine, Status
 from .core.touch import Measurement
 from .policies import Policies
 
@@ -133,14 +133,14 @@ class Reporter:
 
     def nothing(self) -> Estimate:
         """The estimate before a start was given."""
-        self._state.update(Evidence())
+        self._state.update(StateEvidence())
         return Estimate([], self._status(None))
 
     def estimate(self, belief: Belief, outcome: Outcome) -> Estimate:
         """The estimate after a step."""
         dominant = belief.modes[0]
         self._state.update(
-            Evidence(
+            StateEvidence(
                 initialised=True,
                 in_contact=outcome.in_contact,
                 support=self._policies.reweigh.trend.support,

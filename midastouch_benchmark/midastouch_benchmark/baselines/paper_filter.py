@@ -24,7 +24,7 @@ from midastouch_filter.core.gates import Stopwatch
 from midastouch_filter.core.modes import Moments
 from midastouch_filter.core.motion_model import MotionModel, Odometry
 from midastouch_filter.core.particles import Particles
-from midastouch_filter.core.state import Evidence, StateMachine, Status
+from midastouch_filter.core.state import StateEvidence, StateMachine, Status
 from midastouch_filter.core.workers import Workers
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class PaperFilter:
         """
         watch = Stopwatch(self._clock)
         if self._particles is None:
-            self._state.update(Evidence())
+            self._state.update(StateEvidence())
             return Estimate([], Status(self._state.state, self._state.reason))
         self._in_contact = measurement.in_contact
         with watch.stage("motion"):
@@ -204,7 +204,7 @@ class PaperFilter:
         spread_t = dominant.spread_translation if dominant else 0.0
         spread_r = dominant.spread_rotation if dominant else 0.0
         state, reason = self._state.update(
-            Evidence(True, self._in_contact, mode_mass=mass, spread_t=spread_t, spread_r=spread_r)
+            StateEvidence(True, self._in_contact, mode_mass=mass, spread_t=spread_t, spread_r=spread_r)
         )
         n = len(self._particles)
         status = Status(state, reason, n, float(n), len(self._modes), mass, spread_t, spread_r, ms=watch.ms)

@@ -40,14 +40,14 @@ def run(args: argparse.Namespace) -> int:
     from ..tables.exploring import exploration_table
     from ..tables.table import terminal
     from ..trials.cache import Cache
-    from ..trials.exploration import Plan, chosen_policies, run_exploration
+    from ..trials.exploration import ExplorationPlan, chosen_policies, run_exploration
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
 
     folder = Path(args.out).resolve()  # workers may run elsewhere
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
-    plan = Plan(cache, config, chosen_policies(args.policy), args.trials, args.length)
+    plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)
     meshes = options.chosen_meshes(args.meshes, args.objects)
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)

@@ -81,9 +81,9 @@ def _measured(
 ) -> tuple[DepthQuality, list[float]]:
     """Quality on the frames whose penetration is known, and the milliseconds of each."""
     from ..perception.depth_quality import DepthQuality
-    from ..speed.timing import Stopwatch
+    from ..speed.timing import CallTimer
 
-    quality, stopwatch = DepthQuality(), Stopwatch()
+    quality, stopwatch = DepthQuality(), CallTimer()
     tdn.predict(sequence.image(sequence.ground_truth_frames[0]), background)  # warm-up, not timed
     for i in sequence.ground_truth_frames:
         image = sequence.image(i)

@@ -38,10 +38,10 @@ WHITES = (0.1, 0.25, 0.5, 1.0)
 LEVEL = 0.95  # of the regions
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
-BIAS, SURE, TRANSLATION, ROTATION = range(4)  # columns of `WeighedWindow`
+BIAS, SURE, TRANSLATION, ROTATION = range(4)  # columns of `ScoredScan`
 
 
-class WeighedWindow:
+class ScoredScan:
     """A filter over one object, and what is known of its converged frames: rows of the bias, the squared Mahalanobis
     distance of the truth, and the region's RMS in m and rad, these as if the factor of width and bias were 1.
     """
@@ -103,7 +103,7 @@ def main() -> None:
     found: dict[str, list[np.ndarray]] = {name: [] for name in CONDITIONS}
     for mesh in scans_of(args):
         slides = [cache.frames(mesh, k) for k in range(args.slides)]
-        scored = WeighedWindow(cache, mesh)
+        scored = ScoredScan(cache, mesh)
         for name in CONDITIONS:
             found[name].append(np.concatenate([scored.frames(slide, name, k) for k, slide in enumerate(slides)]))
         print(mesh.name, {name: len(parts[-1]) for name, parts in found.items()}, file=sys.stderr, flush=True)

@@ -45,7 +45,7 @@ _LARGEST_BALL = 0.1  # m
 
 
 @dataclasses.dataclass(frozen=True)
-class Press:
+class MeasuredPress:
     """One press as measured. Attributes: name; image (320, 240, 3) uint8; difference (h, w, 3) grey levels; measured
     and ideal (h, w) m; ideal is None where neither a circle nor an outline tells it; found, the pipeline's contact
     decision; truth and nearest, centres (3,) m of the ideal ball and of the one nearest to the measured map, or None.
@@ -63,7 +63,7 @@ class Press:
 
 def as_measured(
     tdn: DepthNet, presses: BallPresses, radius: float, calibrations: Mapping[str, SensorCalibration] | None
-) -> Iterator[Press]:
+) -> Iterator[MeasuredPress]:
     """Every press with what should be measured of a ball of `radius` m; each with its own sensor calibration, if given.
 
     Raises InputError if that is no radius of a ball, or smaller than a labelled circle.
@@ -85,7 +85,7 @@ def as_measured(
         ideal = None if truth is None else ball_penetration(truth, radius, tdn.sensor)
         nearest = nearest_cap(measured, region, radius, tdn.sensor) if region.any() else None
         found = ContactDetector(tdn.sensor).update(measured).in_contact and bool(region.any())
-        yield Press(name, image, difference, measured, found, ideal, truth, nearest)
+        yield MeasuredPress(name, image, difference, measured, found, ideal, truth, nearest)
 
 
 def measure_presses(
@@ -139,7 +139,7 @@ def _under_measured(region: np.ndarray, radius: float, sensor: SensorModel) -> n
     return centre_under(outline, radius) if len(outline) >= _FEWEST else None
 
 
-def _describe(press: Press, radius: float, sensor: SensorModel) -> dict:
+def _describe(press: MeasuredPress, radius: float, sensor: SensorModel) -> dict:
     visible = visible_contact(press.difference, sensor)
     contact = _measured_contact(press.difference, press.measured, sensor)
     total = float(press.measured.sum())
@@ -165,7 +165,7 @@ def _describe(press: Press, radius: float, sensor: SensorModel) -> dict:
     return row
 
 
-def _against_ideal(press: Press) -> dict:
+def _against_ideal(press: MeasuredPress) -> dict:
     inside = press.ideal > 0
     out = {
         "ideal_peak_mm": 1e3 * float(press.ideal.max()),

@@ -14,7 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.tdn import load_tdn
 
-from ..perception.press_quality import Press, as_measured
+from ..perception.press_quality import MeasuredPress, as_measured
 from ..perception.press_truth import calibrations_of, usable_presses, with_truth
 from ..tables.perception import presses_table
 from ..tables.table import on_page
@@ -23,7 +23,7 @@ _ACROSS = 2  # presses side by side
 _TITLES = ("image", "difference", "measured", "ideal")
 
 
-def press_figure(presses: list[Press]) -> Figure:
+def press_figure(presses: list[MeasuredPress]) -> Figure:
     """Four pictures a press, two presses a row; one colour scale of penetration for all."""
     rows = -(-len(presses) // _ACROSS)
     figure = Figure(figsize=(12, 2.1 * rows + 0.4), layout="constrained")
@@ -90,7 +90,7 @@ def press_section(page: Page, contents: list[dict], folder: Path) -> None:
         page.picture(save(press_figure(shown), folder / f"presses_{i}.png"), f"Presses of {content['folder']}")
 
 
-def _measured_again(content: dict) -> list[Press]:
+def _measured_again(content: dict) -> list[MeasuredPress]:
     """Some presses with the network of the result; InputError if that or the images are not there any more."""
     sensor = SensorModel.load(content["sensor"])
     if content["px_per_mm"]:

@@ -15,7 +15,7 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from .timing import Stopwatch, time_calls
+from .timing import CallTimer, time_calls
 
 _REPEATS = 40
 _TOLERANCE = 1.01
@@ -25,7 +25,7 @@ _TOLERANCE = 1.01
 class LookupSpeed:
     """times of one look-up; exact_share, of the particles whose entry is as near, within 1 %, as the nearest one."""
 
-    times: Stopwatch
+    times: CallTimer
     exact_fraction: float
 
 

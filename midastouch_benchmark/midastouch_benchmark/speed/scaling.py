@@ -19,7 +19,7 @@ from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
-from .timing import Stopwatch, peak_rss_mb
+from .timing import CallTimer, peak_rss_mb
 
 USUAL = 50_000
 """Particles, as the paper's, and poses of a codebook as it is built: the one that is not varied."""
@@ -39,7 +39,7 @@ class Slide:
 
 def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
     """One step with so many particles, kept at that number, on a codebook file; all of the step counts, the fine stage
-    too. step_ms, as of `Stopwatch`; memory_mb, the most that a process with this filter alone needs, MiB.
+    too. step_ms, as of `CallTimer`; memory_mb, the most that a process with this filter alone needs, MiB.
 
     InputError if the process dies, as it does where memory is short.
     """
@@ -54,7 +54,7 @@ def measure(mesh: Path, codebook: Path, slide: Slide, particles: int) -> dict:
 
 
 def _measure(mesh_path: Path, codebook: Path, slide: Slide, particles: int) -> dict:
-    mesh, stopwatch = ObjectMesh.load(mesh_path), Stopwatch()
+    mesh, stopwatch = ObjectMesh.load(mesh_path), CallTimer()
     config = FilterConfig(min_particles=particles, max_particles=particles)
     particle_filter = ParticleFilter(mesh, Codebook.load(codebook, mesh=mesh), config, seed=0)
     particle_filter.initialise_gaussian(slide.start, mesh.diagonal / 3, np.radians(60))

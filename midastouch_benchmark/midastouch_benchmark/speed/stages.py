@@ -36,7 +36,7 @@ from midastouch_perception.tdn.fit_check import FitCheck
 from ..trials.cache import Touches
 from ..trials.setup import Networks, untouched_of
 from .lookup import AlikeCopies, lookup_speed
-from .timing import Stopwatch, time_calls
+from .timing import CallTimer, time_calls
 
 COUNTS = (50_000, 10_000, 1_000)
 _FINE_STAGES = ("refinement", "hindsight")
@@ -60,7 +60,7 @@ class SpeedMeasurement:
 
     def networks(self) -> dict:
         """tdn_ms, tcn_ms: one image, one penetration map; fit_check_ms: one frame looked at, every fifth is."""
-        tdn, tcn, fit = Stopwatch(), Stopwatch(), Stopwatch()
+        tdn, tcn, fit = CallTimer(), CallTimer(), CallTimer()
         check = FitCheck(self._networks.tdn.sensor, every=1)
         for image in self._images:
             with tdn:
@@ -98,7 +98,7 @@ class SpeedMeasurement:
         particle_filter.initialise_hypotheses(
             [PoseHypothesis(pose, spread, 1 / _MODES) for pose in copies.on_every_copy(self._truth[0])]
         )
-        stopwatch, narrow = Stopwatch(), []
+        stopwatch, narrow = CallTimer(), []
         for i, touch in enumerate(self._measurements):
             with stopwatch:
                 modes = particle_filter.step(self._odometry(i), touch).modes
@@ -111,9 +111,9 @@ class SpeedMeasurement:
         """What the filter is told of each frame, where the networks are not timed."""
         return Touches.of_images(self._images, self._background, self._networks, {}).measurements
 
-    def _steps(self, count: int) -> Stopwatch:
+    def _steps(self, count: int) -> CallTimer:
         particle_filter = self._filter(count, refinement=False)
-        stopwatch = Stopwatch()
+        stopwatch = CallTimer()
         for i, touch in enumerate(self._measurements):
             with stopwatch:
                 particle_filter.step(self._odometry(i), touch)
@@ -169,10 +169,10 @@ class SpeedMeasurement:
             }
         return out
 
-    def _run(self, particle_filter: ParticleFilter) -> tuple[Stopwatch, Stopwatch, list[str]]:
+    def _run(self, particle_filter: ParticleFilter) -> tuple[CallTimer, CallTimer, list[str]]:
         """Times from each image to its estimate and to the end of the frame, and the states."""
         pipeline = self._networks.pipeline()
-        answers, frames, states = Stopwatch(), Stopwatch(), []
+        answers, frames, states = CallTimer(), CallTimer(), []
         for i, image in enumerate(self._images):
             with frames:
                 with answers:
@@ -203,7 +203,7 @@ class SpeedMeasurement:
         poses = sample_contact_poses(self._mesh, 50, rng, self._networks.sensor)
         renderer = PenetrationRenderer(self._mesh, self._networks.sensor)
         renders = time_calls(lambda: renderer.render(poses), repeats=10)
-        building = Stopwatch()
+        building = CallTimer()
         with building:
             build_codebook(self._mesh, self._networks.tcn, self._networks.sensor, _BOOK_POSES)
         return {
@@ -215,7 +215,7 @@ class SpeedMeasurement:
 
     def _simulated_images(self, model: SensorModel) -> dict[str, float]:
         """Of the slide's touches, each seed's sensor taking its fraction of them."""
-        stopwatch = Stopwatch()
+        stopwatch = CallTimer()
         for seed, poses in enumerate(np.array_split(self._truth[: len(self._images)], _SEEDS)):
             background = no_contact_image(model, np.random.default_rng(seed))
             digit = SimulatedDigit(self._mesh, model, background, seed)
@@ -260,7 +260,7 @@ def paper_network_times(images: list[np.ndarray], penetrations: list[np.ndarray]
 
 def _each(call: Callable[[np.ndarray], object], inputs: list[np.ndarray]) -> dict[str, float]:
     call(inputs[0])  # what is made on first use
-    stopwatch = Stopwatch()
+    stopwatch = CallTimer()
     for values in inputs:
         with stopwatch:
             call(values)

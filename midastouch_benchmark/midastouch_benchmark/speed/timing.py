@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 
-class Stopwatch:
+class CallTimer:
     """Collects wall time and process CPU time, in milliseconds, of the blocks run under `with stopwatch:`."""
 
     def __init__(self) -> None:
         self.wall_ms: list[float] = []
         self.cpu_ms: list[float] = []
 
-    def __enter__(self) -> Stopwatch:
+    def __enter__(self) -> CallTimer:
         self._cpu = time.process_time()
         self._wall = time.perf_counter()
         return self
@@ -32,9 +32,9 @@ class Stopwatch:
         """Forget the first measurements, in which things are loaded."""
         del self.wall_ms[:first], self.cpu_ms[:first]
 
-    def where(self, chosen: Sequence[bool]) -> Stopwatch:
+    def where(self, chosen: Sequence[bool]) -> CallTimer:
         """The measurements for which `chosen` says so."""
-        out = Stopwatch()
+        out = CallTimer()
         out.wall_ms, out.cpu_ms = (list(itertools.compress(ms, chosen)) for ms in (self.wall_ms, self.cpu_ms))
         return out
 
@@ -48,11 +48,11 @@ class Stopwatch:
         }
 
 
-def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> Stopwatch:
+def time_calls(call: Callable[[], object], repeats: int, warm_up: int = 2) -> CallTimer:
     """Run `call` `repeats` times after `warm_up` untimed calls (caches)."""
     for _ in range(warm_up):
         call()
-    stopwatch = Stopwatch()
+    stopwatch = CallTimer()
     for _ in range(repeats):
         with stopwatch:
             call()

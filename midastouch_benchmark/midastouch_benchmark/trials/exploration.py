@@ -40,7 +40,7 @@ _COMPETING = 0.2  # probability of a place that competes
 
 
 @dataclasses.dataclass(frozen=True)
-class Plan:
+class ExplorationPlan:
     """What is run: cache, of codebooks and symmetries; config of the filter; policies, of `POLICIES`; trials per object
     and policy, whose numbers are their seeds; length [m], after which a trial is given up."""
 
@@ -78,7 +78,7 @@ def chosen_policies(names: list[str] | None) -> tuple[str, ...]:
 
 
 def run_exploration(
-    plan: Plan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
+    plan: ExplorationPlan, meshes: list[ObjectMesh], log: TrialLog, workforce: Workforce
 ) -> tuple[list[dict], int]:
     """Run what the log does not hold yet, as `run_open`. Trials of all policies with one seed begin at the same place.
 
@@ -93,13 +93,13 @@ def run_exploration(
     return run_open(_run, units, log, workforce)
 
 
-def _run(plan: Plan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
+def _run(plan: ExplorationPlan, path: Path, trials: dict[str, dict]) -> dict[str, dict]:
     """Trials on one object, by key: labels in, with what was found out."""
     mesh = ObjectMesh.load(path)
     return {key: labels | _explore(plan, mesh, labels["policy"], labels["seed"]) for key, labels in trials.items()}
 
 
-def _explore(plan: Plan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
+def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
     particle_filter = ParticleFilter(mesh, plan.cache.codebook(mesh), plan.config, seed)
     particle_filter.initialise_uniform()
     found = _Trial(mesh, plan.cache.networks, particle_filter, policy, seed).run(plan.length)

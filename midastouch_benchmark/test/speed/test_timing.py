@@ -1,16 +1,16 @@
 import pytest
 
-from midastouch_benchmark.speed.timing import Stopwatch, time_calls
+from midastouch_benchmark.speed.timing import CallTimer, time_calls
 
 
 def test_percentiles_and_mean_cpu():
-    stopwatch = Stopwatch()
+    stopwatch = CallTimer()
     stopwatch.wall_ms, stopwatch.cpu_ms = [float(i) for i in range(101)], [1.0, 3.0]
     assert stopwatch.summary() == {"p50": 50.0, "p95": 95.0, "cpu": 2.0}
 
 
 def test_stopwatch_measures_work_in_milliseconds():
-    stopwatch = Stopwatch()
+    stopwatch = CallTimer()
     with stopwatch:
         sum(range(200_000))
     assert 0.1 < stopwatch.wall_ms[0] < 5000
@@ -18,7 +18,7 @@ def test_stopwatch_measures_work_in_milliseconds():
 
 
 def test_a_failed_call_is_not_counted():
-    stopwatch = Stopwatch()
+    stopwatch = CallTimer()
     with pytest.raises(ZeroDivisionError), stopwatch:
         1 / 0  # noqa: B018
     assert stopwatch.wall_ms == []

@@ -3,7 +3,7 @@
 import pytest
 
 from midastouch_benchmark.trials.cache import Cache
-from midastouch_benchmark.trials.exploration import Plan, run_exploration
+from midastouch_benchmark.trials.exploration import ExplorationPlan, run_exploration
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
@@ -16,7 +16,9 @@ def explored(tmp_path_factory):
     """Where it is told to and at random, for 30 mm each."""
     folder = tmp_path_factory.mktemp("exploration")
     cache = Cache(folder, codebook_size=400)
-    plan = Plan(cache, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03)
+    plan = ExplorationPlan(
+        cache, FilterConfig(max_particles=1000, threads=1), ("suggested", "random"), trials=1, length=0.03
+    )
     mesh = ObjectMesh.load(bundled_objects()["eyebolt"])
 
     def run():

@@ -103,9 +103,9 @@ def answers(path: str | Path) -> dict[int, object]:
     return answers
 
 
-def _hypothesis(mode: object) -> Hypothesis:
+def _hypothesis(mode: object) -> RecordedMode:
     pose, covariance = pose_from_msg(mode.pose.pose), covariance_from_msg(mode.pose.covariance)
-    return Hypothesis(float(mode.weight), pose, covariance)
+    return RecordedMode(float(mode.weight), pose, covariance)
 
 
 def _probabilities(detections: object) -> dict[str, float]:
@@ -130,7 +130,7 @@ def _node_times(path: str | Path) -> dict[str, float]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Hypothesis:
+class RecordedMode:
     """One mode: its fraction of the particle mass, pose (4, 4) `T_obj_gel` and covariance (6, 6), REP-103
     order."""
 
@@ -154,7 +154,7 @@ class Snapshot:
     time: float
     truth: np.ndarray | None
     particles: np.ndarray
-    modes: list[Hypothesis]
+    modes: list[RecordedMode]
     estimate: np.ndarray | None
     image: np.ndarray
     penetration: np.ndarray | None

@@ -27,7 +27,7 @@ _NOWHERE = np.array([0, 0, 0, 0, 0, 0, 1.0])
 
 
 @dataclasses.dataclass(frozen=True)
-class Frame:
+class RecordedFrame:
     """One image with what belongs to its stamp; None, or the state "none", where the bag has nothing of it.
 
     estimate T_obj_gel (4, 4); penetration (H, W) float32 m, as measured.
@@ -51,7 +51,7 @@ class Column:
     dtype: str
     shape: tuple[int, ...]
     description: str
-    value: Callable[[Frame], np.ndarray]
+    value: Callable[[RecordedFrame], np.ndarray]
     names: tuple[str, ...] = ()
 
 
@@ -79,7 +79,7 @@ class Recording:
             raise InputError(f"{self.path}: one image is no recording; record a slide")
         return 1e9 / float(np.median(np.diff(distinct)))
 
-    def frames(self) -> Iterator[Frame]:
+    def frames(self) -> Iterator[RecordedFrame]:
         """Frame by frame; an image that was recorded twice comes once."""
         estimates = dict(by_stamp(self.path, POSE)) if POSE in self._topics else {}
         states = answers(self.path) if STATUS in self._topics else {}
@@ -91,7 +91,7 @@ class Recording:
                 continue
             newest = stamp
             pose, status, penetration = estimates.get(stamp), states.get(stamp), measured.at(stamp)
-            yield Frame(
+            yield RecordedFrame(
                 posed,
                 None if penetration is None else image_from_msg(penetration).astype(np.float32),
                 None if pose is None else pose_from_msg(pose.pose.pose),
@@ -108,7 +108,7 @@ class Recording:
                     raise InputError(f"{self.path}: {wrong}; export the parts of one sensor apart")
             yield row
 
-    def _find_columns(self, first: Frame) -> Iterator[Column]:
+    def _find_columns(self, first: RecordedFrame) -> Iterator[Column]:
         yield Column("stamp_ns", "int64", (1,), "time of the image [ns]", lambda f: np.array([f.posed.stamp_ns]))
         yield Column("image", "uint8", first.posed.image.shape, "tactile image, RGB", lambda f: f.posed.image)
         yield _pose("base_from_gel", "gel frame in the base of the arm", lambda f: f.posed.base_from_gel)
@@ -130,8 +130,8 @@ class Recording:
             yield from _where_known(true, _NOWHERE)
 
 
-def _pose(name: str, what: str, pose: Callable[[Frame], np.ndarray | None]) -> Column:
-    def value(frame: Frame) -> np.ndarray | None:
+def _pose(name: str, what: str, pose: Callable[[RecordedFrame], np.ndarray | None]) -> Column:
+    def value(frame: RecordedFrame) -> np.ndarray | None:
         transform = pose(frame)
         return None if transform is None else se3.to_xyzquat(transform)
 
@@ -141,11 +141,11 @@ def _pose(name: str, what: str, pose: Callable[[Frame], np.ndarray | None]) -> C
 def _where_known(column: Column, missing: np.ndarray) -> tuple[Column, Column]:
     """The column with `missing` for frames whose value is None, and one that says which frames those are not."""
 
-    def value(frame: Frame) -> np.ndarray:
+    def value(frame: RecordedFrame) -> np.ndarray:
         known = column.value(frame)
         return missing if known is None else known
 
-    def valid(frame: Frame) -> np.ndarray:
+    def valid(frame: RecordedFrame) -> np.ndarray:
         return np.array([column.value(frame) is not None])
 
     says = f"whether the frame has {column.name}"

@@ -13,7 +13,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import pose_errors
 
-from ..bags.run_record import Hypothesis
+from ..bags.run_record import RecordedMode
 from ..drawing.object_view import ANGLE_COLOURS, ObjectView
 from ..view.appearance import Trail, ellipsoids
 from . import require_open3d
@@ -130,7 +130,7 @@ def _particle_colours(moment: Moment) -> np.ndarray:
     return ANGLE_COLOURS(0.1 + 0.8 * angle / np.pi)[:, :3]
 
 
-def _mode_lines(mode: Hypothesis) -> list[Shape]:
+def _mode_lines(mode: RecordedMode) -> list[Shape]:
     half, quaternions = ellipsoids(mode.covariance[None, :3, :3])
     turn = np.linspace(0, 2 * np.pi, _RING)
     flat = np.stack([np.cos(turn), np.sin(turn), np.zeros(_RING)], axis=1)

@@ -13,7 +13,7 @@ from midastouch_perception.pointcloud import cloud_from_penetration
 from midastouch_perception.sensor_model import SensorModel
 
 from ..bags.reader import bag_metadata, is_bag
-from ..bags.run_record import Hypothesis, Snapshot, read_run
+from ..bags.run_record import RecordedMode, Snapshot, read_run
 from ..result_file import read_json
 
 _NO_POSES = np.empty((0, 4, 4))
@@ -30,7 +30,7 @@ class Moment:
 
     label: str
     particles: np.ndarray
-    modes: list[Hypothesis]
+    modes: list[RecordedMode]
     estimates: list[np.ndarray | None]
     truth: np.ndarray | None
     contact: np.ndarray

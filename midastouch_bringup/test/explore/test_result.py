@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.bags.run_record import Hypothesis, RunRecord, Snapshot
+from midastouch_bringup.bags.run_record import RecordedMode, RunRecord, Snapshot
 from midastouch_bringup.explore.result import Ended, ending, exploration_result, write_page, write_words
 from midastouch_common import se3
 
@@ -12,7 +12,7 @@ ENDED = Ended("known", "the filter knows the pose", 0.2, 3, 1)
 
 def frame(objects, off=0.0, state="converged"):
     pose = se3.exp([off, 0, 0, 0, 0, 0])
-    mode = Hypothesis(1.0, pose, np.eye(6))
+    mode = RecordedMode(1.0, pose, np.eye(6))
     truth, image = np.eye(4), np.zeros((2, 2, 3), np.uint8)
     return Snapshot(0, 0.0, truth, pose[None], [mode], pose, image, None, None, state, objects)
 

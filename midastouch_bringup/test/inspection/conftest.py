@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from midastouch_bringup.bags.run_record import Hypothesis
+from midastouch_bringup.bags.run_record import RecordedMode
 from midastouch_bringup.inspection import require_open3d
 from midastouch_bringup.inspection.run import Moment, Run
 from midastouch_common import se3
@@ -38,7 +38,7 @@ def run() -> Run:
             Moment(
                 f"{i} s",
                 particles,
-                [Hypothesis(0.7, truth, covariance)],
+                [RecordedMode(0.7, truth, covariance)],
                 [estimate],
                 truth,
                 contact if i else contact[:0],

@@ -10,7 +10,7 @@ from tf2_msgs.msg import TFMessage
 from midastouch_bringup.bags.messages import BASE_FRAME, GEL_FRAME, TRUTH_FRAME
 from midastouch_common.ros import qos
 from midastouch_common.ros.conversions import stamp_from_ns, transform_to_msg
-from midastouch_common.ros.testing import Graph
+from midastouch_common.ros.testing import RosGraph
 
 BASE_FROM_OBJECT = np.eye(4)
 BASE_FROM_OBJECT[:3, 3] = 0.4, -0.1, 0.2
@@ -19,7 +19,7 @@ BASE_FROM_OBJECT[:3, 3] = 0.4, -0.1, 0.2
 class Engine:
     """Publishes on a graph; `stamp` [ns] is its time."""
 
-    def __init__(self, graph: Graph, stamp: int = 5_000_000_000):
+    def __init__(self, graph: RosGraph, stamp: int = 5_000_000_000):
         self._tf = graph.publisher(TFMessage, "/tf", qos.TF)
         self.stamp = stamp
 

@@ -20,7 +20,7 @@ from midastouch_bringup.processes.supervisor import BackOff, Supervisor
 from midastouch_common.message_arrays import stamp_ns
 from midastouch_common.ros import qos
 from midastouch_common.ros.graph_watch import LifecycleWatch
-from midastouch_common.ros.testing import Graph, open_graph
+from midastouch_common.ros.testing import RosGraph, open_graph
 from midastouch_msgs.msg import FilterStatus, PoseModes
 
 pytestmark = pytest.mark.dds
@@ -32,7 +32,7 @@ PATIENCE = 100.0  # s; bounds a failing test only, on a machine that may have li
 class Rig:
     """The three nodes as processes with the parameters of a live sensor, and this test at both of their ends."""
 
-    def __init__(self, graph: Graph, supervisor: Supervisor, slide: Slide):
+    def __init__(self, graph: RosGraph, supervisor: Supervisor, slide: Slide):
         self._graph, self.supervisor, self._slide = graph, supervisor, slide
         self.answers: dict[int, float] = {}
         """Seconds from stamp to the arrival of its pose, by stamp [ns]."""

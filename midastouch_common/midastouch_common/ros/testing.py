@@ -29,7 +29,7 @@ def _overrides(parameters: dict[str, Any]) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in parameters.items()]
 
 
-class Graph:
+class RosGraph:
     """The ROS graph of one test. `companion` is the test's own node."""
 
     def __init__(self) -> None:
@@ -136,10 +136,10 @@ class Graph:
 
 
 @contextlib.contextmanager
-def open_graph() -> Iterator[Graph]:
+def open_graph() -> Iterator[RosGraph]:
     """A graph for one test, in the DDS domain of the environment."""
     rclpy.init(args=[])
-    graph = Graph()
+    graph = RosGraph()
     try:
         yield graph
     finally:

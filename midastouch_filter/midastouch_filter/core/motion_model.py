@@ -57,7 +57,7 @@ class Odometry:
         return self.distance + ROTATION_SCALE * self.angle
 
 
-class Exploration:
+class ExplorationNoise:
     """Fraction of the noise floor in use, in [noise_converged, 1]: all while several hypotheses compete.
 
     The odometry errors of an arm do not add up along the way, so the floor stands for no real error. It lets each
@@ -94,7 +94,7 @@ class MotionModel:
     def propagate(self, particles: Particles, odometry: Odometry, exploration: float) -> None:
         """Apply equation 1 in place: every particle moves by the odometry, then by its own noise.
 
-        The noise has a floor, scaled by `exploration` in [0, 1] (see `Exploration`).
+        The noise has a floor, scaled by `exploration` in [0, 1] (see `ExplorationNoise`).
         """
         c = self._config
         sigma_t = c.noise_per_metre * odometry.distance + exploration * c.noise_translation
@@ -178,7 +178,7 @@ class Propagation:
     def restart(self) -> None:
         """The particles were drawn anew."""
         self._rest.reset()
-        self._exploration = Exploration(self._config)
+        self._exploration = ExplorationNoise(self._config)
 
     def explore(self, dominant_mass: float, tempering: float) -> None:
         """Adapt the noise floor after a touch, counted as `tempering` of an independent one."""

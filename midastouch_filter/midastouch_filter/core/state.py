@@ -45,7 +45,7 @@ class Status:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class StateEvidence:
     """What the state depends on; units as in `Status`.
 
     support: the trend over log(outlier), 1 is worst; checked: other hypotheses were compared with the dominant mode;
@@ -71,12 +71,12 @@ class StateMachine:
         self._lost = self._converged = False
         self.state, self.reason = UNINITIALISED, "no start given yet"
 
-    def update(self, evidence: Evidence) -> tuple[str, str]:
+    def update(self, evidence: StateEvidence) -> tuple[str, str]:
         """Next state and its reason."""
         self.state, self.reason = self._next(evidence)
         return self.state, self.reason
 
-    def _next(self, e: Evidence) -> tuple[str, str]:
+    def _next(self, e: StateEvidence) -> tuple[str, str]:
         if not e.initialised:
             self._lost = self._converged = False
             return UNINITIALISED, "no start given yet"
@@ -91,7 +91,7 @@ class StateMachine:
             return CONVERGED, f"one mode holds {e.mode_mass:.0%} within {1000 * e.spread_t:.1f} mm"
         return AMBIGUOUS, why_not
 
-    def _narrow(self, e: Evidence) -> tuple[bool, str]:
+    def _narrow(self, e: StateEvidence) -> tuple[bool, str]:
         c = self._config
         slack = c.hysteresis if self._converged else 1.0
         if e.support > _FOUND_SUPPORT:

@@ -24,7 +24,7 @@ from ..core.motion_model import Odometry, RestGate
 from ..core.noise_model import Effort, NoiseModel
 from ..core.pose_hypothesis import APART, PoseHypothesis, distinct
 from ..core.touch import Measurement, require_network
-from ..smoothing.competitor_search import CompetitorSearch, Pace
+from ..smoothing.competitor_search import CompetitorSearch, SearchPace
 from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from .catalogue import Catalogue
 from .compared import Compared
@@ -48,7 +48,7 @@ class Identification:
     def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
         self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
         self.compared = Compared(catalogue, config, noise)
-        self._pace = Pace(_EFFORT.lookups_per_step)
+        self._pace = SearchPace(_EFFORT.lookups_per_step)
         self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())
         self.restart()

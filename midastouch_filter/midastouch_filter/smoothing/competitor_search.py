@@ -37,7 +37,7 @@ class Competitors:
     cloud_scores: np.ndarray
 
 
-class Pace:
+class SearchPace:
     """Bounds the look-ups of one step for all searches that share it. Args: most, poses in one step."""
 
     def __init__(self, most: int):
@@ -57,10 +57,12 @@ class CompetitorSearch:
     Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
     """
 
-    def __init__(self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: Pace | None = None):
+    def __init__(
+        self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: SearchPace | None = None
+    ):
         self._lookup = lookup
         self._margin, self._effort = noise.code_margin, effort
-        self._pace = pace or Pace(effort.lookups_per_step)
+        self._pace = pace or SearchPace(effort.lookups_per_step)
 
     def find(self, window: WeighedWindow, taken: Sequence[np.ndarray]) -> Generator[None, None, Competitors]:
         """The competitors of `taken`, poses (4, 4) at the newest keyframe, by the touches of the window."""

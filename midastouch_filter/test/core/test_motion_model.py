@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.motion_model import Exploration, MotionModel, Odometry
+from midastouch_filter.core.motion_model import ExplorationNoise, MotionModel, Odometry
 from midastouch_filter.core.particles import Particles
 from midastouch_filter.core.workers import Workers
 
@@ -107,7 +107,7 @@ def test_half_turns_about_any_axis_are_motions(axis):
 
 
 def test_exploration_anneals_while_one_mode_dominates_and_comes_back():
-    exploration = Exploration(FilterConfig(converged_mass=0.8, noise_converged=0.25))
+    exploration = ExplorationNoise(FilterConfig(converged_mass=0.8, noise_converged=0.25))
     for _ in range(3):
         exploration.update(0.5, 1.0)
     assert exploration.fraction == 1.0

@@ -2,11 +2,11 @@ import pytest
 
 from midastouch_filter.core import state
 from midastouch_filter.core.config import FilterConfig
-from midastouch_filter.core.state import Evidence, StateMachine
+from midastouch_filter.core.state import StateEvidence, StateMachine
 
 
 def narrow(**changes):
-    return Evidence(
+    return StateEvidence(
         **{"initialised": True, "in_contact": True, "mode_mass": 0.95, "spread_t": 0.002, "spread_r": 0.1} | changes
     )
 
@@ -18,7 +18,7 @@ def machine():
 
 def test_starts_uninitialised_and_says_so(machine):
     assert machine.state == state.UNINITIALISED
-    assert machine.update(Evidence())[0] == state.UNINITIALISED
+    assert machine.update(StateEvidence())[0] == state.UNINITIALISED
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def ball_centre(u: float, v: float, contact_radius: float, radius: float, sensor
 
 
 @dataclasses.dataclass(frozen=True)
-class Contact:
+class BallContact:
     """A circle in which a ball touches: column u and row v of its middle [px], radius [m]; explained, fraction
     (0 ... 1) of the image's change that a ball there explains."""
 
@@ -67,18 +67,18 @@ class Contact:
     radius: float
     explained: float
 
-    def distance(self, other: Contact) -> float:
+    def distance(self, other: BallContact) -> float:
         """Between the middles [px]."""
         return float(np.hypot(self.u - other.u, self.v - other.v))
 
 
-def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> Contact:
+def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> BallContact:
     """The most likely contact in a change (H, W, 3) grey levels; ball_radius m, pixel m per pixel."""
     small = cv2.resize(change, None, fx=1 / _SEARCH_PIXEL, fy=1 / _SEARCH_PIXEL, interpolation=cv2.INTER_AREA)
     channels = [np.ascontiguousarray(small[..., c]) for c in range(3)]
     energy = float((small**2).sum()) + 1e-9
     inside = np.ones(small.shape[:2], np.float32)
-    best = Contact(0.0, 0.0, 0.0, -1.0)
+    best = BallContact(0.0, 0.0, 0.0, -1.0)
     for radius in _SEARCHED_RADII * ball_radius:
         explained, seen = np.zeros_like(inside), np.zeros_like(inside)
         for dipole in _dipoles(radius, ball_radius, _SEARCH_PIXEL * pixel):
@@ -91,7 +91,7 @@ def find_contact(change: np.ndarray, ball_radius: float, pixel: float) -> Contac
         if (fraction := float(explained[row, column]) / energy) > best.explained:
             # the middle of a block of pixels
             u, v = (_SEARCH_PIXEL * i + (_SEARCH_PIXEL - 1) / 2 for i in (column, row))
-            best = Contact(u, v, radius, fraction)
+            best = BallContact(u, v, radius, fraction)
     return best
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..sensor_model import SensorModel
 from ..tdn.colour_layout import exposure_problem
 from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
-from .ball import Contact
+from .ball import BallContact
 from .presses import MOST_SPOILED, look_at
 
 _BLOCK = 8  # px
@@ -40,7 +40,7 @@ class PressCollector:
         self._radius, self._sensor, self._half = 0.5 * ball_diameter, sensor, sensor.for_maps
         self._wanted = wanted
         self._recent: collections.deque[np.ndarray] = collections.deque(maxlen=_STILL_IMAGES)
-        self._contacts: list[Contact] = []
+        self._contacts: list[BallContact] = []
         self._judged = False  # the press that goes on
         self._held = 0  # images that it has stayed still since
         self.images: dict[str, np.ndarray] = {}

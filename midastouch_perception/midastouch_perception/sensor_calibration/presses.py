@@ -17,7 +17,7 @@ from ..tdn.colour_layout import exposure_problem, image_problem
 from ..tdn.fit_check import QUIET_LIMIT, quietest_tenth
 from ..tdn.inference import load_tdn
 from ..tdn.inputs import ContactLight, check_image, reduce_image, without_drift
-from .ball import Contact, find_contact
+from .ball import BallContact, find_contact
 
 _LEAST_CHANGE = 8.0  # grey levels of a block: less is no contact
 _BLOCK = 8  # px
@@ -40,7 +40,7 @@ class Press:
 
     name: str
     change: np.ndarray
-    contact: Contact | None
+    contact: BallContact | None
     problem: str = ""
 
 
@@ -81,18 +81,20 @@ def reasons(presses: Sequence[Press]) -> str:
     return "; ".join(said)
 
 
-def circle(contact: Contact, scale: float, sensor: SensorModel) -> np.ndarray:
+def circle(contact: BallContact, scale: float, sensor: SensorModel) -> np.ndarray:
     """Pixels (H, W) bool within `scale` radii of the middle of a contact."""
     rows, columns = np.mgrid[: sensor.height, : sensor.width]
     return np.hypot(columns - contact.u, rows - contact.v) < scale * contact.radius / sensor.pixel_size
 
 
-def visible_fraction(contact: Contact, sensor: SensorModel) -> float:
+def visible_fraction(contact: BallContact, sensor: SensorModel) -> float:
     """Fraction (0 ... 1) of a contact's circle that is in the image."""
     return float(circle(contact, 1, sensor).sum() * sensor.pixel_area / (np.pi * contact.radius**2))
 
 
-def _problem(image: np.ndarray, change: np.ndarray, contact: Contact, ball_radius: float, sensor: SensorModel) -> str:
+def _problem(
+    image: np.ndarray, change: np.ndarray, contact: BallContact, ball_radius: float, sensor: SensorModel
+) -> str:
     near = circle(contact, _CONTACT_REACH, sensor)
     rest = np.where(near[..., None], np.float32(0), change)
     other = find_contact(rest, ball_radius, sensor.pixel_size)

@@ -15,7 +15,7 @@ from midastouch_common import se3
 
 from ..rendering.renderer import PenetrationRenderer, sunk_in
 from ..sensor_model import SensorModel
-from .ball import Contact, ball_centre, ball_penetration
+from .ball import BallContact, ball_centre, ball_penetration
 from .response import height_slopes, position_terms
 
 _ROUNDS = 2
@@ -31,8 +31,8 @@ _PIXELS_PER_OBSERVATION = 100.0  # neighbours have shadow and gel in common
 
 
 def refine_contacts(
-    changes: list[np.ndarray], contacts: list[Contact], ball_radius: float, sensor: SensorModel
-) -> list[Contact]:
+    changes: list[np.ndarray], contacts: list[BallContact], ball_radius: float, sensor: SensorModel
+) -> list[BallContact]:
     """The contacts moved, with what the joint light explains of each press.
 
     changes: (H, W, 3) grey levels each. The light: every colour quadratic in the slopes, its factors quadratic in the
@@ -44,7 +44,7 @@ def refine_contacts(
     return contacts
 
 
-def _shape(contact: Contact, ball_radius: float, sensor: SensorModel) -> np.ndarray:
+def _shape(contact: BallContact, ball_radius: float, sensor: SensorModel) -> np.ndarray:
     centre = ball_centre(contact.u, contact.v, contact.radius, ball_radius, sensor)
     return slope_terms(np.maximum(ball_penetration(centre, ball_radius, sensor), 0), sensor)
 
@@ -83,11 +83,11 @@ def fit_light(changes: list[np.ndarray], shapes: list[np.ndarray]) -> np.ndarray
 
 
 def _moved(
-    change: np.ndarray, contact: Contact, factors: np.ndarray, ball_radius: float, sensor: SensorModel
-) -> Contact:
+    change: np.ndarray, contact: BallContact, factors: np.ndarray, ball_radius: float, sensor: SensorModel
+) -> BallContact:
     seen = looked_at(change)
 
-    def at(values: np.ndarray) -> Contact:
+    def at(values: np.ndarray) -> BallContact:
         u, v, ratio = values
         return dataclasses.replace(contact, u=u, v=v, radius=float(np.clip(ratio, *_RADII)) * ball_radius)
 

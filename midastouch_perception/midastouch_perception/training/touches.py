@@ -40,7 +40,7 @@ _MOST_CUT_OFF = 0.1e-3  # m
 
 
 @dataclasses.dataclass(frozen=True)
-class Touch:
+class TrainingTouch:
     """One simulated touch at the nets' resolution.
 
     Attributes: difference (H, W, 3) float32 grey levels, as the depth network sees it; penetration (H, W) float32 m;
@@ -58,7 +58,7 @@ def touches(
     backgrounds: np.ndarray,
     rng: np.random.Generator,
     ranges: RandomisationRange,
-) -> Iterator[Touch]:
+) -> Iterator[TrainingTouch]:
     """Touches on random objects with random DIGITs; 96 an object, 12 a DIGIT, in that order (shuffle them)."""
     renderers: dict[tuple[int, int], PenetrationRenderer] = {}
     while True:
@@ -83,7 +83,7 @@ def touches(
             for image, depth in zip(images, maps, strict=True):
                 difference = light.difference(image)
                 seen = standard_colours(response.slopes(difference)) if response else difference
-                yield Touch(seen, depth, sensor)
+                yield TrainingTouch(seen, depth, sensor)
 
 
 def ball_presses(radius: float, n: int, sensor: SensorModel, rng: np.random.Generator) -> np.ndarray:
@@ -108,7 +108,7 @@ def calibrate(imaginary: RandomSensor, rng: np.random.Generator) -> ColourRespon
     return ColourResponse(equations.solve())
 
 
-def shuffled(stream: Iterator[Touch], size: int, rng: np.random.Generator) -> Iterator[Touch]:
+def shuffled(stream: Iterator[TrainingTouch], size: int, rng: np.random.Generator) -> Iterator[TrainingTouch]:
     """The stream in random order, through a reservoir of `size` touches."""
     reservoir = [next(stream) for _ in range(size)]
     while True:
