@@ -1,7 +1,7 @@
 """Presses of a ball of known size on a real sensor: how deep, how round and where is what the depth network feels?
 
 What should be measured is the cap of that ball. Its outline on the gel tells how deep it was pressed: the outline that
-somebody labelled, or else the one that the images tell (`label_check.py`). Where neither is known the outline that is
+somebody labelled, or else the one that the images tell (`press_truth.py`). Where neither is known the outline that is
 measured stands in. It says nothing of the measured depth, but it is the network's own, and so are its errors: depth is
 not judged by it. (Gel sinks in around a ball: the true depth lies between one and two caps.)
 
