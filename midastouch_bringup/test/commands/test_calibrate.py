@@ -41,10 +41,10 @@ def write(path: Path, image: np.ndarray) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, digit):
-    """Eight presses, one image of the ball lifted, and the no-contact image."""
+    """Five presses, one image of the ball lifted, and the no-contact image."""
     path = tmp_path_factory.mktemp("presses")
     lifted = {"lifted.png": digit.background, "background.png": digit.background}
-    for name, image in {**digit.presses(8), **lifted}.items():
+    for name, image in {**digit.presses(5), **lifted}.items():
         write(path / name, image)
     return path
 
@@ -55,9 +55,9 @@ def test_presses_become_a_calibration_under_the_serial_number(folder, tmp_path, 
     assert cli.main(arguments) == 0
     said = capsys.readouterr().out
     kept = SensorCalibration.load(tmp_path / "D20123.calibration.npz")
-    assert (kept.serial, kept.ball_diameter, kept.presses) == ("D20123", 0.006, 8)
+    assert (kept.serial, kept.ball_diameter, kept.presses) == ("D20123", 0.006, 5)
     assert "lifted.png: not used: nothing touches the gel" in said
-    assert "calibration from 8 presses" in said
+    assert "calibration from 5 presses" in said
     page = (tmp_path / "page" / "index.html").read_text()
     assert "Calibration of D20123" in page
     assert (tmp_path / "page" / "presses.png").stat().st_size > 20000
@@ -67,7 +67,6 @@ def test_presses_become_a_calibration_under_the_serial_number(folder, tmp_path, 
     ("change", "said"),
     [
         (["--ball-diameter", "0.002"], "diameter"),
-        (["--ball-diameter", "0.02"], "diameter"),
         (["--sensor", "no_such"], "no_such"),
     ],
 )
@@ -110,9 +109,6 @@ def test_a_scale_that_tdn_would_not_use_is_refused_for_a_serial_number(folder, t
 
 SPOILED = {
     "nothing touches the gel": lambda digit: digit.background,
-    "cut off at the edge": lambda digit: digit.image([(8, 160, 1.6e-3)]),
-    "two contacts": lambda digit: digit.image([(70, 80, 1.5e-3), (180, 260, 1.5e-3)]),
-    "saturated": lambda digit: np.full_like(digit.background, 255),
     "black": lambda digit: np.zeros_like(digit.background),
     "differs everywhere, by": lambda digit: np.roll(digit.background, 60, axis=1),
 }
