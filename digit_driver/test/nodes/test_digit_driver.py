@@ -86,7 +86,7 @@ def test_jpeg_keeps_colours() -> None:
 
 
 def test_set_capture_stops_and_starts(peer, camera) -> None:
-    it = peer()
+    it = peer(diagnostics_period=0.1)
     it.subscribe(Image, "image_raw")
     it.wait("image_raw")
     answer = it.call(SetBool, "set_capture", SetBool.Request(data=False))

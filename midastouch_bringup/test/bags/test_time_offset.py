@@ -17,11 +17,13 @@ PIXEL = 8e-5  # m
 TEXTURE = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 255, (320, 6000)).astype(np.float32), (0, 0), 4)
 
 
+TIMES = np.linspace(-1, 20, 21_000)  # s
+WAY = 0.03 * np.cumsum(np.sin(2.1 * TIMES) + np.sin(3.7 * TIMES) > 0) * (TIMES[1] - TIMES[0])  # m
+
+
 def stop_and_go(seconds):
     """Way [m] after some seconds: 30 mm/s, with rests of half a second."""
-    times = np.linspace(-1, 20, 21_000)
-    speed = 0.03 * (np.sin(2.1 * times) + np.sin(3.7 * times) > 0)
-    return np.interp(seconds, times, np.cumsum(speed) * (times[1] - times[0]))
+    return np.interp(seconds, TIMES, WAY)
 
 
 def steadily(seconds):
@@ -34,7 +36,7 @@ def frames(way, offset, seconds=12.0, fps=30.0, noise=2.0):
     for stamp in np.arange(0, seconds, 1 / fps):
         x = way(stamp - offset) / PIXEL
         shift = np.array([[1, 0, -x], [0, 1, 0]])
-        grey = cv2.warpAffine(TEXTURE, shift, (240, 320)) + rng.normal(0, noise, (320, 240))
+        grey = cv2.warpAffine(TEXTURE, shift, (120, 160)) + rng.normal(0, noise, (160, 120))
         image = np.repeat(np.clip(grey, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
         yield BagFrame(round(1e9 * stamp), image, se3.make(np.eye(3), np.array([way(stamp), 0, 0])), None)
 

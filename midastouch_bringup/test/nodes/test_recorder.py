@@ -86,6 +86,7 @@ def test_sim_time_stamps_and_what_came_before_the_clock(graph, tmp_path):
     assert [message.stamp_ns for message in bag_messages(path)] == [5 * 10**9, 5 * 10**9, 7 * 10**9]
 
 
+@pytest.mark.usefixtures("brisk_health")
 def test_what_comes_before_the_clock_does_not_fill_the_memory(graph, tmp_path, monkeypatch):
     monkeypatch.setattr("midastouch_bringup.nodes.recorder.MOST_EARLY", 1000)
     path = tmp_path / "x.mcap"
@@ -148,6 +149,7 @@ def test_the_topics_are_those_of_its_namespace(graph, tmp_path):
 CODES = [Topic("/tactile/code", "midastouch_msgs/msg/TactileCode")]
 
 
+@pytest.mark.usefixtures("brisk_health")
 def test_a_disk_that_is_nearly_full_ends_the_recording_with_a_whole_bag(graph, tmp_path, monkeypatch):
     path = tmp_path / "x.mcap"
     recorder = graph.add(Recorder, {"path": str(path), "min_free": 100.0}, topics=CODES)

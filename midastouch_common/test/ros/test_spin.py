@@ -78,8 +78,10 @@ def ended(*arguments: str, **options) -> subprocess.CompletedProcess:
     return subprocess.run(command, capture_output=True, text=True, **options)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["making", "working", "idle"])
+@pytest.mark.parametrize(
+    ("moment", "number"),
+    [("making", signal.SIGINT), ("working", signal.SIGTERM), ("idle", signal.SIGINT), ("idle", signal.SIGTERM)],
+)
 def test_told_to_stop_at_any_moment_and_again_meanwhile_it_ends_well(moment, number):
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, "stay"], text=True, bufsize=1, **pipes)

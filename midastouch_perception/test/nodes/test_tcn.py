@@ -49,6 +49,7 @@ def test_every_cloud_yields_a_code_of_its_stamp(graph):
         assert code.contact_area == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.usefixtures("brisk_health")
 def test_bad_clouds_are_counted_and_survived(graph):
     graph.add(lambda **options: TcnNode(tcn=FakeTcn(), **options), REPLAY)
     clouds = graph.publisher(PointCloud2, "tactile/points")

@@ -54,6 +54,7 @@ def test_bgr_images_mean_the_same(graph, depth, background):
     assert contacts[0].area == contacts[1].area > 0
 
 
+@pytest.mark.usefixtures("brisk_health")
 def test_clouds_are_not_built_for_nobody(graph, depth, background):
     handed = []
     graph.add(
