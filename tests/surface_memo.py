@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
 from midastouch_common.mesh import ObjectMesh
-from midastouch_filter.core.surface import SurfaceGrid
+from midastouch_filter.core import surface
 
-_MANY = 1000  # points, from which on their normals are worth keeping
+_MANY = 1000  # points, from which on what is found of them is worth keeping
 
 
 def _digest(*arrays: np.ndarray) -> bytes:
@@ -23,29 +24,26 @@ def _digest(*arrays: np.ndarray) -> bytes:
     return digest.digest()
 
 
+def _once(function: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    """A function of a mesh and points that computes its array once, and gives out copies of it."""
+    kept: dict[tuple, np.ndarray] = {}
+
+    @functools.wraps(function)
+    def remembered(mesh: ObjectMesh, points: np.ndarray, *more) -> np.ndarray:
+        if len(points) < _MANY:
+            return function(mesh, points, *more)
+        key = (_digest(mesh.vertices, mesh.faces, mesh.face_normals, points), more)
+        if key not in kept:
+            kept[key] = function(mesh, points, *more)
+        return kept[key].copy()
+
+    return remembered
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _derived_once() -> Iterator[None]:
-    """The very numbers that would be computed again, in arrays of their own."""
-    normals_of, fill = ObjectMesh.smooth_normals, SurfaceGrid._fill
-    normals: dict[tuple, np.ndarray] = {}
-    distances: dict[tuple, np.ndarray] = {}
-
-    def smooth_normals(mesh: ObjectMesh, points: np.ndarray, radius: float = 4e-3) -> np.ndarray:
-        if len(points) < _MANY:
-            return normals_of(mesh, points, radius)
-        key = (_digest(mesh.vertices, mesh.faces, mesh.face_normals, points), radius)
-        if key not in normals:
-            normals[key] = normals_of(mesh, points, radius)
-        return normals[key].copy()
-
-    def fill_once(grid: SurfaceGrid, mesh: ObjectMesh) -> None:
-        key = (_digest(mesh.vertices, mesh.faces, mesh.face_normals), grid.limit, grid.spacing)
-        if key not in distances:
-            fill(grid, mesh)
-            distances[key] = grid.values.copy()
-        grid.values[:] = distances[key]
-
+    """Normals and distances are the very numbers that would be computed again."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ObjectMesh, "smooth_normals", smooth_normals)
-        patch.setattr(SurfaceGrid, "_fill", fill_once)
+        patch.setattr(ObjectMesh, "smooth_normals", _once(ObjectMesh.smooth_normals))
+        patch.setattr(surface, "signed_distance", _once(surface.signed_distance))
         yield

@@ -15,9 +15,10 @@ from midastouch_bringup.ros.run import values
 def test_every_midastouch_command_parses():
     calls = commands("midastouch")
     assert len(calls) > 10
+    parser = build_parser()
     for arguments in calls:
         try:
-            build_parser().parse_args(arguments)
+            parser.parse_args(arguments)
         except SystemExit as exit_:
             pytest.fail(f"midastouch {' '.join(arguments)}: exit {exit_.code}")
 

@@ -18,8 +18,9 @@ NODES = {
 HELD_UP = "import sys\nprint('importing', flush=True)\nsys.stdin.readline()\n"
 
 
-@pytest.mark.parametrize("name", NODES)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("name", "number"), [*((name, signal.SIGINT) for name in NODES), (next(iter(NODES)), signal.SIGTERM)]
+)
 def test_told_to_stop_while_it_is_imported_it_ends_at_once_and_well(name, number, tmp_path):
     (tmp_path / "rclpy.py").write_text(HELD_UP)
     module, function = NODES[name].split(":")

@@ -1,6 +1,7 @@
 """package.xml, setup.py and setup.cfg: what rosdep, colcon and `ros2 run` need, and no more."""
 
 import ast
+import functools
 import importlib.metadata
 import os
 import re
@@ -76,6 +77,7 @@ def texts(element: ElementTree.Element, *tags: str) -> list[str]:
     return [child.text for tag in tags for child in element.findall(tag)]
 
 
+@functools.cache
 def imported_modules(package: str) -> set[str]:
     """Top-level names that a package imports from outside the standard library and itself."""
     names = set()

@@ -37,7 +37,7 @@ def until(condition):
     return value
 
 
-def test_state_arrives_and_advances(controller):
+def test_state_arrives_and_advances_until_the_controller_goes_away(controller):
     arm = rtde_connector(timeout=60.0)(ADDRESS, 125.0)
     first = until(lambda: (state := arm.read()) and state.robot_time > 1000.0 and state)
     np.testing.assert_allclose(transform_from_rtde(first.tcp_pose), transform_from_rtde(POSE), atol=1e-12)
@@ -45,12 +45,6 @@ def test_state_arrives_and_advances(controller):
     np.testing.assert_allclose(first.velocities, [0.2] * 6)
     until(lambda: arm.read().robot_time > first.robot_time)
     assert controller.stdout.readline() == "frequency 125.0\n"
-    arm.close()
-
-
-def test_a_controller_that_goes_away_is_noticed(controller):
-    arm = rtde_connector(timeout=60.0)(ADDRESS, 125.0)
-    until(lambda: arm.read().robot_time > 1000.0)
     controller.kill()
     controller.wait()
     until(lambda: arm.read() is None)

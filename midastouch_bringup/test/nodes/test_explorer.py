@@ -147,7 +147,7 @@ def test_statuses_that_answer_no_image_are_none(rig):
     answers = rig.graph.publisher(FilterStatus, "filter_status", latched=True)
     for _ in range(10):
         answers.publish(foreign)
-    rig.graph.spin_for(0.3)
+    rig.graph.spin_for(0.2)
     assert np.linalg.norm(rig.poses[-1][:3, 3] - at[:3, 3]) < 0.02
     assert not rig.ended
 

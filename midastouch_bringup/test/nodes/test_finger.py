@@ -95,7 +95,7 @@ def test_it_follows_the_finger_without_a_gap_and_is_silent_at_rest(held):
     assert set(np.diff(numbers)) == {FACTS["client"]["next_number"]}
     assert set(held.viewer.kinds) == {InteractiveMarkerUpdate.UPDATE}
     said = len(numbers)
-    held.graph.spin_for(0.5)
+    held.graph.spin_for(0.2)
     assert len(numbers) == said
     late = Viewer(held.graph, "late")
     assert late.number == numbers[-1]

@@ -54,7 +54,7 @@ def test_waits_for_its_listeners(graph, simulated_sequence):
     node = replay(graph, simulated_sequence(n=2).path, wait_for_subscribers=2)
     first = graph.listen(Image, "image_raw")
     node.start()
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     assert not first
     second = graph.listen(Image, "image_raw")
     graph.spin_until(lambda: len(first) == len(second) == 2, "both frames at both listeners")

@@ -34,7 +34,7 @@ def test_the_filter_itself_must_listen_to_transforms(graph, simulated_sequence):
     viewer.create_subscription(TFMessage, "/tf", lambda _: None, qos.TF)
     node = replay(graph, sequence.path, **PACED)
     node.start()
-    graph.spin_for(0.5)
+    graph.spin_for(0.2)
     assert consumer.received == []
     graph.listen(TFMessage, "/tf")
     graph.spin_until(node.finished.is_set, "the end")
@@ -51,7 +51,7 @@ def test_the_next_image_waits_for_the_answer_and_is_sent_once(graph, simulated_s
     graph.spin_until(lambda: consumer.received, "the first image")
     consumer.answer(5 * MS)
     consumer.report("lifecycle")  # the filter loads
-    graph.spin_for(0.5)
+    graph.spin_for(0.2)
     assert consumer.received == [first]
     consumer.answer(first)
     graph.spin_until(lambda: consumer.received == [first, second], "the second image")
@@ -87,7 +87,7 @@ def test_after_a_loss_it_waits_until_all_listeners_are_back(graph, simulated_seq
     graph.spin_until(lambda: len(consumer.received) == 2, "the second image")
     graph.companion.destroy_subscription(consumer.images)
     graph.spin_until(lambda: node.player.frames_lost == 1, "the loss")
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     assert not node.finished.is_set()
     consumer.listen()
     graph.spin_until(node.finished.is_set, "the end")
@@ -108,7 +108,7 @@ def test_transforms_do_not_overrun_a_busy_filter(graph, tmp_path, simulated_sequ
     moving = graph.listen(TFMessage, "/tf")
     node.start()
     graph.spin_until(lambda: consumer.received and len(moving) == 5, "the image and some transforms")
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     assert len(moving) == 5
     consumer.answer(consumer.received[0])
     graph.spin_until(node.finished.is_set, "the end")

@@ -91,7 +91,7 @@ def test_the_rate_and_the_loop_change_while_it_plays(graph, simulated_sequence):
     images = graph.listen(Image, "image_raw")
     node.start()
     graph.spin_until(lambda: images, "the first image")
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     assert len(images) == 1
     for name, value in (("rate", -1.0), ("rate", math.inf), ("seek_to", -1.0), ("start_paused", True)):
         refused = set_parameter(graph, name, value)

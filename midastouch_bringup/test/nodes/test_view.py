@@ -108,7 +108,7 @@ def test_a_mesh_published_before_the_view_came_is_shown_and_a_missing_one_is_sur
     assert faces.max() < len(vertices) == len(normals)
     meshes.publish(markers.object_mesh("file:///nowhere/cup.ply", header()))
     meshes.publish(markers.object_mesh("package://no_such_package/cup.ply", header()))
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     meshes.publish(markers.object_mesh(path.resolve().as_uri(), header()))
     graph.spin_until(lambda: len(scene.of("mesh")) == 2, "the mesh again")
 
@@ -156,7 +156,7 @@ def test_unusable_messages_do_not_end_the_view(graph, scene, view):
     clouds.publish(points_to_msg(np.zeros((5, 3)), header()))  # without weights
     bad = covariance_pose([math.nan] * 6)
     modes.publish(PoseModes(header=header(), modes=[bad]))
-    graph.spin_for(0.3)
+    graph.spin_for(0.2)
     modes.publish(PoseModes(header=header()))
     graph.spin_until(lambda: scene.of("modes"), "modes after bad ones")
     assert not scene.of("image")

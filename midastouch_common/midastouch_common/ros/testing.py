@@ -23,6 +23,7 @@ from . import qos
 
 # Bounds a failing test only; a busy machine needs seconds for what takes milliseconds.
 _TIMEOUT = 60.0
+_BETWEEN_LOOKS = 0.005  # s: that nodes have found each other wakes no executor
 
 
 def _overrides(parameters: dict[str, Any]) -> list[Parameter]:
@@ -120,7 +121,7 @@ class RosGraph:
         deadline = time.monotonic() + _TIMEOUT
         while not done():
             assert time.monotonic() < deadline, f"{what} did not come within {_TIMEOUT:.0f} s"
-            self._executor.spin_once(timeout_sec=0.05)
+            self._executor.spin_once(timeout_sec=_BETWEEN_LOOKS)
 
     def spin_for(self, seconds: float) -> None:
         """Spin for a while, to show that something does not happen."""

@@ -85,7 +85,7 @@ def test_paused_simulated_time_does_not_run_out(graph):
     tick(10.0)
     bench.codes.publish(code_msg(10 * SECOND))
     graph.spin_until(lambda: bench.waited(10 * SECOND), "the word that it waits")
-    graph.spin_for(0.6)
+    graph.spin_for(0.3)
     assert bench.statuses == []
     tick(10.5)
     graph.spin_until(lambda: bench.statuses)

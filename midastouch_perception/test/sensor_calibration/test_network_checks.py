@@ -32,7 +32,7 @@ def test_nothing_measured_says_nothing(digit, real):
 @pytest.mark.parametrize("radius", [2.5e-3, 4e-3])
 def test_larger_balls_measure_larger(digit, real, radius):
     sensor = PressedSensor(real, digit.background[None], radius, np.random.default_rng(3))
-    measured = measured_radius(list(sensor.presses(6).values()), sensor.background, real)
+    measured = measured_radius(list(sensor.presses(4).values()), sensor.background, real)
     assert measured == pytest.approx(RADIUS_RATIO * radius, rel=MOST_DIAMETER_FACTOR - 1)
 
 
@@ -44,7 +44,7 @@ def digit(another_digit):
 
 @pytest.fixture(scope="module")
 def presses(digit):
-    return digit.presses(10)
+    return digit.presses(6)
 
 
 @pytest.fixture(scope="module")

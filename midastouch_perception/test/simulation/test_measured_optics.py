@@ -40,7 +40,7 @@ def optics() -> MeasuredOptics:
 def test_presses_tell_the_optics_behind_them(optics, sensor):
     rng, half = np.random.default_rng(0), sensor.for_maps
     camera = MeasuredSensor(optics, sensor, rng)
-    places = [(u, v) for u in (0.3, 0.7) for v in (0.2, 0.4, 0.6, 0.8)]
+    places = [(u, v) for u in (0.3, 0.7) for v in (0.2, 0.5, 0.8)]
     presses = np.stack([ball(u, v, rng.uniform(1.8e-3, 2.6e-3), half) for u, v in places])
     images = {f"{i}.png": image for i, image in enumerate(camera.images(presses))}
     found = fit_optics("copy", "test", images, calibrate(images, camera.background, DIAMETER, sensor))

@@ -51,7 +51,7 @@ def test_wide_sensors_differ_more_from_each_other(touches, half, backgrounds):
 
     def contrast(fraction):
         out = []
-        for seed in range(24):
+        for seed in range(12):
             rng = np.random.default_rng(seed)
             imaginary = RandomSensor(half, backgrounds, rng, RandomisationRange(wide_fraction=fraction))
             images, reference = imaginary.images(*touches, rng)
