@@ -13,12 +13,12 @@ from launch_ros.substitutions import FindPackageShare
 
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
     check_mount,
     check_package,
     check_rviz,
-    end_launch_unless_respawned,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -173,6 +173,7 @@ def generate_launch_description() -> LaunchDescription:
     """
     arm_by_ur_driver = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver"))
     arm_by_rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -193,9 +194,9 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
                 output="screen",
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
                 condition=arm_by_rtde,
             ),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "mount.launch.py"))),

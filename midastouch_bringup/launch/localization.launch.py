@@ -12,9 +12,9 @@ from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
-    end_launch_unless_respawned,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -121,6 +121,7 @@ ARGUMENTS = [
 
 def generate_launch_description() -> LaunchDescription:
     """Nodes `tdn`, `tcn`, `particle_filter`. Launch files that are included get these arguments by their names."""
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -152,9 +153,9 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
                 output="screen",
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
                 condition=IfCondition(LaunchConfiguration("composed")),
             ),
         ]
