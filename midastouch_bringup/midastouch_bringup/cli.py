@@ -94,7 +94,9 @@ def commands_of_others() -> list[ModuleType | BrokenCommand]:
 
 def _loaded(found: importlib.metadata.EntryPoint) -> ModuleType | BrokenCommand:
     try:
-        return found.load()
+        command = found.load()
+        _ = command.add_parser  # what is no command fails here, too
+        return command
     except Exception as error:  # a broken install can fail in any way while it is imported
         return BrokenCommand(found.name.replace("_", "-"), error)
 
