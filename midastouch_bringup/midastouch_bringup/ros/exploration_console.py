@@ -1,4 +1,4 @@
-"""Where a person sits during an exploration: sees how it goes, and has keys."""
+"""The terminal of `midastouch run explore`: it shows the progress, and its keys steer the finger."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
-class Seat(Node):
-    """Where a person sits: sees how it goes, and has keys.
+class Console(Node):
+    """Node that shows the progress of an exploration, and sends what the pressed keys ask for.
 
     Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
     that of the object; since_change_ns, how long it has been that, in the finger's time.
