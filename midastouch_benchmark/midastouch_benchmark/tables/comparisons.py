@@ -28,7 +28,7 @@ METHODS: dict[str, Form] = {
 }
 GRASPS: dict[str, Form] = {
     "closest mode found": fraction("found"),
-    "probability at the true place": fraction("share"),
+    "probability at the true pose": fraction("share"),
     "pose right": fraction("right"),
     "converged": fraction("converged"),
     "converged wrong": fraction("converged_wrong"),
