@@ -146,7 +146,7 @@ class Exploration:
             self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m")
 
     def refused(self, why: str) -> None:
-        """There is no suggestion, for this reason."""
+        """Take note that `suggest_motion` gave no suggestion, for a reason in words."""
         self._refused += 1
         if self._refused >= _MOST_FRUITLESS:
             self.verdict = Verdict(False, f"no suggestion where to touch next: {why}")

@@ -52,7 +52,7 @@ class CoarseOnly:
         return False
 
     def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
-        """Change the belief by the last touches, the present ones included, after their estimate was given."""
+        """Correct the belief by the last touches, including the present ones, whose estimate is already given."""
 
     @property
     def measured_gels(self) -> np.ndarray:
