@@ -69,7 +69,7 @@ class Timeline:
         self._other: int | None = None  # newest stamp of a time that was left or dropped
 
     def judge(self, stamp: int, payload: Any) -> Judgement:
-        """Ask about the next code, of `stamp` [ns]."""
+        """Judge the next code that has arrived, of `stamp` [ns]; payload, returned with the stamp once it is taken."""
         if self._of_another_source(stamp):
             self._other = stamp
             return Judgement(odd=(stamp,))

@@ -94,7 +94,7 @@ class Exploration:
         self.restart()
 
     def restart(self) -> None:
-        """From the beginning, as after a change of the object."""
+        """Begin anew, as after a change of the object: no path, no motions, no verdict."""
         self.path, self.slides, self.lifts = 0.0, 0, 0
         self.verdict: Verdict | None = None
         self._unmeasured = self._refused = self._hopeless = self._sure = 0

@@ -102,11 +102,11 @@ class Effort:
     """How much work the fine stage does for its answer.
 
     Alignment of modes:
-    starts: particles that a mode is aligned from besides its mean, if it is wider than codebook entries are apart.
+    starts: particles from which a mode wider than the codebook's spacing is aligned besides its mean.
 
     Re-evaluation of the last touches:
-    fewest: touches that it needs to say anything. anew: further touches after which it is worth another one; the next
-    ones wait twice as long each, up to `seldom` while pose hypotheses compete, `rarely` once they do not.
+    fewest: touches that the first one needs. anew: further touches until the next one; this interval doubles each time,
+    up to `seldom` while pose hypotheses compete and `rarely` once they do not.
     shortlist: best entries of each touch, of all fingers, that become candidates. These come from `sieve` touches, the
     newest and ever sparser ones before it, are scored on those first, and the best `kept` of them on all.
     With several fingers, the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook
