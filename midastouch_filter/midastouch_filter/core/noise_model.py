@@ -39,8 +39,8 @@ class NoiseModel:
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     decisive: evidence by which one of two optima is the better one.
     Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
-    objects, whose maps err together; foreign_residual, the residual ratio that
-    speaks neither for nor against an object outside of the catalogue; innovation_cost, evidence that each unit of
+    objects, whose maps err together; foreign_residual, the residual ratio of a
+    hypothesis that speaks neither for its object nor against it; innovation_cost, evidence that each unit of
     squared Mahalanobis innovation costs a hypothesis; see `object_evidence`.
     """
 
