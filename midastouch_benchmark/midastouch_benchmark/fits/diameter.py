@@ -2,7 +2,7 @@
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-The result are `RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of
+The results are `RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of
 `midastouch_perception/sensor_calibration/network_checks.py`. No sensor here is among those on which
 `midastouch evaluate-checks` judges them.
 """

@@ -3,9 +3,9 @@
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--objects 8] [--windows 3] [--seed 0]
 
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
-explained from its true pose and from the competitors that codes bring up. The fit finds the
-constants with which the odds between the two are as often right as they claim, and prints them beside those of
-`midastouch_filter/core/noise_model.py`. The mathematics: docs/internals.md. No test object is seen.
+explained from its true pose and from the competitors that codes bring up. The fit finds and prints the constants of
+`midastouch_filter/core/noise_model.py` with which the odds between the two are as often right as they claim, and what
+they leave unexplained. The mathematics: docs/internals.md. No test object is seen.
 """
 
 from __future__ import annotations
