@@ -109,7 +109,7 @@ class _Unpickler(pickle.Unpickler):
 def loads(data: bytes, name: str) -> Any:
     """Values pickled in `data`: plain containers, numbers, text and NumPy arrays.
 
-    `name` is what the error speaks of. Raises InputError for all else: foreign classes (named), truncated or
+    Raises InputError, which calls the data `name`, for anything else: foreign classes (named), truncated or
     inconsistent content.
     """
     try:

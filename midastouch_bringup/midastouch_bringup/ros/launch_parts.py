@@ -128,7 +128,7 @@ def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInf
 
 
 def once_done(following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]) -> Callable:
-    """`on_exit` of a process that prepares what is `following`: when it fails, the launch ends."""
+    """`on_exit` of a process that makes files: start what is `following`, or end the launch if the process failed."""
 
     def on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         # a lifecycle node that is launched once the shutdown has begun keeps launch from ending
