@@ -116,8 +116,19 @@ def generate_launch_description() -> LaunchDescription:
                     MergedParameters(
                         "particle_filter",
                         [
-                            "autostart", "use_sim_time", "object", "mesh", "codebook", "objects", "init_mode",
-                            "preset", "fingers", "seed", "sensor_model", "tf_prefix", "sensor_prefix",
+                            "autostart",
+                            "use_sim_time",
+                            "object",
+                            "mesh",
+                            "codebook",
+                            "objects",
+                            "init_mode",
+                            "preset",
+                            "fingers",
+                            "seed",
+                            "sensor_model",
+                            "tf_prefix",
+                            "sensor_prefix",
                         ],
                     )
                 ],
