@@ -33,7 +33,7 @@ setup(
     extras_require={
         "import": ["onnx"],
         "test": ["hypothesis", "pytest"],
-        "train": ["onnx", "onnxscript", "safetensors", "torch"],
+        "train": ["onnx", "onnxscript", "safetensors", "torch>=2.6"],
     },
     entry_points={
         "console_scripts": [

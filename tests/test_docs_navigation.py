@@ -61,9 +61,11 @@ def defined_names(path: Path) -> set[str]:
     statements = ast.parse(path.read_text()).body
     top = [node for node in statements if isinstance(node, kinds)]
     constants = {ast.unparse(target) for node in statements if isinstance(node, ast.Assign) for target in node.targets}
-    return constants | {node.name for node in top} | {
-        f"{node.name}.{inner.name}" for node in top for inner in node.body if isinstance(inner, kinds)
-    }
+    return (
+        constants
+        | {node.name for node in top}
+        | {f"{node.name}.{inner.name}" for node in top for inner in node.body if isinstance(inner, kinds)}
+    )
 
 
 def test_every_room_is_in_the_table():

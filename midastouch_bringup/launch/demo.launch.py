@@ -39,7 +39,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "params_overlay",
         default_value="",
-        description="Parameter file of yours laid over both; may hold only what differs",
+        description="Parameter file of yours, over all others; it may hold only what differs",
     ),
     DeclareLaunchArgument(
         "use_sim_time", default_value="true", choices=["true", "false"], description="Take the time from /clock"

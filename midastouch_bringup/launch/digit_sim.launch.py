@@ -10,9 +10,9 @@ from launch_ros.actions import LifecycleNode
 
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
-    end_launch_unless_respawned,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -26,7 +26,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "params_overlay",
         default_value="",
-        description="Parameter file of yours laid over both; may hold only what differs",
+        description="Parameter file of yours, over all others; it may hold only what differs",
     ),
     DeclareLaunchArgument(
         "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
@@ -66,6 +66,7 @@ ARGUMENTS = [
 
 def generate_launch_description() -> LaunchDescription:
     """Node `digit_sim`, moved by TF."""
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -85,9 +86,9 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
                 output="screen",
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
             ),
         ]
     )

@@ -13,12 +13,12 @@ from launch_ros.substitutions import FindPackageShare
 
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
     check_mount,
     check_package,
     check_rviz,
-    end_launch_unless_respawned,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -32,7 +32,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "params_overlay",
         default_value="",
-        description="Parameter file of yours laid over both; may hold only what differs",
+        description="Parameter file of yours, over all others; it may hold only what differs",
     ),
     DeclareLaunchArgument(
         "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
@@ -128,8 +128,20 @@ ARGUMENTS = [
         "ur_type",
         default_value="ur5e",
         choices=[
-            "ur3", "ur5", "ur10", "ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur16e", "ur8long", "ur15", "ur18",
-            "ur20", "ur30",
+            "ur3",
+            "ur5",
+            "ur10",
+            "ur3e",
+            "ur5e",
+            "ur7e",
+            "ur10e",
+            "ur12e",
+            "ur16e",
+            "ur8long",
+            "ur15",
+            "ur18",
+            "ur20",
+            "ur30",
         ],
         description="Model of the arm, for arm:=ur_driver",
     ),
@@ -173,6 +185,7 @@ def generate_launch_description() -> LaunchDescription:
     """
     arm_by_ur_driver = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "ur_driver"))
     arm_by_rtde = IfCondition(EqualsSubstitution(LaunchConfiguration("arm"), "rtde"))
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -193,9 +206,9 @@ def generate_launch_description() -> LaunchDescription:
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
                 output="screen",
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
                 condition=arm_by_rtde,
             ),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "mount.launch.py"))),

@@ -12,9 +12,9 @@ from launch_ros.actions import Node
 
 from midastouch_bringup.ros.launch_parts import (
     MergedParameters,
+    UseRespawn,
     bound_to_launch,
     check_arguments,
-    end_launch_unless_respawned,
 )
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
@@ -28,7 +28,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "params_overlay",
         default_value="",
-        description="Parameter file of yours laid over both; may hold only what differs",
+        description="Parameter file of yours, over all others; it may hold only what differs",
     ),
     DeclareLaunchArgument(
         "use_sim_time", default_value="false", choices=["true", "false"], description="Take the time from /clock"
@@ -121,6 +121,7 @@ ARGUMENTS = [
 
 def generate_launch_description() -> LaunchDescription:
     """Nodes `tdn`, `tcn`, `particle_filter`. Launch files that are included get these arguments by their names."""
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -143,18 +144,31 @@ def generate_launch_description() -> LaunchDescription:
                     MergedParameters(
                         "all_in_one",
                         [
-                            "autostart", "use_sim_time", "serial", "background", "bag", "sensor_model", "object",
-                            "mesh", "codebook", "objects", "init_mode", "preset", "fingers", "seed",
-                            "tf_prefix", "sensor_prefix",
+                            "autostart",
+                            "use_sim_time",
+                            "serial",
+                            "background",
+                            "bag",
+                            "sensor_model",
+                            "object",
+                            "mesh",
+                            "codebook",
+                            "objects",
+                            "init_mode",
+                            "preset",
+                            "fingers",
+                            "seed",
+                            "tf_prefix",
+                            "sensor_prefix",
                         ],
                     )
                 ],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
                 output="screen",
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
                 condition=IfCondition(LaunchConfiguration("composed")),
             ),
         ]

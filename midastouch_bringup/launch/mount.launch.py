@@ -9,7 +9,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from midastouch_bringup.ros.launch_parts import bound_to_launch, end_launch_unless_respawned, mount_description
+from midastouch_bringup.ros.launch_parts import UseRespawn, bound_to_launch, mount_description
 
 SHARE = Path(get_package_share_directory("midastouch_bringup"))
 ARGUMENTS = [
@@ -44,6 +44,7 @@ ARGUMENTS = [
 
 def generate_launch_description() -> LaunchDescription:
     """A robot_state_publisher of its own: the arm's description stays untouched."""
+    use_respawn = UseRespawn()
     return LaunchDescription(
         [
             *ARGUMENTS,
@@ -57,9 +58,9 @@ def generate_launch_description() -> LaunchDescription:
                 remappings=[("robot_description", "digit_description")],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 prefix=bound_to_launch(),
-                respawn=LaunchConfiguration("use_respawn"),
+                respawn=use_respawn,
                 respawn_delay=2.0,
-                on_exit=end_launch_unless_respawned,
+                on_exit=use_respawn.or_end_launch,
             ),
         ]
     )

@@ -36,7 +36,7 @@ ARGUMENTS = [
     DeclareLaunchArgument(
         "params_overlay",
         default_value="",
-        description="Parameter file of yours laid over both; may hold only what differs",
+        description="Parameter file of yours, over all others; it may hold only what differs",
     ),
     DeclareLaunchArgument(
         "use_sim_time", default_value="true", choices=["true", "false"], description="Take the time from /clock"
@@ -143,9 +143,7 @@ def generate_launch_description() -> LaunchDescription:
             *ARGUMENTS,
             OpaqueFunction(function=check_arguments),
             OpaqueFunction(function=check_rviz, condition=IfCondition(LaunchConfiguration("use_rviz"))),
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(str(SHARE / "launch" / "localization.launch.py"))
-            ),
+            IncludeLaunchDescription(PythonLaunchDescriptionSource(str(SHARE / "launch" / "localization.launch.py"))),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(str(SHARE / "launch" / "rviz.launch.py")),
                 condition=IfCondition(LaunchConfiguration("use_rviz")),

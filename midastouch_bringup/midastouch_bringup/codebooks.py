@@ -109,7 +109,7 @@ def build_catalogue(
     """Build the codebook of each mesh file, named as `codebook_path` does, in a folder that every worker sees; yields a
     line about each.
 
-    Those that are there are kept. `tcn`, `sensor`: by name or file, as workers find them.
+    Existing codebooks are kept. tcn, sensor: names, or files that the workers can read.
     """
     yield from cluster.map(_build, [(mesh, tcn, sensor, size, seed, folder) for mesh in meshes])
 

@@ -40,10 +40,22 @@ def test_run_starts_what_the_launch_file_starts(name, composed, arm, tmp_path, m
     (tmp_path / "background.png").touch()
     setup = SETUPS[name]
     some = {
-        "robot_ip": "the.arm", "serial": "20025", "sensor_model": "gelsight_mini", "object": "ball", "seed": "7",
-        "tf_prefix": "a_", "sensor_prefix": "b_", "namespace": "left", "autostart": "true", "preset": "fast",
-        "fingers": "/right:right_digit_gel_frame", "bag": str(tmp_path), "rate": "0", "init_mode": "wait",
-        "use_respawn": "true", "log_level": "warn",
+        "robot_ip": "the.arm",
+        "serial": "20025",
+        "sensor_model": "gelsight_mini",
+        "object": "ball",
+        "seed": "7",
+        "tf_prefix": "a_",
+        "sensor_prefix": "b_",
+        "namespace": "left",
+        "autostart": "true",
+        "preset": "fast",
+        "fingers": "/right:right_digit_gel_frame",
+        "bag": str(tmp_path),
+        "rate": "0",
+        "init_mode": "wait",
+        "use_respawn": "true",
+        "log_level": "warn",
     }
     given = setup.values() | {"composed": composed, "arm": arm} | some
     given = {key: value for key, value in given.items() if key in setup.arguments}

@@ -134,8 +134,8 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
     behaviour = FACTS["behaviour"]
     assert behaviour["on_exit raises"] == {"exit": 1, "leaves": False}
     assert behaviour["on_exit returns Shutdown while launch is shutting down"]["exit"] == 1
-    once = {"use_respawn": "false"}
-    running, ending = (types.SimpleNamespace(launch_configurations=once, is_shutdown=end) for end in (False, True))
+    # as in the group of another launch file, whose end takes the arguments with it
+    running, ending = (types.SimpleNamespace(launch_configurations={}, is_shutdown=end) for end in (False, True))
     for (_, executable), kwargs in carry_out(name, **(AN_ARM if name == "live_ur" else {})).items():
         on_exit = kwargs["on_exit"]
         assert on_exit(ended(-2), ending) is None
@@ -144,13 +144,12 @@ def test_a_process_that_dies_for_good_ends_the_launch(name):
         else:
             with pytest.raises(RuntimeError, match="node-1 died with exit code 2: ending all"):
                 on_exit(ended(2), running)
-    again = types.SimpleNamespace(launch_configurations={"use_respawn": "true"}, is_shutdown=False)
     if name not in ("rviz", "demo"):
         for (_, executable), kwargs in carry_out(name, use_respawn="true").items():
             # not the replay, which would play twice, nor the explorer, nor RViz, which the user has closed
             assert kwargs["respawn"] == (executable not in ("replay", "explorer", "rviz2"))
             if kwargs["respawn"]:
-                assert kwargs["on_exit"](ended(2), again) is None
+                assert kwargs["on_exit"](ended(2), running) is None
 
 
 @pytest.mark.usefixtures("stand_ins")

@@ -127,12 +127,12 @@ class LoadedObject:
         return f"{self.density}; {f'no denser: {self.growth.failure}' if self.growth.failure else 'growing'}"
 
     def take_growth(self) -> None:
-        """Go on by a denser codebook, if one is ready by now."""
+        """Switch the filter to a denser codebook, if one is ready."""
         if self.growth is not None and (prepared := self.growth.take()) is not None:
             self.filter.take(prepared)
 
     def close(self) -> None:
-        """End its growth."""
+        """Stop building denser codebooks."""
         if self.growth is not None:
             self.growth.close()
 
@@ -153,10 +153,10 @@ def object_of(mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, seed: 
 
 
 def build_object(mesh_path: Path, network: str, sensor_model: str, config: FilterConfig, seed: int) -> LoadedObject:
-    """The filter on a mesh and a codebook of `SIZE` poses that is built now; it grows once it is localised on.
+    """The filter on a mesh and a codebook of `SIZE` poses that is built here, and grows while the filter runs.
 
-    network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for what they do
-    not name, a mesh that cannot be used, and one without reachable surface.
+    network, sensor_model: names or paths, as the nodes `tcn` and `tdn` take them. Raises InputError for an
+    unknown name, a missing file, a mesh that cannot be used, and a mesh without reachable surface.
     """
     mesh, tcn, sensor, codebook = _built(mesh_path, network, sensor_model, config)
     loaded = object_of(mesh, codebook, config, seed)
@@ -167,7 +167,7 @@ def build_object(mesh_path: Path, network: str, sensor_model: str, config: Filte
 def coarse_codebook(
     mesh_path: Path, network: str, sensor_model: str, config: FilterConfig
 ) -> tuple[ObjectMesh, Codebook]:
-    """A mesh and a codebook of `SIZE` poses that is built now; arguments and errors as of `build_object`."""
+    """A mesh and a codebook of `SIZE` poses that is built here; arguments and errors as of `build_object`."""
     mesh, _, _, codebook = _built(mesh_path, network, sensor_model, config)
     return mesh, codebook
 

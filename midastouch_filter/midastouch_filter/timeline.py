@@ -36,8 +36,9 @@ class Judgement(NamedTuple):
     """What becomes of codes, by stamp [ns].
 
     taken: stamps and payloads to be processed, in order; ran_back: whether time ran back to the first of them;
-    odd: stamps of those that are dropped, one of which may have been taken before; late: whether the code asked about
-    is one behind the newest, dropped as well; held: that it waits for a second witness.
+    odd: stamps of codes that are dropped, or of a code taken before that turned out wrong; late: whether the new code
+    is dropped because it is older than the newest; held: whether the new code waits until a second one confirms its
+    time.
     """
 
     taken: tuple[tuple[int, Any], ...] = ()
@@ -68,7 +69,7 @@ class Timeline:
         self._other: int | None = None  # newest stamp of a time that was left or dropped
 
     def judge(self, stamp: int, payload: Any) -> Judgement:
-        """Ask about the next code, of `stamp` [ns]."""
+        """Judge the next code that has arrived, of `stamp` [ns]; payload, returned with the stamp once it is taken."""
         if self._of_another_source(stamp):
             self._other = stamp
             return Judgement(odd=(stamp,))
@@ -149,8 +150,8 @@ class FingerMemory:
     """The last codes of one finger.
 
     pose_at: T_base_finger (4, 4) at a stamp [ns], `Wait`, or None if it will never come. tolerance [ns]: how far the
-    stamp of a code may be from the frame's. maps: None if they are not asked for. now: seconds by which the finger
-    falls silent. on_foreign: gets the network of a code that the codebook does not know.
+    stamp of a code may be from the frame's. maps: None if they are not asked for. now: clock [s] by which
+    silence is measured. on_foreign: called with the network of a code that the codebook was not built with.
     """
 
     def __init__(
@@ -203,9 +204,10 @@ class FingerMemory:
         return True
 
     def awaited(self, stamp: int, waited: float) -> bool:
-        """Whether its code for `stamp` [ns], or what belongs to it, may still come: for a short while only.
+        """Whether a frame at `stamp` [ns] that has waited for `waited` s shall go on waiting for this finger's code, or
+        for its map or transform: at most a quarter of a second.
 
-        After a wait in vain, for it or its transform, the next frames do not wait before it has caught up.
+        After a wait in vain, further frames do not wait for this finger until it has caught up.
         """
         self._asked = stamp
         in_time = waited < _CODE_TIMEOUT

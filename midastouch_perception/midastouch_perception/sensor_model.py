@@ -124,9 +124,9 @@ class SensorModel:
         )
 
     def at_scale(self, pixels_per_metre: float) -> SensorModel:
-        """The same gel seen with so many pixels a metre at its apex, as a ruler under the camera shows.
+        """The same gel, seen with so many pixels per metre at its apex (a ruler under the camera shows how many).
 
-        Raises InputError for a scale that is no finger's.
+        Raises InputError for a scale that differs from the model's by more than a factor of five.
         """
         factor = pixels_per_metre * self.pixel_size
         if not _SCALES[0] <= factor <= _SCALES[1]:

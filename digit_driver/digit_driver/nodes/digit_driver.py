@@ -112,8 +112,9 @@ class DigitDriver(ManagedNode):
     def _on_reader_event(self) -> None:
         if self._reader is None:
             return
-        self._log_changes(self._reader.status())
+        # first: of a frame that is here the status says which camera it is from
         frame = self._reader.take()
+        self._log_changes(self._reader.status())
         if frame is not None:
             stamp = stamp_from_ns(self._monitor.stamp(frame) + self.parameters["timestamp_offset"])
             header = Header(stamp=stamp, frame_id=self.parameters["frame_id"])

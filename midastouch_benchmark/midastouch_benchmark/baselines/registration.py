@@ -102,7 +102,7 @@ class DeadReckoning:
 
     @property
     def weights(self) -> np.ndarray:
-        """(1,) or (0,)."""
+        """Weights of `poses`: 1 for the registered pose (1,), empty (0,) before there is one."""
         return np.ones(len(self.poses))
 
 

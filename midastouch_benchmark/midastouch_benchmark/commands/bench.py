@@ -83,7 +83,7 @@ _FEWEST = 10  # frames, of which the first ones are dropped
 
 @dataclass(frozen=True)
 class TimedSlide:
-    """A simulated slide of --frames over a bundled object, and the networks that feel it."""
+    """A simulated slide of --frames over a bundled object, and the networks that perceive it."""
 
     mesh: ObjectMesh
     sequence: Sequence

@@ -1,10 +1,10 @@
-"""Fit what the depth network feels of a ball, and how surely that tells its diameter, on simulated sensors.
+"""Fit what radius the depth network measures of a ball, and how surely that tells its diameter, on simulated sensors.
 
 .venv/bin/python -m midastouch_benchmark.fits.diameter --backgrounds ../shared/data/digit_backgrounds [--sensors 400]
 
-`RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of `midastouch_perception/sensor_calibration/network_checks.py`.
-Each sensor is another one than
-those on which `midastouch evaluate-checks` judges them.
+The results are `RADIUS_RATIO` and `MOST_DIAMETER_FACTOR` of
+`midastouch_perception/sensor_calibration/network_checks.py`. No sensor here is among those on which
+`midastouch evaluate-checks` judges them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ DOUBTED = 1 / 8
 
 
 def main() -> None:
-    """Print the two numbers."""
+    """Print both constants."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--backgrounds", type=Path, required=True, help="no-contact images of many DIGITs")
     parser.add_argument("--sensors", type=int, default=400)

@@ -3,9 +3,9 @@
 .venv/bin/python -m midastouch_benchmark.fits.evidence [--objects 8] [--windows 3] [--seed 0]
 
 Procedural shapes of the trainer are slid over by random sensors; the networks see the images. Each window of touches is
-replayed at its true place and at the competitors that codes bring up. What makes the odds between the two say the truth
-as often as they claim is printed: constants of `midastouch_filter/core/noise_model.py`, with what they explain. The
-mathematics: docs/internals.md. No test object is seen.
+explained from its true pose and from the competitors that codes bring up. The fit finds and prints the constants of
+`midastouch_filter/core/noise_model.py` with which the odds between the two are as often right as they claim, and what
+they leave unexplained. The mathematics: docs/internals.md. No test object is seen.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ CONFIG = FilterConfig(threads=1)
 
 @dataclasses.dataclass(frozen=True)
 class Pair:
-    """Residual ratios (K,) of a window's maps at the true place and at a competitor, oldest first; name of the object;
-    symmetric: the competitor is the true place too, found from another side: what tells the two apart is noise."""
+    """Residual ratios (K,) of a window's maps at the true pose and at a competitor, oldest first; name of the object;
+    symmetric: the competitor is the true pose too, found from another side: what tells the two apart is noise."""
 
     name: str
     true: np.ndarray
@@ -130,7 +130,7 @@ def _exhaust(generator):
 
 
 def surprise(parameters: np.ndarray, pairs: list[Pair], lengths: tuple[int, ...] = LENGTHS) -> float:
-    """Mean nats by which the odds between true places and competitors surprise, each object counting the same.
+    """Mean nats by which the odds between true poses and competitors surprise, each object counting the same.
 
     Of a symmetric pose either answer is right, so that sure odds surprise.
 
@@ -163,7 +163,7 @@ def main() -> None:
         rng = np.random.default_rng([args.seed, i])
         make = (random_shape, random_shape, random_probe)[i % 3]
         pairs += window_pairs(make(rng, f"fit_{i}"), networks, args.windows, rng)
-        print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of places", file=sys.stderr, flush=True)
+        print(f"{i + 1} of {args.objects} objects, {len(pairs)} pairs of poses", file=sys.stderr, flush=True)
     found = minimize(surprise, [1.0, -6.5, -0.5], args=(pairs,), method="Nelder-Mead", options={"maxiter": 300}).x
     weight = 1 / (1 + np.exp(-found[2]))
     print(f"map_patches {np.exp(found[0]):.2f}, residual_floor {np.exp(found[1]):.2g}")

@@ -38,8 +38,8 @@ _IMPOSSIBLE = 1e-6  # probability below which the truth surprises no more
 
 @dataclasses.dataclass(frozen=True)
 class Slide:
-    """contests on the way over one object; truth, its number in the catalogue, None if it is not in there; objects,
-    number of them."""
+    """contests: comparisons on the way over one object; truth, its number in the catalogue, None if it is not in there;
+    objects, number of objects in the catalogue."""
 
     contests: list[Contest]
     truth: int | None

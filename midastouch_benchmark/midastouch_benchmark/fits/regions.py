@@ -3,7 +3,7 @@
 .venv/bin/python -m midastouch_benchmark.fits.regions --meshes ../shared/meshes/ycb [--slides 2] [--every 4]
 
 Scans are slid over under protocols of `midastouch benchmark`. While the state is `converged`, the published region of
-95 % is to hold the truth in 95 % of the frames under each of them, those at a wrong place included: `WIDTH` of
+95 % is to hold the truth in 95 % of the frames under each of them, those at a wrong pose included: `WIDTH` of
 `midastouch_filter/core/alignment.py`. `WHITE` is the one of some that takes the smallest regions for it.
 How often the regions of one half of the scans hold the truth on the other half is printed, too. Neither the ten test
 objects are seen nor the ten further ones for judging.

@@ -116,7 +116,7 @@ class CheckQuality:
         self._captures: dict[str, list[bool]] = {}
 
     def add(self, own: ImaginarySensor, other: ImaginarySensor) -> None:
-        """One sensor, and another whose background is taken for its own."""
+        """Judge a sensor with its own background, and with each of `FAULTS`, which may take the `other` one's."""
         self._judge("right", own.touches, own.background)
         for name, make in FAULTS.items():
             images, background = make(own, other)

@@ -91,7 +91,7 @@ def with_truth(presses: BallPresses, ball_diameter: float, sensor: SensorModel) 
 def usable_presses(presses: BallPresses, sensor: SensorModel) -> tuple[BallPresses, dict[str, str]]:
     """The presses that show something on this sensor, and by file name why the others do not.
 
-    sensor at full size. Repeated images are among the others. Raises InputError if the no-contact image shows nothing,
+    sensor at full size. Repeated images are not used. Raises InputError if the no-contact image shows nothing,
     or no press can be used.
     """
     if problem := colour_layout.image_problem(presses.background, None):

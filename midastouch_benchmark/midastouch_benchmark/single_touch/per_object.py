@@ -94,7 +94,7 @@ def _encode(simulator, poses, encoders, rng, progress) -> tuple[dict[str, np.nda
 
 
 def other_encoders(networks: Networks, plan: SingleTouchPlan) -> tuple[dict[str, Encoder], dict[str, str]]:
-    """The baselines that can be had, and for each of the others the reason why not."""
+    """The baselines that can run here, and for each of the others the reason why it cannot."""
     if not plan.baseline_size:
         return {}, dict.fromkeys(BASELINES, "not asked for")
     encoders: dict[str, Encoder] = {}

@@ -159,7 +159,7 @@ def trust(trials: list[dict]) -> dict:
     trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, fraction of frames
     whose region of that level holds the truth, and region_95, that of converged frames at 95 %; right_before_event,
     right_after_event, of trials, the latter so many frames later; found_again, of those that were right before;
-    misled, of these too, which are ever converged at a wrong place, and misled_frames, in how many frames;
+    misled, of these too, which are ever converged at a wrong pose, and misled_frames, in how many frames;
     frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
     ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
     right, fraction of them whose pose is.
@@ -197,7 +197,7 @@ def right_or_among_modes_at_end(trials: list[dict]) -> dict:
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
-    """Frames (T,) that were converged at a wrong place."""
+    """Frames (T,) that were converged at a wrong pose."""
     return np.subtract([t["frames_converged"] for t in trials], [t["frames_converged_right"] for t in trials])
 
 

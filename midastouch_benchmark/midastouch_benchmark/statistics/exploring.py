@@ -11,10 +11,10 @@ def summarise_exploration(trials: list[dict]) -> dict[str, dict]:
     """By policy, over all trials and by object, fractions and medians with their 95 % intervals.
 
     trials; fractions that end converged and `right`, converged and `wrong`, said to be `alike`, and `alike_truly`, of
-    the latter those with the truth among the places; rivalled, fraction in which another place competed with the true
-    one, and of these `told_apart`, those that end right, and `said_alike`, those in which it was said that nothing
-    tells places apart; path_m, median until converged and right, infinite for all others; asked_ms, CPU time that no
-    answer takes longer than in 95 % of the trials; path_ratio, of the median path to that of `random`.
+    the latter those with the truth among the modes; rivalled, fraction in which another hypothesis competed with the
+    true one, and of these `told_apart`, those that end right, and `said_alike`, those in which the advice was that
+    nothing tells the hypotheses apart; path_m, median until converged and right, infinite for all others; asked_ms, the
+    95 % quantile over trials of the CPU time of the slowest answer; path_ratio, of the median path to that of `random`.
     """
     policies = {name: [t for t in trials if t["policy"] == name] for name in dict.fromkeys(t["policy"] for t in trials)}
     out = {}

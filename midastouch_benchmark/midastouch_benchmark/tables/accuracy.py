@@ -140,7 +140,7 @@ def real_row(content: dict) -> dict | None:
 
 
 def paper() -> pd.DataFrame:
-    """What the README shows."""
+    """The table of the README: figures of this filter beside the paper's."""
     known, unknown = tidy([benchmark_summary(name) for name in STARTS]).to_dict("records")
     bench = report("bench")
     step = bench["filter_ms"]

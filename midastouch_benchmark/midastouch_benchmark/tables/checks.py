@@ -62,7 +62,7 @@ def contacts() -> pd.DataFrame:
 
 
 def brightness() -> pd.DataFrame:
-    """What the contact decision makes of a change of light."""
+    """How often the contact decision errs after a change of light."""
     return _brightness(report("checks"))
 
 

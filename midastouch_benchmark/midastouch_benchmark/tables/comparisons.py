@@ -28,7 +28,7 @@ METHODS: dict[str, Form] = {
 }
 GRASPS: dict[str, Form] = {
     "closest mode found": fraction("found"),
-    "probability at the true place": fraction("share"),
+    "probability at the true pose": fraction("share"),
     "pose right": fraction("right"),
     "converged": fraction("converged"),
     "converged wrong": fraction("converged_wrong"),
@@ -81,7 +81,7 @@ def methods_table(content: dict, init: str) -> pd.DataFrame:
 
 
 def grasps_table(grasps: Mapping[str, list[dict]]) -> pd.DataFrame:
-    """What is believed after each grasp, by what grasps: summaries of `grasp_summary`."""
+    """The belief after each grasp; grasps: summaries of `grasp_summary` by name of what grasps."""
     rows = [{"what": what, "grasp": k} | one for what, each in grasps.items() for k, one in enumerate(each, 1)]
     return written(tidy(rows), {"contacts": text("what"), "after grasp": text("grasp")}, GRASPS)
 
@@ -151,7 +151,8 @@ def variants() -> pd.DataFrame:
 
 
 def front() -> pd.DataFrame:
-    """Run time against error: what can be had in more or less, fastest first, with the default and the presets."""
+    """Run time against error of the default, the presets, and settings with more or fewer particles, modes or poses;
+    fastest first."""
     if "front" not in reported():
         return written(frame_of({"front": "-"}, report), {"filter": text("what")}, COMPARED, "report")
     return front_table(report("front"))

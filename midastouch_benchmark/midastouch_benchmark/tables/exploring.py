@@ -53,7 +53,7 @@ EXPLORATION: dict[str, Form] = {
     "answers within, CPU": text("asked_ms", "{:.0f} ms"),
 }
 _COMPETING: dict[str, Form] = {
-    "another place competed": fraction("rivalled"),
+    "another hypothesis competed": fraction("rivalled"),
     "of these told apart": fraction("told_apart"),
     "of these said alike": fraction("said_alike"),
     "converged wrong": fraction("wrong"),

@@ -33,9 +33,9 @@ _FITS: dict[str, Form] = {
 """What is measured of presses, against the ball that should be."""
 PRESSES: dict[str, Form] = {
     "RMSE inside": _FITS["RMSE inside"],
-    "deepest felt over deepest of the ball": _FITS["deepest over deepest"],
+    "deepest measured over deepest of the ball": _FITS["deepest over deepest"],
     "correlation of both": _FITS["correlation of both"],
-    "radius felt": text("felt_radius_mm", "{:.1f} mm"),
+    "measured radius": text("felt_radius_mm", "{:.1f} mm"),
     "IoU": text("iou", "{:.2f}"),
     "by 10 % of light": text("brightness_mm", "{:.3f} mm"),
 }
@@ -112,8 +112,8 @@ def labels() -> pd.DataFrame:
         plain, calibrated = (report(f"presses_{sensor}{how}") for how in ("", "_calibrated"))
         for what, content, key in (
             ("labels against images", plain, "labels"),
-            ("felt without calibration, against images", plain, "against_fit"),
-            ("felt with calibration, against images", calibrated, "against_fit"),
+            ("measured without calibration, against images", plain, "against_fit"),
+            ("measured with calibration, against images", calibrated, "against_fit"),
         ):
             ball = f"{1e3 * plain['ball_diameter']:.1f} mm"
             rows.append({"ball": ball, "what": what} | (content.get(key) or {"rmse_in_circle_mm": None}))
@@ -160,7 +160,7 @@ def wanted() -> pd.DataFrame:
                 continue
             rows += [
                 (f"{ball}, {how}: correlation", one["depth_correlation"], 2, correlation, None),
-                (f"{ball}, {how}: radius felt, mm", one["felt_radius_mm"], 1, *radius),
+                (f"{ball}, {how}: measured radius, mm", one["felt_radius_mm"], 1, *radius),
                 (f"{ball}, {how}: IoU", one["iou"], 2, iou, None),
                 (f"{ball}, {how}: RMSE inside, mm", one["rmse_in_circle_mm"], 2, None, rmse),
             ]

@@ -143,7 +143,7 @@ def start() -> pd.DataFrame:
 
 
 def load() -> pd.DataFrame:
-    """Images at the sensor's rate, over the time that the paper's depth network takes on the same machine."""
+    """Latency at the sensor's rate, also relative to the time of the paper's depth network on the same machine."""
     fcrn = report("bench")["fcrn_ms"]["p50"]
 
     def times(row: Row) -> tuple[float, float]:

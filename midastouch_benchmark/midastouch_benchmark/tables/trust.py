@@ -46,7 +46,7 @@ _CONVERGED = {
         "trust.converged_frames_wrong", PROMISED_WRONG, "kept", "*not kept*", "not shown"
     ),
     "of trials that end `converged`, right": fraction("trust.right_if_converged_at_end"),
-    "the same, counting a symmetric twin as right": fraction("trust.right_if_converged_modulo_symmetry_at_end"),
+    "the same, counting symmetric poses as right": fraction("trust.right_if_converged_modulo_symmetry_at_end"),
 }
 _REGIONS = {
     **{f"{what}, `converged`": fraction(f"trust.regions.converged.{level}") for what, level in _LEVELS.items()},
@@ -57,7 +57,7 @@ _REGIONS = {
 }
 _EVENTS = {
     "right before it": fraction("trust.right_before_event"),
-    "of these, ever `converged` at a wrong place": fraction("trust.misled"),
+    "of these, ever `converged` at a wrong pose": fraction("trust.misled"),
     "in how many frames, mean": value("trust.misled_frames.mean", "{:.1f}"),
     "of these, right again after 30 frames": fraction("trust.found_again"),
     "frames until right again, median": value("trust.frames_until_right.median", "{:.0f}", never=True),

@@ -95,7 +95,7 @@ def wrong_figure(content: dict[str, dict]) -> Figure:
     axes.set_xscale("symlog", linthresh=promised)  # linear as far as the promise; the wrong object is at 100
     axes.set_xticks(ticks := [0, 1, 2, 3, 4, 5, 10, 20, 50, 100], ticks)
     axes.set_xlim(0, 102)
-    axes.set_xlabel("converged frames at a wrong place, %, with 95 % interval", fontsize=9)
+    axes.set_xlabel("converged frames at a wrong pose, %, with 95 % interval", fontsize=9)
     _plain(axes)
     return figure
 

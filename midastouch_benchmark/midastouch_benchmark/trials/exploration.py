@@ -130,10 +130,10 @@ class _Trial:
     def run(self, length: float) -> dict:
         """How it ended.
 
-        ending: "converged", "alike" (it was said that nothing tells places apart) or "given up"; path_m from the first
-        touch to where that began; truth and pose (4, 4) then, and whether it is right; whether the truth was among the
-        places; rivalled: before some motion the true place and another one were both probable; asked_ms, median and
-        longest CPU time of an answer.
+        ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
+        the first touch to where that began; truth and pose (4, 4) then, and whether it is right; whether the truth was
+        among the modes; rivalled: before some motion the true pose and another hypothesis were both probable; asked_ms,
+        median and longest CPU time of an answer.
         """
         ending, began = "given up", length
         self._follow(self._finger.leap(0.0, 0.0))
@@ -177,7 +177,7 @@ class _Trial:
             yield self._finger.slide(heading, length)
 
     def _has_competitor(self) -> bool:
-        """Whether the true place and another one are probable."""
+        """Whether the true pose and another hypothesis are probable."""
         likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
         return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
 

@@ -145,7 +145,7 @@ def _refuse(catalogue: Catalogue, frames: Iterable[TrialFrame], config: FilterCo
 
 
 class Answers:
-    """What is answered along a slide, so far of `path` m; truth, the answer that is right."""
+    """Answers along a slide, with the path at each. Args: truth, the right answer. Attributes: path [m], so far."""
 
     def __init__(self, truth: str):
         self._truth, self.path, self._last = truth, 0.0, None

@@ -158,7 +158,7 @@ PROTOCOLS = {
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
     "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
     "small_parts": Protocol(
-        "parts smaller than the gel, twins counted",
+        "parts smaller than the gel, symmetric poses count as right",
         slides=SlideKind(0.075),
         small_parts=True,
         codebook_size=10_000,

@@ -57,7 +57,7 @@ class RealSensorCache(Cache):
         return {}
 
     def calibration(self, which: int) -> SensorCalibration:
-        """That of one of the measured sensors, made on first use."""
+        """The calibration of one of the measured sensors, made on first use."""
         if which not in self._calibrations:
             rng = np.random.default_rng(which)
             self._calibrations[which] = calibrate_measured(self.optics[which], self.networks.sensor, rng)

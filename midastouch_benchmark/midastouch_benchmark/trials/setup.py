@@ -54,7 +54,7 @@ class Networks:
         return TouchPipeline(self.tdn, self.tcn, time.perf_counter)
 
     def describe(self) -> dict[str, str]:
-        """Ids for the JSON files."""
+        """Ids of networks, sensor and sensor calibration, for result files."""
         ids = {"tdn": self.tdn.network_id, "tcn": self.tcn.network_id, "sensor": self.sensor.name}
         known = self.tdn.calibration
         return ids if known is None else ids | {"calibration": f"{known.touched}, {known.date}"}

@@ -66,7 +66,7 @@ class Variant:
     summary, a line for tables; group, what kind of difference; method, if it is another than ours; settings, fields of
     `FilterConfig` or of the method's configuration; open_gates, names of the filter's gates that let everything pass;
     codebook_size, poses, and code_length, numbers per code, if they are not the plan's and the network's; contacts,
-    fingers of a grasp that feel something, if not all.
+    number of fingers of a grasp whose touches are used, if not all.
     """
 
     summary: str

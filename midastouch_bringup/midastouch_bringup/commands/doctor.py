@@ -79,6 +79,7 @@ def run(args: argparse.Namespace) -> int:
         if not found:
             fixes.append((program, "no such executable beside this Python or on PATH", fix, True))
     rows.append(_network_row(fixes))
+    rows += _broken_commands(fixes)
     print(text_table(["part", "for", "state"], rows, left=2))
     for name, problem, fix, required in fixes:
         print(f"\n{name}: {problem}\n  {'fix' if required else 'if wanted'}: {fix}")
@@ -112,6 +113,15 @@ def _has_executable(name: str) -> bool:
     except InputError:
         return False
     return True
+
+
+def _broken_commands(fixes: list) -> list[list[str]]:
+    """Commands that other packages bring and that cannot be imported."""
+    from ..cli import BrokenCommand, commands_of_others
+
+    broken = [command for command in commands_of_others() if isinstance(command, BrokenCommand)]
+    fixes += [(f"midastouch {command.name}", command.problem, _SET_UP, False) for command in broken]
+    return [[f"midastouch {command.name}", "command of another package", "BROKEN"] for command in broken]
 
 
 def _network_row(fixes: list) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ from midastouch_common.errors import InputError
 from .sequence import IMAGE_SHAPE
 
 _SUFFIXES = {".jpg", ".jpeg", ".png", ".bmp"}
+_OF_YCB_SLIDE = ("tactile_images", "frames")
 _SECOND = 1_000_000_000
 _FOLDER_FPS, _VIDEO_FPS = 60.0, 30.0  # of a DIGIT; of a video that does not say its own
 
@@ -31,15 +33,21 @@ class PlainImages:
         self.fps, self.n_frames = _FOLDER_FPS, len(self._files)
         if not self.path.is_dir():
             capture = cv2.VideoCapture(str(self.path))
-            self.fps = capture.get(cv2.CAP_PROP_FPS) or _VIDEO_FPS
-            self.n_frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+            fps, claimed = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+            # of a stream without an index the count is negative
+            self.fps, self.n_frames = fps if 0 < fps < math.inf else _VIDEO_FPS, max(int(claimed), 1)
             capture.release()
         if next(self.frames(), None) is None:
             raise InputError(f"{self.path}: cannot be decoded as a video; give an .mp4, a bag or a folder of images")
 
     @staticmethod
     def are_at(path: Path) -> bool:
-        """Whether `path` is a file, which may be a video, or a folder with images directly in it."""
+        """Whether `path` is a file, which may be a video, or a folder with images directly in it.
+
+        A folder of YCB-Slide that is not complete is neither: its images are in a folder inside, beside a background.
+        """
+        if any((path / inside).is_dir() for inside in _OF_YCB_SLIDE):
+            return False
         return path.is_file() or (path.is_dir() and bool(_numbered(path)))
 
     def frames(self, offset_ns: int = 0) -> Iterator[tuple[int, np.ndarray]]:

@@ -109,13 +109,15 @@ class _Unpickler(pickle.Unpickler):
 def loads(data: bytes, name: str) -> Any:
     """Values pickled in `data`: plain containers, numbers, text and NumPy arrays.
 
-    `name` is what the error speaks of. Raises InputError for all else: foreign classes (named), truncated or
+    Raises InputError, which calls the data `name`, for anything else: foreign classes (named), truncated or
     inconsistent content.
     """
     try:
         for opcode, slot, _ in pickletools.genops(data):
-            if opcode.name == "LONG_BINPUT" and slot > len(data):  # for which gigabytes would be allocated
+            if opcode.name in ("PUT", "LONG_BINPUT") and slot > len(data):  # for which gigabytes would be allocated
                 raise InputError(f"memo slot {slot} in a file of {len(data)} bytes")
+            if opcode.name in ("NEXT_BUFFER", "READONLY_BUFFER"):  # a view of memory that an array may give up
+                raise InputError("a buffer that is not in the file")
         return _Unpickler(io.BytesIO(data)).load()
     except InputError as error:
         raise InputError(f"{name}: refused, {error}; use a file from a source you trust") from None

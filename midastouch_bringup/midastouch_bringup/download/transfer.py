@@ -84,7 +84,7 @@ class _Part:
         self.data.touch()
 
     def remove(self) -> None:
-        """Forget it."""
+        """Delete the partial file and its note."""
         self.data.unlink(missing_ok=True)
         self.note.unlink(missing_ok=True)
 

@@ -94,7 +94,7 @@ class Exploration:
         self.restart()
 
     def restart(self) -> None:
-        """From the beginning, as after a change of the object."""
+        """Begin anew, as after a change of the object: no path, no motions, no verdict."""
         self.path, self.slides, self.lifts = 0.0, 0, 0
         self.verdict: Verdict | None = None
         self._unmeasured = self._refused = self._hopeless = self._sure = 0
@@ -146,7 +146,7 @@ class Exploration:
             self.verdict = Verdict(False, f"still {state} after {self.path:.2f} m")
 
     def refused(self, why: str) -> None:
-        """There is no suggestion, for this reason."""
+        """Take note that `suggest_motion` gave no suggestion, for a reason in words."""
         self._refused += 1
         if self._refused >= _MOST_FRUITLESS:
             self.verdict = Verdict(False, f"no suggestion where to touch next: {why}")

@@ -106,7 +106,7 @@ class _Episode:
         self.chunk, self.file = divmod(number, _FILES_PER_CHUNK)
 
     def write(self, recording: Recording, folder: Path, total: RowStatistics) -> RowStatistics:
-        """Write its frames; returns what they are like, and adds it to `total`."""
+        """Write the frames of a recording; returns their statistics, and adds them to `total`."""
         schema, own = _schema(recording.columns), RowStatistics({IMAGE})
         path = folder / _DATA_PATH.format(chunk_index=self.chunk, file_index=self.file)
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -31,7 +31,7 @@ class Viewpoint:
 
     @classmethod
     def of(cls, run: Run, mesh: ObjectMesh) -> Viewpoint:
-        """The side of the object that the run touches, as the demo's pictures have it: by the truth, else by the
+        """The view of the side that the run touches, as in the demo's pictures: by the true poses if known, else by the
         estimates."""
         true = [m.truth for m in run.moments if m.truth is not None]
         poses = true or [e for m in run.moments for e in m.estimates if e is not None] or [np.eye(4)]

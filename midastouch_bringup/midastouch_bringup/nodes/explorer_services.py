@@ -40,7 +40,7 @@ class SuggestionClient:
         self._future.add_done_callback(self._on_done)
 
     def look(self) -> None:
-        """Give an answer up that has not come in time; to be called now and then."""
+        """Give up waiting for an answer that is overdue; call this regularly."""
         if self.pending and time.monotonic() - self._asked_at > _TIMEOUT_S:
             self._client.remove_pending_request(self._future)
             self._future = None

@@ -25,6 +25,42 @@ from .replay_listeners import FilterAnswers, Listeners, ReplayOutput
 
 RCLError = rclpy_implementation.RCLError
 
+PARAMETERS = (
+    Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
+    Parameter(
+        "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
+    ),
+    Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
+    Parameter("loop", False, "Start again at the end; time jumps back", read_only=False),
+    Parameter("start_paused", False, "Wait for the service resume or step"),
+    Parameter(
+        "seek_to",
+        0.0,
+        "Each time it is set, go on this long after the beginning; a pause stays",
+        "s",
+        minimum=0.0,
+        maximum=1e6,
+        read_only=False,
+    ),
+    Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
+    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
+    Parameter(
+        "ack_topic",
+        "",
+        "FilterStatus topic of the filter: the next image waits until the one before is answered there, so that none "
+        "is lost however slow the filter is; empty: do not wait",
+    ),
+    Parameter(
+        "ack_timeout",
+        5.0,
+        "An image of which the filter, though it is at work, says nothing for so long is given up; the time in which "
+        "it is busy or loads does not count",
+        "s",
+        minimum=0.05,
+        maximum=3600.0,
+    ),
+)
+
 
 class Replay(PipelineNode):
     """Publishes images, camera info, TF and ground truth; `start()` begins, `finished` is set at the end.
@@ -131,40 +167,3 @@ def main(args: Sequence[str] | None = None) -> int:
 
 if __name__ == "__main__":
     sys.exit(main())
-
-
-PARAMETERS = (
-    Parameter("source", "", "Bag (.mcap file or rosbag2 folder), YCB-Slide sequence, folder of images or video"),
-    Parameter(
-        "rate", 1.0, "Recorded seconds per second; 0: as fast as it goes", minimum=0.0, maximum=1000.0, read_only=False
-    ),
-    Parameter("clock", False, "Publish /clock, for nodes with use_sim_time"),
-    Parameter("loop", False, "Start again at the end; time jumps back", read_only=False),
-    Parameter("start_paused", False, "Wait for the service resume or step"),
-    Parameter(
-        "seek_to",
-        0.0,
-        "Each time it is set, go on this long after the beginning; a pause stays",
-        "s",
-        minimum=0.0,
-        maximum=1e6,
-        read_only=False,
-    ),
-    Parameter("wait_for_nodes", "", "Lifecycle nodes to be active before anything is sent, separated by spaces"),
-    Parameter("wait_for_subscribers", 0, "Start when so many listen to the image", minimum=0, maximum=100),
-    Parameter(
-        "ack_topic",
-        "",
-        "FilterStatus topic of the filter: the next image waits until the one before is answered there, so that none "
-        "is lost however slow the filter is; empty: do not wait",
-    ),
-    Parameter(
-        "ack_timeout",
-        5.0,
-        "An image of which the filter, though it is at work, says nothing for so long is given up; the time in which "
-        "it is busy or loads does not count",
-        "s",
-        minimum=0.05,
-        maximum=3600.0,
-    ),
-)

@@ -68,7 +68,7 @@ class Listeners:
         self._nodes = LifecycleWatch(node, nodes)
 
     def wait(self, stopped: Callable[[], bool]) -> None:
-        """Return when all are there, or once stopped; meanwhile the log tells who is missing."""
+        """Wait until all subscribers are there, or `stopped()`; meanwhile the log names those that are missing."""
         while not stopped() and (missing := self._missing()):
             self._node.get_logger().info(f"waiting for {', '.join(missing)}", throttle_duration_sec=5.0)
             time.sleep(_LOOK_S)  # of Python: rclpy's raises when the process is told to stop meanwhile

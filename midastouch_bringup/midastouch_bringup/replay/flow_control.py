@@ -15,10 +15,10 @@ class FlowControl:
 
     `sent` and the waits belong to the thread that plays, `on_status` and `on_report` to whoever listens.
 
-    Args: timeout_reports, how many times the filter may report its health and say nothing of a frame before that is
-    given up; a filter that is busy reports nothing, so that no time runs out meanwhile. there: whether there is one.
-    on_lost: told of each frame that is given up, its stamp [ns] and why. Attributes: lost, frames that the filter never
-    spoke of.
+    Args: timeout_reports, number of health reports of the filter after which a frame that it has not mentioned is given
+    up; a busy filter reports nothing, so no time runs out meanwhile. there: whether there is a filter.
+    on_lost: called with the stamp [ns] of each frame that is given up, and why. Attributes: lost, number of frames that
+    the filter never mentioned.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class FlowControl:
             pass_time()
 
     def forget(self) -> None:
-        """The recording begins anew: nothing of what was sent before is awaited any longer."""
+        """Stop waiting for all that was sent, because the recording begins anew."""
         with self._playback.changed:
             self._in_flight = None
             self._waiting.clear()

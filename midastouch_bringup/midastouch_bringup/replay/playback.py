@@ -96,7 +96,7 @@ class Playback:
             self.changed.wait_for(lambda: not self._paused or self.interrupted)
 
     def set_rate(self, rate: float) -> None:
-        """Go on at another pace, as the argument of the constructor."""
+        """Go on at another rate: seconds of the recording per second, as the constructor's argument."""
         with self.changed:
             self._pace.set_rate(rate)
             self.changed.notify_all()

@@ -27,7 +27,7 @@ from ..processes.supervisor import NodeFailed, Supervisor
 from ..replay.keyboard import Keyboard
 from ..result_file import write_json
 from ..text_table import text_table
-from .exploration_seat import KEYS_HELP, Seat, file_of
+from .exploration_console import KEYS_HELP, Console, file_of
 from .launch_parameters import explored, quick_codebooks
 from .recorded_run import RESULTS, await_recorder, hear_the_last, supervised_run
 
@@ -48,26 +48,26 @@ def run_exploration(programs: Sequence[Program], given: Mapping[str, str], out: 
     print(f"a simulated finger explores '{Path(touched).stem}'{unknown}")
     print(f"live in a browser, from another terminal: ROS_DOMAIN_ID={domain} midastouch view", flush=True)
     with atomic_path(bag) as temporary:
-        seat = _explore(programs, touched, temporary, out / "log", domain)
+        console = _explore(programs, touched, temporary, out / "log", domain)
     seconds = time.monotonic() - started
     try:
         record = read_run(bag)
     except InputError as error:  # it ended before the filter had an answer
-        result = ending(seat.ended, Path(seat.mesh).stem, seconds)
+        result = ending(console.ended, Path(console.mesh).stem, seconds)
         _tell(result, out)
         print(f"the same as a page: {write_words(result, str(error), out)}")
-        return 0 if seat.ended.by_hand else 1
-    if seat.mesh != touched:  # a person has changed it, and told: what came before was about another one
-        record = record.last(1e-9 * seat.since_change_ns).of_known_object()
-        changed = {"mesh": seat.mesh, "codebook": "", "objects": ""}
+        return 0 if console.ended.by_hand else 1
+    if console.mesh != touched:  # changed by key: what came before was about another object
+        record = record.last(1e-9 * console.since_change_ns).of_known_object()
+        changed = {"mesh": console.mesh, "codebook": "", "objects": ""}
         prepare_codebooks(quick_codebooks(changed))
-        touched, codebook = seat.mesh, explored(changed)["codebook"]
+        touched, codebook = console.mesh, explored(changed)["codebook"]
     mesh = ObjectMesh.load(touched)
-    result = exploration_result(record, mesh.name, seat.ended, seat.answering, seconds)
+    result = exploration_result(record, mesh.name, console.ended, console.answering, seconds)
     _tell(result, out)
     page = write_page(record.snapshots, mesh, Codebook.load(codebook, mesh), result, out)
     print(f"pictures and table: {page}\nrecording: {bag}")
-    return 0 if result["right"] or seat.ended.by_hand else 1
+    return 0 if result["right"] or console.ended.by_hand else 1
 
 
 def _tell(result: dict, out: Path) -> None:
@@ -75,18 +75,18 @@ def _tell(result: dict, out: Path) -> None:
     print(f"\n{text_table(*result_rows(result))}\n", flush=True)
 
 
-def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> Seat:
-    """Returns who has seen how it ended."""
+def _explore(programs: Sequence[Program], mesh: str, bag: Path, logs: Path, domain: int) -> Console:
+    """Run the exploration; its console knows how it ended."""
     with supervised_run(domain, logs) as (supervisor, executor):
         executor.add_node(recorder := _recorder(bag, mesh, executor.context))
-        executor.add_node(seat := Seat(mesh, executor.context))
+        executor.add_node(console := Console(mesh, executor.context))
         for program in programs:
             supervisor.start(_held_back(program) if program.ends else program)
-        with Keyboard(seat.keys()) as keyboard:
+        with Keyboard(console.keys()) as keyboard:
             if keyboard.active:
                 print(KEYS_HELP, flush=True)
-            _follow(executor, supervisor, recorder, seat)
-        return seat
+            _follow(executor, supervisor, recorder, console)
+        return console
 
 
 def _held_back(explorer: Program) -> Program:
@@ -105,14 +105,14 @@ def _recorder(bag: Path, mesh: str, context: rclpy.Context) -> Recorder:
     return Recorder(topics, {"object": Path(mesh).stem}, parameter_overrides=overrides, context=context)
 
 
-def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, seat: Seat) -> None:
+def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: Recorder, console: Console) -> None:
     """Let the finger move once nothing of it is lost, and spin until the exploration is over."""
 
     def turn() -> bool:
         executor.spin_once(timeout_sec=0.1)
-        seat.carry_out_keys()
+        console.carry_out_keys()
         supervisor.look_after()
-        return seat.ended is None
+        return console.ended is None
 
     def still_to_come() -> str:
         # others publish on /tf, too: that the explorer is connected shows in what arrives
@@ -121,13 +121,13 @@ def _follow(executor: SingleThreadedExecutor, supervisor: Supervisor, recorder: 
     try:
         if await_recorder(recorder, (IMAGE_TOPIC, *RESULTS), turn, still_to_come):
             while turn():
-                seat.let_begin()
+                console.let_begin()
     except NodeFailed as error:
         # the explorer ends like that when it gives up
         deadline = time.monotonic() + _LAST_WORDS_S
-        while seat.ended is None and time.monotonic() < deadline:
+        while console.ended is None and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)
-        if seat.ended is None:
+        if console.ended is None:
             print(f"midastouch: error: {error}", file=sys.stderr)
-            seat.fail(error.cause)
+            console.fail(error.cause)
     hear_the_last(executor)

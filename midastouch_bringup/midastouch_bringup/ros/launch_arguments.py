@@ -48,7 +48,7 @@ ARGUMENTS = {
     "namespace": Argument("Namespace of all nodes; one per sensor, e.g. digit_left"),
     "params_file": Argument("Parameters of all nodes", str(SHARE / "config" / "midastouch.yaml")),
     "setup_file": Argument("What this launch file itself changes in params_file"),
-    "params_overlay": Argument("Parameter file of yours laid over both; may hold only what differs"),
+    "params_overlay": Argument("Parameter file of yours, over all others; it may hold only what differs"),
     "use_sim_time": Argument("Take the time from /clock", "false", _YES_NO),
     "use_respawn": Argument("Start a node again after it died", "false", _YES_NO),
     "log_level": Argument("What the nodes log", "info", ("debug", "info", "warn", "error", "fatal")),

@@ -51,6 +51,27 @@ class MergedParameters(Substitution):
         return str(path)
 
 
+class UseRespawn(LaunchConfiguration):
+    """The launch argument `use_respawn`, as it was when the process was started.
+
+    Where an including launch file has put this one in a group, the argument is gone by the time that a process ends.
+    """
+
+    def __init__(self):
+        super().__init__("use_respawn")
+        self._value = "false"
+
+    def perform(self, context: LaunchContext) -> str:
+        """The value, which is kept."""
+        self._value = super().perform(context)
+        return self._value
+
+    def or_end_launch(self, event: ProcessExited, context: LaunchContext) -> None:
+        """`on_exit` of a process without which the others are of no use, unless launch starts it again."""
+        if not context.is_shutdown and self._value != "true":
+            raise _died(event)
+
+
 def check_arguments(context: LaunchContext) -> None:
     """Raises InputError for arguments that mean nothing."""
     parameters(context.launch_configurations)
@@ -97,12 +118,6 @@ def bound_to_launch() -> list[str | LaunchConfiguration]:
     return [f"{shlex.join(bound_to_us([]))} ", LaunchConfiguration("launch-prefix", default="")]
 
 
-def end_launch_unless_respawned(event: ProcessExited, context: LaunchContext) -> None:
-    """`on_exit` of a process without which the others are of no use, unless launch starts it again."""
-    if not context.is_shutdown and context.launch_configurations["use_respawn"] != "true":
-        raise _died(event)
-
-
 def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInfo | None:
     """`on_exit` of a process that ends by itself: when it has done its work, the others go on."""
     if context.is_shutdown:
@@ -113,7 +128,7 @@ def end_launch_if_failed(event: ProcessExited, context: LaunchContext) -> LogInf
 
 
 def once_done(following: Callable[[LaunchContext], list[LaunchDescriptionEntity]]) -> Callable:
-    """`on_exit` of a process that prepares what is `following`: when it fails, the launch ends."""
+    """`on_exit` of a process that makes files: start what is `following`, or end the launch if the process failed."""
 
     def on_exit(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
         # a lifecycle node that is launched once the shutdown has begun keeps launch from ending

@@ -50,7 +50,7 @@ def node_for_once(name: str, namespace: str) -> Iterator[Node]:
 
 
 def spin_until(node: Node, done: Callable[[], object], timeout: float) -> bool:
-    """Whether `done` holds within `timeout` seconds in which the node works; Ctrl-C ends it at once."""
+    """Spin a node until `done` holds, for at most `timeout` seconds; whether it holds. Ctrl-C ends this at once."""
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     end = time.monotonic() + timeout

@@ -99,7 +99,7 @@ class _Listener(Node):
 
     @property
     def seconds(self) -> float:
-        """From the first status of a frame to the newest."""
+        """Seconds from the first answered frame to the newest."""
         return self.heard_at - self._first_at
 
     def _on_status(self, status: FilterStatus) -> None:

@@ -117,3 +117,22 @@ def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeyp
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{name}: comes with the package midastouch_benchmark" in line
         assert "colcon build" in line
+
+
+@pytest.mark.parametrize(
+    ("module", "problem"),
+    [("no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"), ("math", "AttributeError: ")],
+)
+def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others_working(module, problem, monkeypatch, capsys):
+    broken = importlib.metadata.EntryPoint("of_others", module, cli.PLUGINS)
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [broken])
+    for options in ([], ["--help"], ["--out", "x"]):
+        assert cli.main(["of-others", *options]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert f"of-others: cannot be loaded, {problem}" in line
+        assert "midastouch doctor" in line
+    with pytest.raises(SystemExit) as caught:
+        cli.main(["--help"])
+    assert caught.value.code == 0
+    cli.main(["doctor"])
+    assert f"midastouch of-others: {problem}" in capsys.readouterr().out

@@ -64,3 +64,20 @@ def test_what_is_no_video_is_refused(tmp_path):
     (tmp_path / "bad.mp4").write_bytes(b"no video")
     with pytest.raises(InputError, match=r"bad\.mp4.*give an \.mp4"):
         PlainImages(tmp_path / "bad.mp4")
+
+
+def test_a_video_without_an_index_plays_though_it_does_not_know_its_length(tmp_path):
+    jpeg = cv2.imencode(".jpg", np.zeros((320, 240, 3), np.uint8))[1].tobytes()
+    (tmp_path / "stream.mjpeg").write_bytes(3 * jpeg)
+    images = PlainImages(tmp_path / "stream.mjpeg")
+    assert len(list(images.frames())) == 3
+    assert images.n_frames >= 1
+
+
+@pytest.mark.parametrize("inside", ["tactile_images", "frames"])
+def test_an_incomplete_slide_of_ycb_is_not_taken_for_its_background(tmp_path, inside):
+    write_images(tmp_path, ["background.png"])
+    assert PlainImages.are_at(tmp_path)
+    write_images(tmp_path / inside, ["0.png"])
+    assert not PlainImages.are_at(tmp_path)
+    assert PlainImages.are_at(tmp_path / inside)

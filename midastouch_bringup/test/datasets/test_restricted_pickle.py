@@ -207,10 +207,16 @@ def test_exotic_array_types_are_refused(dtype):
         restricted_pickle.loads(pickle.dumps(np.zeros(2, dtype), 4), "x")
 
 
-def test_a_claim_for_a_huge_memo_is_refused_before_memory_is_taken():
-    data = b"\x80\x02]r" + struct.pack("<I", 2**32 - 1) + b"."
+@pytest.mark.parametrize("put", [b"r" + struct.pack("<I", 2**32 - 1), b"p4294967295\n"])
+def test_a_claim_for_a_huge_memo_is_refused_before_memory_is_taken(put):
     with pytest.raises(InputError, match="memo slot"):
-        restricted_pickle.loads(data, "x")
+        restricted_pickle.loads(b"\x80\x02]" + put + b".", "x")
+
+
+def test_a_view_of_an_arrays_memory_is_refused():
+    array = pickle.dumps(np.zeros(4), 4)
+    with pytest.raises(InputError, match="buffer"):
+        restricted_pickle.loads(array[:-1] + b"\x98.", "x")
 
 
 def test_shared_lists_stay_shared_instead_of_exploding():

@@ -25,13 +25,13 @@ class PipelineNode(Node):
     """
 
     def create_publisher(self, msg_type: type, topic: str, qos_profile: QoSProfile, **options) -> Publisher:
-        """As rclpy's."""
+        """As rclpy's; the QoS can be overridden by parameters."""
         return self._overridable(super().create_publisher, msg_type, topic, (), qos_profile, options)
 
     def create_subscription(
         self, msg_type: type, topic: str, callback: Callable, qos_profile: QoSProfile, **options
     ) -> Subscription:
-        """As rclpy's."""
+        """As rclpy's; the QoS can be overridden by parameters."""
         return self._overridable(super().create_subscription, msg_type, topic, (callback,), qos_profile, options)
 
     def _overridable(

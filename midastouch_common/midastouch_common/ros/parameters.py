@@ -45,7 +45,7 @@ class Parameter:
     def problem(self, value: Any) -> str | None:
         """Why `value` is illegal, in words; None if it is legal."""
         expected = type(self.default)
-        if expected is list and not isinstance(value, str):
+        if expected is list and isinstance(value, Iterable) and not isinstance(value, str):
             if len(value) != len(self.default):
                 return f"parameter '{self.name}' needs {len(self.default)} values, got {len(value)}"
             problems = (self._problem_of(v, type(d)) for v, d in zip(value, self.default, strict=True))
@@ -102,7 +102,8 @@ class Parameters:
         self._node, self._unconfigured = node, unconfigured
         self.table = {parameter.name: parameter for parameter in table}
         # rclpy keeps what the YAML file and the command line set in this attribute only
-        overrides = self._by_present_name(node._parameter_overrides)
+        overrides = node._parameter_overrides
+        self._rename_former(overrides)
         for name in overrides:
             if name not in self.table and name not in _FOREIGN and not name.startswith(_FOREIGN_PREFIX):
                 raise InputError(f"{node.get_name()}: no parameter '{name}'; known are {', '.join(sorted(self.table))}")
@@ -120,9 +121,11 @@ class Parameters:
                 raise InputError(f"{node.get_name()}: {error}") from error
         node.add_on_set_parameters_callback(self._check)
 
-    def _by_present_name(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
-        """Overrides in which former names are replaced, each with a warning; InputError where both names are set."""
-        present = dict(overrides)
+    def _rename_former(self, overrides: dict[str, Any]) -> None:
+        """Give overrides under a former name the present one, each with a warning; InputError where both are set.
+
+        In rclpy's own dictionary: a name left there that is not declared would be refused when the node is complete.
+        """
         for name, parameter in self.table.items():
             former = parameter.former
             if former not in overrides:
@@ -131,8 +134,7 @@ class Parameters:
             if name in overrides:
                 raise InputError(f"{self._node.get_name()}: {renamed}, and both are set; set '{name}' only")
             self._node.get_logger().warning(f"{renamed}; rename it in the parameter file or on the command line")
-            present[name] = present.pop(former)
-        return present
+            overrides[name] = overrides.pop(former)
 
     def __getitem__(self, name: str) -> Any:
         value = self._node.get_parameter(name).value

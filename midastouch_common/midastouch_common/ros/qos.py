@@ -33,7 +33,7 @@ def stage_publisher(depth: int = 5) -> QoSProfile:
 
 
 def stage_subscriber(depth: int, reliable: bool) -> QoSProfile:
-    """The same, received. A replay also gets what was sent before it subscribed; live, only the newest counts."""
+    """Clouds and codes, received. In a replay also those sent before the subscription; live only the newest."""
     return _profile(depth, reliable, latched=reliable)
 
 

@@ -30,7 +30,7 @@ class Reader(ManagedNode):
 
     def __init__(self, while_loading=lambda: None, **options):
         table = (
-            Parameter("file", "good", "What to load"),
+            Parameter("file", "good", "What to load", former="path"),
             Parameter("speed", 1.0, "Changes while it runs", read_only=False),
             Parameter("depth", 1, "Read once", at_start=True),
             AUTOSTART,
@@ -85,6 +85,11 @@ def expect(graph, received: list, level: bytes, message: str, **values) -> None:
 
 def subscribers(graph) -> int:
     return graph.companion.count_subscribers("words")
+
+
+def test_a_parameter_under_its_former_name_does_not_keep_it_from_being_active(graph):
+    node = graph.add(Reader, {"path": "other"})
+    assert (node.active, node.loaded) == (True, "other")
 
 
 def test_a_manager_takes_it_through_its_whole_life(graph):

@@ -43,6 +43,7 @@ def test_values_come_from_the_table_or_the_overrides(graph):
         ({"rate": 101.0}, "'rate'.*Hz.*101"),
         ({"mode": "warp"}, "'mode'.*fast, slow"),
         ({"axis": [0.0, 1.0]}, "'axis'.*3 values"),
+        ({"axis": 1.0}, "'axis'.*list.*float"),
         ({"axis": [0.0, 1.0, 1.5]}, r"'axis'.*\[-1.0, 1.0\]"),
         ({"enabled": 1}, "'enabled'.*bool"),
     ],

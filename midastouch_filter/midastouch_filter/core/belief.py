@@ -23,9 +23,9 @@ class Belief:
     """Particles and what is derived from them.
 
     Attributes: particles; weights (N,), sum 1; modes of the particles, heaviest first, none before the first `cluster`;
-    aligned, of the modes that the last penetration maps fitted, by their number, and aligned_to, names of the fingers
-    that measured these maps: for this very frame, until the particles change; answers, the modes, sharpened where they
-    are aligned.
+    aligned, by number of the mode, the alignment of each mode that the present penetration maps fitted; aligned_to,
+    names of the fingers that measured these maps (both empty once the particles change); answers, the modes to be
+    published, sharpened where they are aligned.
     """
 
     def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):

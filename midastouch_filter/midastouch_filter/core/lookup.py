@@ -53,13 +53,13 @@ class NearestEntry:
     def exact(self, poses: np.ndarray, within: float = np.inf) -> np.ndarray:
         """Nearest entries (N,) int32 of poses `T_obj_gel` (N, 4, 4), in less than a microsecond each.
 
-        `len(self)` for poses with none nearer than `within` [m].
+        The entry is `len(self)` for a pose that has no entry nearer than `within` [m].
         """
         return self._cells.nearest(np.ascontiguousarray(poses, float), within)
 
 
 class PoseLookup(NearestEntry):
-    """The same, and a graph of neighbours in which particles are followed from step to step.
+    """`NearestEntry` with a graph of neighbours, in which particles are followed from step to step.
 
     Attributes: graph, the entries as the kernels take them; neighbours (M, K) int32, the K nearest other entries of
     each entry, nearest first; neighbour_distance (M, K) float32 m; spacing m, the typical distance to the nearest other
@@ -89,7 +89,7 @@ class PoseLookup(NearestEntry):
     def nearest(self, poses: np.ndarray, within: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """Nearest entries (N,) of poses (N, 4, 4), and the distances (N,) [m] to them.
 
-        Any entry and an infinite distance for poses with none nearer than `within` [m].
+        A pose that has no entry nearer than `within` [m] gets any entry, at an infinite distance.
         """
         entries = self.exact(poses, within)
         found = entries < len(self)

@@ -114,9 +114,9 @@ class MeasurementModel(CodeScores):
         return other
 
     def score_occupied(self, code: np.ndarray, particles: Particles) -> None:
-        """Set `log_ratio` only where particles need it.
+        """Set `log_ratio` only of the entries nearest to particles.
 
-        The codebook's mean is then the exact sum over these entries plus a fixed sample's for the rest.
+        The mean over the codebook is then the exact sum over these entries, and a fixed sample's over the rest.
         """
         self._scored = None
         rows, others = kernels.occupied_entries(particles.entries, len(self.codes), self._sample)

@@ -181,7 +181,7 @@ class Propagation:
         self._exploration = ExplorationNoise(self._config)
 
     def explore(self, dominant_mass: float, tempering: float) -> None:
-        """Adapt the noise floor after a touch, counted as `tempering` of an independent one."""
+        """Adapt the noise floor after a touch that counts as the fraction `tempering` of an independent one."""
         self._exploration.update(dominant_mass, tempering)
 
     def blur(self, particles: Particles, covariance: np.ndarray) -> None:

@@ -1,5 +1,5 @@
-"""What the fine stage assumes of the world, how wrong measurements are and how wide what is not known yet; and how much
-work it may do for that.
+"""Noise that refinement, smoothing and identification assume of poses, maps and codes (`NoiseModel`), and limits of
+their work (`Effort`). The noise of the motion is in `motion_model.py`.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ class NoiseModel:
 
     jitter: of one measured sensor pose; an arm reports each with an error of its own that does not stay.
     finger_error: of a further finger's pose, given the first one's.
-    map_noise [m], of a penetration map, is one and the same over map_correlation [m].
+    map_noise [m]: error of a penetration map; pixels within map_correlation [m] of each other have the same error.
     touch_correlation [m]: path over which touches see nearly the same patch; 1 rad counts as 10 mm.
     between_entries: how far the truth lies from the codebook's best entry; mode_floor: no mode is surer than this.
     map_patches: half the number of independent parts of a map; residual_floor: fraction of a map that is never
     explained; see `residual_evidence`.
     change, change_lifted: probability that the object was moved between two keyframes, and while the sensor was lifted.
-    prior_floor: a prior may be wrong altogether; refuted: log-odds of a hypothesis that need not be looked at any
-    longer; settled: probability of one that need not be compared often.
-    code_margin: by which a hypothesis may fall behind the best in its codes, and be right.
+    prior_floor: lowest log-density relative to the prior's peak, since the prior itself may be wrong.
+    refuted: log-odds below which a hypothesis is dropped; settled: probability from which on comparisons are rare.
+    code_margin: how far a right hypothesis may fall behind the best one by its codes.
     elsewhere: squared Mahalanobis distance that 99.9 % of poses of one Gaussian keep below (6 degrees of freedom).
     decisive: evidence by which one of two optima is the better one.
     Between objects: between_objects, fraction of the evidence of touches that holds between hypotheses on different
-    objects, whose maps err together; foreign_residual, that says neither that the object is in the catalogue nor that
-    it is not; innovation_cost, by which each squared Mahalanobis distance that a hypothesis has to give way costs it,
-    see `object_evidence`.
+    objects, whose maps err together; foreign_residual, the residual ratio of a
+    hypothesis that speaks neither for its object nor against it; innovation_cost, evidence that each unit of
+    squared Mahalanobis innovation costs a hypothesis; see `object_evidence`.
     """
 
     jitter: np.ndarray
@@ -102,11 +102,11 @@ class Effort:
     """How much work the fine stage does for its answer.
 
     Alignment of modes:
-    starts: particles that a mode is aligned from besides its mean, if it is wider than codebook entries are apart.
+    starts: particles from which a mode wider than the codebook's spacing is aligned besides its mean.
 
     Re-evaluation of the last touches:
-    fewest: touches that it needs to say anything. anew: further touches after which it is worth another one; the next
-    ones wait twice as long each, up to `seldom` while pose hypotheses compete, `rarely` once they do not.
+    fewest: touches that the first one needs. anew: further touches until the next one; this interval doubles each time,
+    up to `seldom` while pose hypotheses compete and `rarely` once they do not.
     shortlist: best entries of each touch, of all fingers, that become candidates. These come from `sieve` touches, the
     newest and ever sparser ones before it, are scored on those first, and the best `kept` of them on all.
     With several fingers, the best `turned` candidates are turned by the angles `turns` [rad] to where all fit: codebook

@@ -3,7 +3,7 @@
 The best entries of the whole catalogue become the candidates of a touch. The best of these hypotheses are aligned to
 the kept penetration maps in one race: what falls far behind the best, on whichever object, is given up after a few
 maps, so that ten objects take hardly more alignments than one. Of thousands of objects only some are compared:
-`compared.py`.
+`compared_objects.py`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ..core.touch import Measurement, require_network
 from ..smoothing.competitor_search import CompetitorSearch, SearchPace
 from ..smoothing.window_likelihood import Followed, Race, WindowLikelihood
 from .catalogue import Catalogue
-from .compared import Compared
+from .compared_objects import ComparedObjects
 from .identity import CandidateObject, Contest, Identity
 
 # the shortlist is of the whole catalogue; of an object fewer hypotheses are kept, as some of each are; how probable an
@@ -47,7 +47,7 @@ class Identification:
 
     def __init__(self, catalogue: Catalogue, config: FilterConfig, noise: NoiseModel, unknown: float = 0.5):
         self._catalogue, self._config, self._noise, self._unknown = catalogue, config, noise, unknown
-        self.compared = Compared(catalogue, config, noise)
+        self.compared = ComparedObjects(catalogue, config, noise)
         self._pace = SearchPace(_EFFORT.lookups_per_step)
         self.window = KeyframeWindow(_TOUCHES, config.smoothing_spacing, noise.touch_correlation, _EFFORT.shortlist)
         self._rest = RestGate(config, Gates())

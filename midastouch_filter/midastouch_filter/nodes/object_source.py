@@ -121,8 +121,8 @@ class ObjectSource:
 def resolve(address: str, what: str) -> Path:
     """The path an address means: a path itself, file:// or package://NAME/PATH.
 
-    Raises InputError naming `what` for an empty address, a package that is not installed, a path that leaves its
-    package, a user that does not exist and what is no address.
+    Raises InputError, which calls the address `what`, for an empty one, a package that is not installed, a path that
+    leaves its package, a user that does not exist, and anything that is no address.
     """
     if not address:
         raise InputError(f"no {what} given; set it")

@@ -1,4 +1,4 @@
-"""Coarse to fine: what penetration maps say of the modes that codes have found, and how much mass each then holds."""
+"""The fine stage of a step: when modes are refined by penetration maps, and how much mass each mode then holds."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .refinement import Refinement
 _FEWEST_PARTICLES = 100  # particles of a new mode
 _LEAST_FRACTION = 0.005  # fraction of the belief below which a hypothesis gets none
 _LARGEST_NEW_FRACTION = 0.5  # of the number of particles, at one hypothesis
-_REFUTED_FRACTION = 1e-9  # share that a refuted mode keeps, so that its weight stays finite
+_REFUTED_FRACTION = 1e-9  # fraction that a refuted mode keeps, so that its weight stays finite
 
 
 class CoarseOnly:
-    """No fine stage: the belief is that of the codes alone.
+    """A step without a fine stage: the belief is that of the codes alone; `FineStage` replaces what maps change.
 
     Attributes: checked: whether other hypotheses were compared with the dominant mode, as far as that is asked for.
     """
@@ -33,13 +33,13 @@ class CoarseOnly:
     checked = True
 
     def restart(self, prior: Prior | None) -> None:
-        """The particles were drawn anew; `prior` is what is known of the present pose."""
+        """Begin anew with particles that were just drawn; `prior` is what is known of the present pose, if anything."""
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
-        """The look-up has other entries; arguments as `Reevaluation.score_anew`."""
+        """Score kept touches again, once the look-up has other entries; arguments as of `Reevaluation.score_anew`."""
 
     def recall(self, measured: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
-        """After a restart: what was measured before it; arguments as of `Reevaluation.recall`."""
+        """Take touches measured before a restart; arguments as of `Reevaluation.recall`."""
 
     def moved(self, motion: Odometry | None, path: float, in_contact: bool) -> None:
         """The first finger moved, None at rest; `path` [m] of the others."""
@@ -52,7 +52,7 @@ class CoarseOnly:
         return False
 
     def deferred_update(self, belief: Belief, measured: list[Finger]) -> None:
-        """Change the belief by the last touches, the present ones included, after their estimate was given."""
+        """Correct the belief by the last touches, including the present ones, whose estimate is already given."""
 
     @property
     def measured_gels(self) -> np.ndarray:

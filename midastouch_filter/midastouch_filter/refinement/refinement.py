@@ -1,4 +1,4 @@
-"""Coarse to fine: once particles form narrow modes, let the measured penetration map itself place them.
+"""Refinement: a narrow mode is moved as a whole to where the measured penetration maps put it.
 
 The codebook is as fine as its entries, about 4 mm and 20 deg apart. A narrow mode is close to a Gaussian, and for a
 Gaussian the update by a penetration map has a closed form: `alignment.py` gives the posterior mean and covariance, and

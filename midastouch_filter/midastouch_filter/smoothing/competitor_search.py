@@ -138,8 +138,8 @@ class CompetitorSearch:
     def along(self, poses: np.ndarray, keyframes: Sequence[Keyframe]) -> np.ndarray:
         """Log-likelihood ratios (K,) of poses (K, 4, 4) of the first gel, each at its keyframe, of all fingers' codes.
 
-        The first finger's all at once: a look-up of one pose takes as long as one of a hundred. Of the entries around
-        a pose the best counts: it lies between them.
+        The codes of the first finger are scored in one call, since looking up a hundred poses takes as long as one. The
+        best of the entries around a pose counts, since the pose lies between them.
         """
         out, entries = np.zeros(len(poses)), self._lookup.exact(poses)
         around = np.column_stack([entries, self._lookup.neighbours[entries, :_ENTRIES_AROUND]])

@@ -58,8 +58,8 @@ class Comparison:
 class Reevaluation:
     """Keeps the last touches and compares the best hypotheses by them.
 
-    Args: lookup; alignment; n_poses: how many the object has that codes tell apart; config; noise; effort.
-    Attributes: lifted, whether the sensor was lifted since what the last comparison knew.
+    Args: lookup; alignment; n_poses, number of poses on the object that codes can tell apart; config; noise; effort.
+    Attributes: lifted, whether the sensor was lifted after the newest touch of the last comparison.
     """
 
     def __init__(
@@ -92,12 +92,13 @@ class Reevaluation:
         self._running: Iterator[Comparison | None] | None = None
 
     def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
-        """The look-up has other entries; arguments as of `KeyframeWindow.score_anew`, and of this."""
+        """Score the kept touches again, once the look-up has other entries; arguments as of `KeyframeWindow.score_anew`
+        and of this class."""
         self._running, self._count = None, n_poses
         self._window.score_anew(log_ratio_of)
 
     def recall(self, measured: KeyframeWindow, log_ratio_of: Callable[[Measurement], np.ndarray]) -> None:
-        """After a restart: know the touches of another window, and compare at once; as `KeyframeWindow.take`."""
+        """Take the touches of another window after a restart, and compare at once; as `KeyframeWindow.take`."""
         self._window.take(measured, log_ratio_of)
         self._since = len(self._window)
 

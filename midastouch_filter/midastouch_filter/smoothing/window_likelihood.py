@@ -139,10 +139,10 @@ class WindowLikelihood:
 def hypothesis_posterior(
     evidence: np.ndarray, log_prior: np.ndarray, log_arrival: np.ndarray, change: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Probabilities (P,) of P hypotheses at the newest of K touches, and that of being elsewhere.
+    """Probabilities (P,) of P hypotheses at the newest of K touches, and that of all unnamed ones together.
 
-    evidence (P, K) nats of each touch, oldest first, for each hypothesis against a hypothesis not named; log_prior,
-    log_arrival (P + 1,) of each hypothesis at the first touch and after a broken motion, that of being elsewhere last;
+    evidence (P, K) nats of each touch, oldest first, for each hypothesis against an unnamed one; log_prior,
+    log_arrival (P + 1,) of each hypothesis at the first touch and after a broken motion, the unnamed ones last;
     change (K,): probability that the motion was broken before a touch.
     """
     belief = log_prior

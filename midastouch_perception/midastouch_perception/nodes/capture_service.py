@@ -41,7 +41,7 @@ class CaptureService:
             self._finish(not refusal, refusal or self._accept(captured))
 
     def refuse(self, reason: str) -> None:
-        """End a capture that is under way."""
+        """End a capture that is under way as failed, for a reason in words."""
         if self._capture is not None:
             self._finish(False, reason)
 

@@ -42,8 +42,8 @@ def plain_slopes(change: np.ndarray) -> np.ndarray:
 
 
 def background_colours(background: np.ndarray) -> np.ndarray:
-    """What distinguishes a gel and its light from another: colours (16, 12, 3) float32 of a no-contact image (H, W,
-    3)."""
+    """Mean colours (16, 12, 3) float32 over blocks of a no-contact image (H, W, 3); they distinguish one gel and its
+    light from another."""
     return cv2.resize(background.astype(np.float32), _GRID[::-1], interpolation=cv2.INTER_AREA)
 
 

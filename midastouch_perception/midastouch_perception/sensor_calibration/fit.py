@@ -116,7 +116,7 @@ class Result:
     beside it (None where it is not used); sensor, at the map's resolution; background (320, 240, 3) uint8; held_out,
     the calibration of each press from the others (None where it is not used); figures of the held-out ones
     (`cross_validation` and `depth_errors`; of a ball also its radius [m] by the slopes, felt_radius_before and
-    felt_radius_after); doubt, why the ball hardly has the diameter that was said to be right, empty if it may.
+    felt_radius_after); doubt, why the confirmed diameter of the ball is improbable, empty if it is plausible.
     """
 
     calibration: SensorCalibration

@@ -80,9 +80,9 @@ class SimulatedFinger:
         yield from self._down_on(self._places(self._point, self._frame, self._direction(heading), length))
 
     def leap_to(self, goal: np.ndarray) -> Iterator[np.ndarray]:
-        """Up, and down on a point (3,) of the surface; where that cannot be touched, up to 40 mm before it.
+        """Lift, and touch at a point (3,) of the surface, or up to 40 mm before it if the point cannot be touched.
 
-        Nothing if there is no such position, or no way to it through the air.
+        Yields nothing if no such position can be touched, or no way through the air leads there.
         """
         (normal,) = self._mesh.smooth_normals(goal[None])
         frame = _carried(self._frame, normal)

@@ -62,7 +62,7 @@ class MeasuredOptics:
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> MeasuredOptics:
-        """A shipped one by name (`measured_sensors`), or a file that `save` wrote. Raises InputError for others."""
+        """Optics by a name of `measured_sensors`, or from a file that `save` wrote. Raises InputError for others."""
         path = _FOLDER / f"{name_or_path}.json"
         path = path if path.is_file() else require_file(name_or_path, "measured sensor")
         try:
@@ -121,7 +121,7 @@ def _factors(optics: MeasuredOptics, height: int, width: int) -> np.ndarray:
 
 
 def measured_sensors() -> list[str]:
-    """Names of the shipped ones."""
+    """Names of the measured sensors that are shipped."""
     return sorted(path.stem for path in _FOLDER.glob("*.json"))
 
 

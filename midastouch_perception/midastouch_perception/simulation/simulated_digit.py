@@ -59,7 +59,7 @@ class SimulatedDigit:
         self._camera = SimulatedCamera(sensor, background, self._rng)
 
     def look(self, T_obj_gel: np.ndarray) -> SimulatedFrame:
-        """What it sees with its gel at T_obj_gel (4, 4)."""
+        """The frame that the sensor takes with its gel at T_obj_gel (4, 4)."""
         (penetration,), (normals,) = self._renderer.render_with_normals(T_obj_gel[None])
         image = self._camera.image(penetration, normals, self._rng)
         small = self._sensor.for_maps

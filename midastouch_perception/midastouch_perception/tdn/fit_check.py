@@ -84,8 +84,8 @@ def _blocks(image: np.ndarray) -> np.ndarray:
 class FitCheck:
     """Watches the frames of one sensor; the verdict is on the median of the last ones looked at.
 
-    Args: sensor, at the map's resolution; every, how many frames that go through the network pass for one that is
-    looked at; window, how many of those count, at least a third of which must have come before anything is said.
+    Args: sensor, at the map's resolution; every: one of so many frames that go through the network is looked at;
+    window, how many of the frames looked at count; there is no verdict before a third of them.
     """
 
     def __init__(self, sensor: SensorModel, every: int = 5, window: int = 15):

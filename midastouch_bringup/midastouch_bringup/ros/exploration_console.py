@@ -1,4 +1,4 @@
-"""Where a person sits during an exploration: sees how it goes, and has keys."""
+"""The terminal of `midastouch run explore`: it shows the progress, and its keys steer the finger."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ _HEADINGS = {"right": 0.0, "up": np.pi / 2, "left": np.pi, "down": -np.pi / 2}  
 _END_STATES = (ExplorerStatus.STATE_KNOWN, ExplorerStatus.STATE_GAVE_UP)
 
 
-class Seat(Node):
-    """Where a person sits: sees how it goes, and has keys.
+class Console(Node):
+    """Node that shows the progress of an exploration, and sends what the pressed keys ask for.
 
     Attributes: ended, how it did, None until then; answering [s], from the filter's first answer to the newest; mesh,
     that of the object; since_change_ns, how long it has been that, in the finger's time.
@@ -60,14 +60,14 @@ class Seat(Node):
         self.create_subscription(FilterStatus, "filter_status", self._on_filter, qos.latched(depth=100))
 
     def keys(self) -> dict[str, Callable[[], None]]:
-        """What the keys of `Keyboard` do; it is done by `carry_out_keys`."""
+        """What each key of `Keyboard` asks for; `carry_out_keys` does it."""
         does = {name: lambda heading=heading: self._nudge(heading) for name, heading in _HEADINGS.items()}
         does |= {"l": lambda: self._call("lift"), "p": lambda: self._call("push")}
         does |= {"o": self._change_object, " ": self._turn_over, "q": self._quit}
         return {key: lambda do=do: self._pressed.put(do) for key, do in does.items()}
 
     def let_begin(self) -> None:
-        """Let the explorer go that was started paused, once it is, unless a person has taken it since."""
+        """Let an explorer that was started paused begin, unless a person has taken the finger meanwhile."""
         if self._holds_back and self._paused and self._callable["resume"].service_is_ready():
             self._holds_back = False
             self._call("resume")
@@ -82,7 +82,7 @@ class Seat(Node):
             return
 
     def destroy_node(self) -> None:
-        """Leave the progress as it is."""
+        """Close the progress bar with what it shows."""
         self._bar.close()
         super().destroy_node()
 

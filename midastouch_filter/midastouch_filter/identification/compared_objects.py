@@ -23,7 +23,7 @@ from .coarse_index import CoarseIndex
 _READ_PER_STEP = 12  # codebooks, some 6 ms each
 
 
-class Compared:
+class ComparedObjects:
     """As many objects of a catalogue as there is room for, at first the first ones.
 
     Attributes: numbers, in the catalogue, ascending; catalogue, of these only; scores, of their codes.

@@ -12,7 +12,7 @@ from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.identification.catalogue import Catalogue
 from midastouch_filter.identification.coarse_index import CoarseIndex, typical_codes
-from midastouch_filter.identification.compared import Compared
+from midastouch_filter.identification.compared_objects import ComparedObjects
 from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import UNKNOWN
 from midastouch_perception.codebook import Codebook
@@ -113,7 +113,7 @@ def measured(catalogue, compared, window, k, count=6):
 
 
 def test_an_object_that_was_ruled_out_comes_back(many):
-    compared, window = Compared(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
+    compared, window = ComparedObjects(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
     assert compared.numbers == list(range(ROOM))
     gone, back = set(), set()
     for _ in range(8):
@@ -133,7 +133,7 @@ def test_an_object_that_was_ruled_out_comes_back(many):
 
 
 def test_as_long_as_others_are_improbable_nothing_is_scored_anew(many):
-    compared, window = Compared(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
+    compared, window = ComparedObjects(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
     measured(many, compared, window, 17)
     list(compared.choose(window, held=[]))
     assert 17 in compared.numbers
@@ -143,7 +143,7 @@ def test_as_long_as_others_are_improbable_nothing_is_scored_anew(many):
 
 
 def test_touches_that_come_while_others_are_read_are_scored_too(many):
-    compared, window = Compared(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
+    compared, window = ComparedObjects(many, CONFIG, NOISE), KeyframeWindow(32, 5e-3, NOISE.touch_correlation, 80)
     measured(many, compared, window, 17)
     running = compared.choose(window, held=[])
     next(running)
