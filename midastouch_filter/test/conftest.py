@@ -247,26 +247,27 @@ def shelf(world):
     meshes = [lumpy_mesh(seed) for seed in (1, 2, 3)]
     renderers = [PenetrationRenderer(mesh, sensor) for mesh in meshes]
 
-    def encode(k: int, poses: np.ndarray) -> np.ndarray:
+    def encode(maps: np.ndarray) -> np.ndarray:
         """What is measured, coarsely: a code that is much alike where maps are, on whichever object."""
-        maps = np.maximum(renderers[k].render(poses), 0)
-        coarse = maps.reshape(len(poses), 8, 10, 6, 10).mean(axis=(2, 4)).reshape(len(poses), -1)
+        coarse = maps.reshape(len(maps), 8, 10, 6, 10).mean(axis=(2, 4)).reshape(len(maps), -1)
         return (coarse / np.linalg.norm(coarse, axis=1, keepdims=True)).astype(np.float32)
 
     meta = {"sensor": "digit_tacto", "tcn": NETWORK, "temperature": 0.03, "outlier": 0.05}
     objects = []
     for k, mesh in enumerate(meshes):
         poses = world.random_poses(mesh, 3000, np.random.default_rng(k))
-        poses = poses[np.maximum(renderers[k].render(poses), 0).max(axis=(1, 2)) > 0]
-        book = Codebook(poses, encode(k, poses), meta)
+        maps = np.maximum(renderers[k].render(poses), 0)
+        touching = maps.max(axis=(1, 2)) > 0
+        book = Codebook(poses[touching], encode(maps[touching]), meta)
         book.derived = derived_arrays(mesh, book)
         objects.append((mesh, book, None))
 
+    @functools.cache
     def touches(k: int, steps: int = 130):
         truth = world.make_slide(meshes[k], steps, np.random.default_rng(5 + k))
         maps = np.maximum(renderers[k].render(truth), 0)
         measured = [Measurement(True, code, network_id=NETWORK, penetration=each) for code, each in
-                zip(encode(k, truth), maps, strict=True)]  # fmt: skip
+                zip(encode(maps), maps, strict=True)]  # fmt: skip
         return truth, list(zip(world.odometry_of(truth), measured, strict=True))
 
     return SimpleNamespace(catalogue=Catalogue.of(objects, noise), touches=touches)

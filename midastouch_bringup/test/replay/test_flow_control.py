@@ -46,7 +46,7 @@ def test_the_next_image_waits_for_the_answer_to_this_one_and_no_other():
     join = world.waiting()
     world.flow.on_status(6, waits=False)
     world.flow.on_status(8, waits=False)
-    assert join(0.3) == "still waiting"
+    assert join(0.2) == "still waiting"
     world.flow.on_status(7, waits=False)
     assert join() is True
     assert world.lost == []
@@ -60,7 +60,7 @@ def test_an_answer_counts_once():
     assert world.flow.wait()
     world.flow.forget()
     world.flow.sent(7)
-    assert world.waiting()(0.3) == "still waiting"
+    assert world.waiting()(0.2) == "still waiting"
 
 
 def test_a_frame_that_waits_within_the_filter_lets_the_next_one_go():
@@ -83,11 +83,11 @@ def test_a_silent_filter_is_waited_for_and_one_at_work_only_for_a_while():
     join = world.waiting()
     for _ in range(2):
         world.flow.on_report()
-    assert join(0.5) == "still waiting", "it may be busy with this very frame"
+    assert join(0.2) == "still waiting", "it may be busy with this very frame"
     world.flow.on_status(0, waits=True)  # which begins the patience anew
     for _ in range(2):
         world.flow.on_report()
-    assert join(0.5) == "still waiting"
+    assert join(0.2) == "still waiting"
     world.flow.on_report()
     assert join() is True
     assert world.flow.lost == 1
