@@ -5,6 +5,9 @@ PYTHON ?= python3
 MINUTES ?= 10
 BIN := .venv/bin
 
+# Without bytecode, every process of the tests would compile all modules and tests again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # What a sourced ROS installation or another workspace has set would mix their libraries with the wheels'.
 unexport PYTHONPATH PYTHONHOME AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
 ifdef ROS_DISTRO

@@ -28,7 +28,7 @@ def bag(simulated_sequence, tmp_path):
     return write
 
 
-def test_every_answered_frame_is_a_snapshot_with_its_truth(bag):
+def test_every_answered_frame_is_a_snapshot_with_its_truth_and_its_times(bag):
     sequence, path = bag()
     record = read_run(path)
     assert [s.frame for s in record.snapshots] == [0, 1, 2, 3]
@@ -44,6 +44,12 @@ def test_every_answered_frame_is_a_snapshot_with_its_truth(bag):
     (mode,) = record.snapshots[2].modes
     assert mode.weight == 0.75
     assert mode.covariance[1].tolist() == [6, 7, 8, 9, 10, 11]
+    codes = [s.code for s in record.snapshots]
+    assert codes[1] is None, "without contact there is none"
+    assert codes[2] == pytest.approx([0.6, 0.8])
+    assert record.filter_ms == pytest.approx([3.5] * FRAMES)
+    assert record.n_particles == [700] * FRAMES
+    assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
 
 
 def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):
@@ -51,12 +57,6 @@ def test_what_was_last_found_of_the_object_holds_until_the_next_time(bag):
     record = read_run(bag(objects=said)[1])
     assert [s.objects for s in record.snapshots] == [{}, said[1], said[1], said[3]]
     assert not any(s.objects for s in record.of_known_object().snapshots)
-
-
-def test_without_contact_there_is_no_code(bag):
-    codes = [s.code for s in read_run(bag()[1]).snapshots]
-    assert codes[1] is None
-    assert codes[2] == pytest.approx([0.6, 0.8])
 
 
 def test_what_the_recorder_leaves_out_may_be_missing(bag):
@@ -82,13 +82,6 @@ def test_a_real_run_has_no_truth(bag, tmp_path):
                 message = dataclasses.replace(message, data=bytes(store.serialize_cdr(content, message.type_name)))
             writer.write(message)
     assert [s.truth for s in read_run(measured).snapshots] == [None] * FRAMES
-
-
-def test_times_per_frame(bag):
-    record = read_run(bag()[1])
-    assert record.filter_ms == pytest.approx([3.5] * FRAMES)
-    assert record.n_particles == [700] * FRAMES
-    assert record.node_ms == pytest.approx({"tdn": 4.5})  # weighted by their frames; tcn was idle
 
 
 def test_unanswered_and_repeated_frames_do_not_count(bag):
