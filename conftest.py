@@ -36,7 +36,7 @@ settings.load_profile("workspace")
 
 # what tests of several packages share
 sys.path.insert(0, str(Path(__file__).parent / "tests"))
-pytest_plugins = ["meshes", "sequences", "pictured_run", "surface_memo"]
+pytest_plugins = ["meshes", "sequences", "pictured_run"]
 
 # Programs that tests start inherit both. Only this machine hears them.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
-import os
 import shlex
 import sys
 from collections.abc import Mapping
-from types import ModuleType
 
 from midastouch_common.errors import InputError
 
@@ -33,6 +30,7 @@ from .commands import (
     train_tdn,
     view,
 )
+from .commands.plugins import commands_of_others, one_line
 
 _COMMANDS = (
     demo,
@@ -58,47 +56,11 @@ _COMMANDS = (
 
 EXIT_BAD_INPUT = 2
 EXIT_INTERRUPTED = 130
-
-
-PLUGINS = "midastouch.commands"
-"""Group of the entry points by which other packages bring commands, each a module as those of `commands`."""
 OF_BENCHMARK = (
     *("bench", "bench-scale", "benchmark", "evaluate", "evaluate-checks", "evaluate-exploration", "evaluate-presses"),
     *("evaluate-start", "evaluate-tdn", "identify", "report", "single-touch"),
 )
 """Commands of midastouch_benchmark; that package alone is not needed to use a sensor."""
-
-
-class BrokenCommand:
-    """Stands for a command of another package that cannot be imported: all others work, `doctor` among them."""
-
-    def __init__(self, name: str, error: Exception):
-        self.name, self.problem = name, f"{type(error).__name__}: {_one_line(error)}"
-
-    def add_parser(self, subparsers) -> None:
-        """Add the sub-command, which takes whatever is given and says what is wrong."""
-        # no argument is an option to it, not even --help
-        parser = subparsers.add_parser(self.name, help="cannot be loaded", add_help=False, prefix_chars="\0")
-        parser.add_argument("anything", nargs="*")
-        parser.set_defaults(run=self._refuse)
-
-    def _refuse(self, _args: argparse.Namespace) -> int:
-        raise InputError(f"{self.name}: cannot be loaded, {self.problem}; see midastouch doctor")
-
-
-def commands_of_others() -> list[ModuleType | BrokenCommand]:
-    """What other packages bring, by name: those of midastouch_benchmark, where that is installed."""
-    found = importlib.metadata.entry_points(group=PLUGINS)
-    return [_loaded(one) for one in sorted(found, key=lambda one: one.name)]
-
-
-def _loaded(found: importlib.metadata.EntryPoint) -> ModuleType | BrokenCommand:
-    try:
-        command = found.load()
-        _ = command.add_parser  # what is no command fails here, too
-        return command
-    except Exception as error:  # a broken install can fail in any way while it is imported
-        return BrokenCommand(found.name.replace("_", "-"), error)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -136,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         return args.run(args)
     except (InputError, OSError) as error:
-        print(f"midastouch: error: {_one_line(error)}", file=sys.stderr)
+        print(f"midastouch: error: {one_line(error)}", file=sys.stderr)
         return EXIT_BAD_INPUT
     except KeyboardInterrupt:
         print("midastouch: interrupted", file=sys.stderr)
@@ -155,14 +117,6 @@ def _what(arguments: list[str]) -> list[str]:
         elif not argument.startswith(tuple(f"{option}=" for option in _WHERE)):
             out.append(argument)
     return out
-
-
-def _one_line(error: Exception) -> str:
-    if isinstance(error, FileExistsError):  # a folder was to be made there
-        return f"{error.filename}: exists and is no folder; choose another place"
-    if isinstance(error, OSError) and error.filename is not None and error.errno is not None:
-        return f"{error.filename}: {os.strerror(error.errno)}"
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 if __name__ == "__main__":

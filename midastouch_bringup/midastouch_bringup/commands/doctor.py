@@ -6,6 +6,7 @@ import argparse
 import importlib
 
 from . import arguments
+from .plugins import BrokenCommand, commands_of_others
 
 _SET_UP = "make setup"
 _TRAIN = ".venv/bin/pip install -r tools/requirements/train.txt"
@@ -117,8 +118,6 @@ def _has_executable(name: str) -> bool:
 
 def _broken_commands(fixes: list) -> list[list[str]]:
     """Commands that other packages bring and that cannot be imported."""
-    from ..cli import BrokenCommand, commands_of_others
-
     broken = [command for command in commands_of_others() if isinstance(command, BrokenCommand)]
     fixes += [(f"midastouch {command.name}", command.problem, _SET_UP, False) for command in broken]
     return [[f"midastouch {command.name}", "command of another package", "BROKEN"] for command in broken]

@@ -6,7 +6,7 @@ import importlib.metadata
 import pytest
 
 from midastouch_bringup import cli
-from midastouch_bringup.commands import doctor
+from midastouch_bringup.commands import doctor, plugins
 from midastouch_common.errors import InputError
 
 COMMANDS = cli.add_commands(argparse.ArgumentParser())
@@ -124,7 +124,7 @@ def test_commands_of_the_benchmark_name_their_package_when_it_is_missing(monkeyp
     [("no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"), ("math", "AttributeError: ")],
 )
 def test_a_command_that_cannot_be_imported_says_so_and_leaves_the_others_working(module, problem, monkeypatch, capsys):
-    broken = importlib.metadata.EntryPoint("of_others", module, cli.PLUGINS)
+    broken = importlib.metadata.EntryPoint("of_others", module, plugins.PLUGINS)
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: [broken])
     for options in ([], ["--help"], ["--out", "x"]):
         assert cli.main(["of-others", *options]) == 2
