@@ -23,6 +23,7 @@ setup(
         "numpy",
         "onnxruntime",
         "opencv-contrib-python-headless",
+        "pykdtree",
         "scipy",
     ],
     python_requires=">=3.10",

@@ -20,9 +20,10 @@ from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.simulation.slide import Leap
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import cached_symmetry
 
 from .setup import Networks, untouched_of
-from .symmetry import Symmetry, cached_symmetry
 from .trial import FRAME_TIME, TrialFrame
 
 _WARM_UP_FRAMES = 3

@@ -15,11 +15,11 @@ from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
+from midastouch_perception.symmetry.group import Symmetry
 
 from ..baselines.paper_filter import PaperFilter
 from ..baselines.registration import DeadReckoning
 from ..statistics.coverage import Coverage, WeightReliability
-from .symmetry import Symmetry
 
 STAGES = ("tdn", "tcn", "filter")
 RECORD = 6

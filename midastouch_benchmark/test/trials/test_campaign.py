@@ -12,7 +12,6 @@ from midastouch_benchmark.statistics.coverage import LEVELS, observed_fractions
 from midastouch_benchmark.trials.cache import SlideKind, Touches
 from midastouch_benchmark.trials.campaign import Plan, run_campaign
 from midastouch_benchmark.trials.likelihood import likelihood_counts, likelihood_levels
-from midastouch_benchmark.trials.symmetry import Symmetry
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_benchmark.trials.variants import INPUT, VARIANTS, Variant
 from midastouch_bringup.cluster import open_cluster
@@ -20,6 +19,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.codebook import Codebook
+from midastouch_perception.symmetry.group import Symmetry
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from midastouch_benchmark.trials.small_parts import small_parts
-from midastouch_benchmark.trials.symmetry import find_symmetry
+from midastouch_perception.symmetry.search import find_symmetry
 
 GEL = 0.03  # m, the longer side
 

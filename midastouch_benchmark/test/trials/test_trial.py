@@ -5,7 +5,6 @@ import pytest
 
 from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_benchmark.trials.sequence_trials import TrialPlan, run_sequence
-from midastouch_benchmark.trials.symmetry import Symmetry
 from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial
 from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
@@ -13,6 +12,7 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate, Mode
 from midastouch_filter.core.state import CONVERGED, Status
 from midastouch_filter.core.touch import Measurement
+from midastouch_perception.symmetry.group import Symmetry
 
 CONFIG = FilterConfig(max_particles=3000, min_particles=300)
 KEYS = {

@@ -5,13 +5,14 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from midastouch_benchmark.trials import symmetry as module
-from midastouch_benchmark.trials.symmetry import Symmetry, cached_symmetry, find_symmetry
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import ROTATION_SCALE
 from midastouch_perception.objects import bundled_objects
+from midastouch_perception.symmetry import search
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import cached_symmetry, find_symmetry
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(
@@ -112,7 +113,7 @@ def test_an_equivalent_pose_has_no_error():
 def test_it_is_found_once_per_mesh(tmp_path, monkeypatch):
     mesh = ObjectMesh.load(bundled_objects()["ball"])
     first = cached_symmetry(mesh, tmp_path)
-    monkeypatch.setattr(module, "find_symmetry", lambda mesh: pytest.fail("found again"))
+    monkeypatch.setattr(search, "find_symmetry", lambda mesh: pytest.fail("found again"))
     again = cached_symmetry(mesh, tmp_path)
     assert (again.free, again.describe()) == (first.free, first.describe())
     assert again.centre == pytest.approx(first.centre)

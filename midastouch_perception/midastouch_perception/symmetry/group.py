@@ -1,0 +1,118 @@
+"""The symmetry of an object: the rigid motions that map its surface onto itself.
+
+A can turned about its axis is the same can: from touches alone no method tells the sensor's poses T and S T apart,
+where S is a symmetry of the surface. The symmetry-aware error of a pose is its error after the S that brings it
+nearest to the truth.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from midastouch_common import se3
+from midastouch_common.errors import InputError
+from midastouch_common.files import atomic_path
+from midastouch_common.pose_metric import ROTATION_SCALE
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """The rigid motions that map a surface onto itself.
+
+    transforms (K, 4, 4): one of each connected family, the identity first. free: "none", the K transforms are all;
+    "axis", each followed by any turn about `axis` (3,) through `centre` (3,) [m]; "all", any turn about `centre`.
+    """
+
+    transforms: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
+    free: str = "none"
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def trivial(self) -> bool:
+        """Whether only the identity is left."""
+        return self.free == "none" and len(self.transforms) == 1
+
+    def describe(self) -> str:
+        """In words, for tables."""
+        if self.free == "all":
+            return "sphere"
+        if self.free == "axis":
+            return "axis, both ends alike" if len(self.transforms) > 1 else "axis"
+        return "none" if self.trivial else f"{len(self.transforms)} poses alike"
+
+    def nearest(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Poses (N, 4, 4), each replaced by the equivalent one nearest to the truth (4, 4).
+
+        Nearest by the distance d^2 = |t - t'|^2 + (2 r sin(angle / 2))^2, r = 10 mm (`ROTATION_SCALE`), for which
+        the best turn has a closed form: it maximises tr(R B), B = p g' + r^2/2 P G' over the turns R that are free.
+        The poses as they are where there is no truth (nan).
+        """
+        poses = np.asarray(poses, float)
+        if not np.isfinite(truth).all():
+            return poses
+        best, least = poses, np.full(len(poses), np.inf)
+        goal = truth[:3, 3] - self.centre
+        for transform in self.transforms:
+            moved = transform @ poses
+            arm = moved[:, :3, 3] - self.centre
+            correlation = arm[:, :, None] * goal + 0.5 * ROTATION_SCALE**2 * moved[:, :3, :3] @ truth[:3, :3].T
+            turn = self._best_turn(correlation)
+            if turn is not None:
+                moved = se3.make(turn @ moved[:, :3, :3], np.einsum("nij,nj->ni", turn, arm) + self.centre)
+            difference = moved - truth
+            distance = np.square(difference[:, :3, 3]).sum(axis=1)
+            distance += 0.5 * ROTATION_SCALE**2 * np.square(difference[:, :3, :3]).sum(axis=(1, 2))
+            nearer = distance < least
+            best, least = np.where(nearer[:, None, None], moved, best), np.where(nearer, distance, least)
+        return best
+
+    def _best_turn(self, correlation: np.ndarray) -> np.ndarray | None:
+        """Free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
+        if self.free == "axis":
+            u = self.axis
+            across = np.einsum("njk,ijk,i->n", correlation, _LEVI_CIVITA, u)
+            along = np.trace(correlation, axis1=1, axis2=2) - np.einsum("i,nij,j->n", u, correlation, u)
+            return Rotation.from_rotvec(np.arctan2(across, along)[:, None] * u).as_matrix()
+        if self.free == "all":
+            left, _, right = np.linalg.svd(correlation)
+            flip = np.ones((len(correlation), 3))
+            flip[:, 2] = np.linalg.det(left) * np.linalg.det(right)
+            return np.einsum("nji,nj,nkj->nik", right, flip, left)
+        return None
+
+    def save(self, path: str | os.PathLike) -> None:
+        """Write as JSON."""
+        content = {
+            "transforms": self.transforms.tolist(),
+            "free": self.free,
+            "axis": self.axis.tolist(),
+            "centre": self.centre.tolist(),
+        }
+        with atomic_path(path) as temporary:
+            temporary.write_text(json.dumps(content))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike) -> Symmetry:
+        """Read what `save` wrote; InputError for anything else."""
+        try:
+            content = json.loads(Path(path).read_text())
+            return cls(
+                np.array(content["transforms"], float).reshape(-1, 4, 4),
+                str(content["free"]),
+                np.array(content["axis"], float).reshape(3),
+                np.array(content["centre"], float).reshape(3),
+            )
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{path}: not a symmetry file ({error}); remove it") from error
+
+
+_LEVI_CIVITA = np.zeros((3, 3, 3))
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    _LEVI_CIVITA[_i, _j, _k], _LEVI_CIVITA[_i, _k, _j] = 1.0, -1.0
