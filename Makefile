@@ -1,4 +1,5 @@
 # make demo | make test | make test-all | make bench | make lint | make soak [MINUTES=10] [MESH=mug.ply] | make audit
+# make evidence [ARGS=--list] | make evidence-check
 # Each sets up .venv first, as far as that is still to do. Another Python: make PYTHON=python3.12 demo
 
 PYTHON ?= python3
@@ -14,7 +15,7 @@ ifdef ROS_DISTRO
 unexport LD_LIBRARY_PATH
 endif
 
-.PHONY: demo test test-all bench lint soak audit setup
+.PHONY: demo test test-all bench evidence evidence-check lint soak audit setup
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -34,6 +35,15 @@ bench: setup
 	$(BIN)/midastouch benchmark --objects handle_tool eyebolt --slides 4 --length 0.4 --seeds 2 --init paper \
 		--variant front --jobs 2 --minutes 10 --json out/front.json
 	$(BIN)/midastouch report out/bench.json out/front.json --out out/bench
+
+# Every report that is of other code than today's, the most important first; goes on where it was stopped.
+# make evidence ARGS=--list says what and how long; ARGS="--headline --minutes 180" is three hours.
+evidence: setup
+	$(BIN)/midastouch evidence $(ARGS)
+
+# Before a release: fails while a headline figure is of other code than today's.
+evidence-check: setup
+	$(BIN)/midastouch evidence --check
 
 # MINUTES of images at 60 Hz over the eyebolt, or over MESH, and as much of everything else; takes some times as long.
 soak: setup

@@ -47,6 +47,8 @@ setup(
             "evaluate_presses = midastouch_benchmark.commands.evaluate_presses",
             "evaluate_start = midastouch_benchmark.commands.evaluate_start",
             "evaluate_tdn = midastouch_benchmark.commands.evaluate_tdn",
+            "evidence = midastouch_benchmark.commands.evidence",
+            "fingerprint = midastouch_benchmark.commands.fingerprint",
             "identify = midastouch_benchmark.commands.identify",
             "report = midastouch_benchmark.commands.report",
             "single_touch = midastouch_benchmark.commands.single_touch",

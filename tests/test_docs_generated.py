@@ -8,6 +8,7 @@ from PIL import Image
 
 from midastouch_benchmark.tables import documents as tables
 from midastouch_benchmark.tables import trust_plots
+from midastouch_benchmark.tables.reports import stale
 from midastouch_bringup.ros.parameter_tables import markdown
 
 
@@ -24,6 +25,15 @@ def test_the_figures_of_the_evaluation_stand_in_its_tables():
     assert [what for _, what, figure, _ in figures if f"| {figure} |" not in tables_of_reports] == []
     numbered = re.findall(r"^(\d+)\. \*\*", section("docs/evaluation.md", "## The figures"), flags=re.M)
     assert numbered == [number for number, *_ in figures]
+
+
+def test_figures_of_an_earlier_filter_are_marked():
+    """Each row of a headline page whose report is not of today's fingerprint; `midastouch evidence --check` allows none."""
+    for name in stale(tables.headline()):
+        for document in ("README.md", "docs/evaluation.md", "docs/trust.md"):
+            for line in DOCUMENTS[document].splitlines():
+                if line.startswith("|") and f"[{name}](" in line:
+                    assert tables.MARK in line, f"{document}: {line}; run: python -m {tables.__name__}"
 
 
 def test_pictures_of_trust_show_the_newest_reports(tmp_path):

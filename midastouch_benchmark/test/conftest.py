@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from midastouch_benchmark.evidence import fingerprint
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS, WEIGHTS
 from midastouch_benchmark.trials.trial import ERROR_KEYS
 from midastouch_common import se3
@@ -19,6 +20,13 @@ from midastouch_perception.contact import Contact
 from midastouch_perception.pipeline import Touch
 
 NETWORK = "pose-code"
+
+
+@pytest.fixture(autouse=True)
+def known_fingerprint(monkeypatch, request) -> None:
+    """Ids that need not be measured, but for the tests of what measures them."""
+    if "evidence" not in request.path.parts:
+        monkeypatch.setattr(fingerprint, "today", lambda: {"perception": "5ee00000", "estimates": "e5710000"})
 
 
 def encode(poses: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
             **checked,
         }
     )
-    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])))
+    return options.conclude(args, result, *_notes(result), terminal(presses_table([result])), part="perception")
 
 
 def _listed(problems: dict[str, str]) -> list[dict[str, str]]:

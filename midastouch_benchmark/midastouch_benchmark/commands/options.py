@@ -102,12 +102,18 @@ def add_json_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", metavar="OUT", help="write the results here")
 
 
-def conclude(args: argparse.Namespace, result: dict, *shown: str) -> int:
-    """Keep `result` where --json says, with the command line that made it, and print what is shown; the exit status."""
+def conclude(args: argparse.Namespace, result: dict, *shown: str, part: str = "estimates") -> int:
+    """Keep `result` where --json says, with the command line that made it and the id of what makes estimates, and print
+    what is shown; the exit status.
+
+    part: of the fingerprint that the result depends on.
+    """
     from midastouch_bringup.result_file import write_compact_json
 
     if args.json:
-        write_compact_json(args.json, {"command": args.command_line} | result)
+        from ..evidence.fingerprint import today
+
+        write_compact_json(args.json, {"command": args.command_line, "fingerprint": today()[part]} | result)
     print("\n".join(shown))
     return 0
 

@@ -105,7 +105,8 @@ def run(args: argparse.Namespace) -> int:
         },
         "machine": machine_info(),
     }
-    return options.conclude(args, content, terminal(single_touch_table(content)), *single_touch_notes(content))
+    table, notes = terminal(single_touch_table(content)), single_touch_notes(content)
+    return options.conclude(args, content, table, *notes, part="perception")
 
 
 def _wanted(args: argparse.Namespace) -> list[tuple[str | None, Path | None]]:

@@ -60,7 +60,7 @@ def write_results_page(results: list[tuple[str, dict]], folder: str | os.PathLik
         versions = " ".join(f"{k} {v}" for k, v in machine.get("versions", {}).items())
         page.note(
             f"{name}: {machine.get('cpu')}, {machine.get('cores')} cores, Python {machine.get('python')}, "
-            f"{versions}, commit {machine.get('commit')}"
+            f"{versions}, commit {machine.get('commit')}, fingerprint {content.get('fingerprint')}"
         )
         if "command" in content:
             page.code(content["command"])

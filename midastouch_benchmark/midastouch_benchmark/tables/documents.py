@@ -9,11 +9,23 @@ several times the newest counts: `reports/<date>/NAME.json`.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import pandas as pd
 
 from . import accuracy, checks, comparisons, exploring, figures, perception, speed, trust
-from .reports import COMMANDS, ROOT, report, report_path, reported
+from .reports import (
+    COMMANDS,
+    NO_ESTIMATES,
+    ROOT,
+    fingerprint_of,
+    ids_of_today,
+    names_read,
+    report,
+    report_path,
+    reported,
+    stale,
+)
 from .table import listed, markdown
 
 DOCUMENTS = ("README.md", "docs/evaluation.md", "docs/trust.md", "reports/README.md")
@@ -54,16 +66,56 @@ TABLES = {
 
 def filled(document: str) -> str:
     """The text of a document, its tables made anew."""
-    path = ROOT / document
-    up = "../" * (len(path.relative_to(ROOT).parts) - 1)
+    up = "../" * (len((ROOT / document).relative_to(ROOT).parts) - 1)
 
     def table(match: re.Match) -> str:
-        text = markdown(TABLES[match[2]]())
-        for name in reported():
+        text, names = marked(TABLES[match[2]])
+        for name in names:
             text = text.replace(f"[{name}]", f"[{name}]({up}{report_path(name).relative_to(ROOT).as_posix()})")
         return f"{match[1]}{text}\n{match[3]}"
 
-    return re.sub(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", table, path.read_text(), flags=re.S)
+    return _TABLE.sub(table, (ROOT / document).read_text())
+
+
+_TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(<!-- end -->)", flags=re.S)
+MARK = "\u2020"
+"""Of a row whose report is of other code than today's."""
+
+
+def marked(make: Callable[[], pd.DataFrame]) -> tuple[str, list[str]]:
+    """A table's text, its rows marked whose report is stale, and a line on what that means; names of its reports: those
+    that it names, or else those that it was made of."""
+    with names_read() as read:
+        table = make()
+    text = markdown(table)
+    named = [name for name in reported() if f"[{name}]" in text]
+    names = named or sorted(read)
+    old = stale(names)
+    if old and not named:
+        table.iloc[:, 0] = [f"{cell} {MARK}" for cell in table.iloc[:, 0]]
+        text = markdown(table)
+    for name in old:
+        text = text.replace(f"[{name}]", f"[{name}] {MARK}")
+    return (f"{text}\n\n{_footnote(names, old)}" if old else text), names
+
+
+def _footnote(names: list[str], old: list[str]) -> str:
+    """On a table of these reports, some of them stale."""
+    of_old = sorted({fingerprint_of(name) or "unknown" for name in old})
+    now = ", ".join(f"`{each}`" for each in ids_of_today().values()) or "none"
+    said = f"{MARK} measured with earlier code, fingerprint {', '.join(of_old)}; today's: {now}."
+    mixed = len(of_old) > 1 or len(old) < len(set(names) - set(NO_ESTIMATES))
+    return f"{said} Rows of several fingerprints stand here: they are not of one filter." if mixed else said
+
+
+def headline() -> list[str]:
+    """Names of the reports whose figures stand on the pages that a user reads: all documents but that of the reports
+    themselves."""
+    names: set[str] = set()
+    for document in set(DOCUMENTS) - {"reports/README.md"}:
+        for match in _TABLE.finditer((ROOT / document).read_text()):
+            names.update(marked(TABLES[match[2]])[1])
+    return [name for name in reported() if name in names]
 
 
 if __name__ == "__main__":

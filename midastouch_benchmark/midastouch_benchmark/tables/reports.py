@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path
 
 import pandas as pd
 
+from ..evidence import fingerprint
 from ..trials.protocols import PROTOCOLS
 from .table import tidy
 
@@ -26,8 +29,8 @@ NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
 _EVIDENCE = "no_surface no_book_constraint no_tempering"
 COMMANDS = {
-    "accuracy": f"{_BENCHMARK} --init paper --seeds 4 --jobs 2",
-    "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4 --jobs 2 --minutes 12",
+    "accuracy": f"{_BENCHMARK} --init paper --seeds 4",
+    "accuracy_uniform": f"{_BENCHMARK} --init uniform --seeds 4",
     **{name: f"{_BENCHMARK} --protocol {name} {_MANY}" for name in CONDITIONS},
     **{
         f"{name}_held_out": f"{_BENCHMARK} --objects held_out --protocol {name} --slides 10 --seeds 1"
@@ -93,6 +96,8 @@ OPTICS = {
     "real_sensor": "of two real sensors, not calibrated",
     "real_sensor_calibrated": "of the same, calibrated with ten presses each",
 }
+NO_ESTIMATES = ("soak", "load_eyebolt", "load_mug")
+"""Reports on load and faults of the nodes, which are not about where the gel is."""
 
 
 def report_path(name: str) -> Path:
@@ -110,7 +115,40 @@ def reported() -> list[str]:
 
 def report(name: str) -> dict:
     """Its content."""
+    for names in _readers:
+        names.add(name)
     return json.loads(report_path(name).read_text())
+
+
+_readers: list[set[str]] = []
+
+
+@contextlib.contextmanager
+def names_read() -> Iterator[set[str]]:
+    """The names of the reports that are read meanwhile."""
+    names: set[str] = set()
+    _readers.append(names)
+    try:
+        yield names
+    finally:
+        _readers.remove(names)
+
+
+@cache
+def ids_of_today() -> dict[str, str]:
+    """Those of `reports/fingerprint.json`, by part; none where there is no such file."""
+    return fingerprint.read()[1] if fingerprint.COMMITTED.is_file() else {}
+
+
+def fingerprint_of(name: str) -> str | None:
+    """What a report says of the code that made it; None for one that says nothing."""
+    return json.loads(report_path(name).read_text()).get("fingerprint")
+
+
+def stale(names: Iterable[str]) -> list[str]:
+    """Those of the reports that are of other code than today's, or do not say."""
+    known = ids_of_today().values()
+    return [name for name in names if name not in NO_ESTIMATES and fingerprint_of(name) not in known]
 
 
 def benchmark_summary(name: str) -> dict:

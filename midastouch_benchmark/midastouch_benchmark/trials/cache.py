@@ -115,7 +115,7 @@ def made_from(sequence: Sequence, networks: Networks) -> dict:
 
 _SEEDS = 10  # tried for a slide that gets stuck
 _NEXT_SEED = 1000
-_LIGHT = "additive"  # of the slides: TACTO's
+LIGHT = "additive"  # of the slides: TACTO's
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Cache:
     @cached_property
     def networks(self) -> Networks:
         """Loaded on first use; for the light of the slides, which is TACTO's."""
-        return Networks.load(self.tdn, self.tcn, self.sensor, _LIGHT)
+        return Networks.load(self.tdn, self.tcn, self.sensor, LIGHT)
 
     def describe(self) -> dict[str, str]:
         """What the touches of every slide depend on, for the JSON."""
@@ -201,7 +201,7 @@ class Cache:
 
     def _simulate(self, mesh: ObjectMesh, number: int, path: Path) -> None:
         # caches whose networks are for other light share the slides and use their paths alone
-        kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=_LIGHT)
+        kind, sensor = self.slides, dataclasses.replace(self.networks.sensor, light=LIGHT)
         for attempt in range(_SEEDS):
             seed = number + _NEXT_SEED * attempt
             try:

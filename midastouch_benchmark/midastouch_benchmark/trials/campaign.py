@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import socket
 from itertools import product
 from pathlib import Path
@@ -16,14 +15,16 @@ from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.objects import bundled_objects
 
 from ..baselines import paper_filter, registration
+from ..evidence import fingerprint
 from .cache import Cache
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
 from .trial import RECORD, Yardstick, run_trial
 from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open, source_digest
-from .variants import VARIANTS, ShortCodes
+from .variants import VARIANTS, AnyConfig, ShortCodes
 
+_METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
 THREADS = 1  # of a filter: trials run beside each other
 
 
@@ -56,7 +57,6 @@ class Plan:
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "filter_code": filter_code(),
             "threads": THREADS,
         }
 
@@ -65,16 +65,16 @@ class Plan:
         variant = VARIANTS[labels["variant"]]
         depends_on = {
             "mesh": mesh.sha256,
-            "settings": dataclasses.asdict(variant.config(self.config, 0)),
+            "settings": _unlike_defaults(variant.config(self.config, 0)),
             "beta": self.beta,
             "stride": self.stride,
             "slides": self.cache.slides.name,
             "foreign": foreign.sha256 if foreign else None,
-            "protocol_code": source_digest(Path(inspect.getfile(PROTOCOLS[self.protocol].disturb))),
             **PROTOCOLS[self.protocol].describe(),
             "codebook": codebook_digest,
             "networks": self.cache.describe(),
-            "filter_code": filter_code(),
+            "fingerprint": fingerprint.of_estimates(),
+            "method": (variant.method, source_digest(*_METHODS) if variant.method else ""),
             "record": RECORD,
         }
         return key_of(labels | depends_on | variant.inputs)
@@ -156,5 +156,11 @@ def _run_unit(
 
 
 def filter_code() -> str:
-    """Digest of the code of the filter and of the other methods."""
-    return filter_digest(*(Path(method.__file__) for method in (paper_filter, registration)))
+    """Digest of the code of the filter and of the other methods: workers must have the same, to the letter."""
+    return filter_digest(*_METHODS)
+
+
+def _unlike_defaults(config: AnyConfig) -> dict:
+    """Settings by name that are not as they are by default: those are part of the fingerprint."""
+    usual = type(config)()
+    return {name: value for name, value in dataclasses.asdict(config).items() if value != getattr(usual, name)}

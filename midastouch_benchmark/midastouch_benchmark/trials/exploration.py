@@ -25,10 +25,11 @@ from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.simulation.finger import SimulatedFinger
 from midastouch_perception.simulation.slide import STEP, measure_poses
 
+from ..evidence import fingerprint
 from .cache import Cache
 from .setup import Networks
 from .trial import FRAME_TIME, RIGHT
-from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, slides only",
@@ -60,7 +61,8 @@ class ExplorationPlan:
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "code": filter_digest(Path(__file__)),
+            "code": source_digest(Path(__file__)),
+            "fingerprint": fingerprint.of_estimates(),
         }
 
     def key(self, mesh: ObjectMesh, labels: dict) -> str:

@@ -22,9 +22,10 @@ from midastouch_filter.identification.catalogue_localiser import CatalogueLocali
 from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import UNKNOWN, Identity
 
+from ..evidence import fingerprint
 from .cache import Cache
 from .trial import RIGHT, TrialFrame
-from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open
+from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""
@@ -56,7 +57,8 @@ class IdentityPlan:
             "codebook_size": self.cache.codebook_size,
             "networks": self.cache.describe(),
             "filter": dataclasses.asdict(self.config),
-            "filter_code": filter_digest(Path(__file__)),
+            "trial_code": source_digest(Path(__file__)),
+            "fingerprint": fingerprint.of_estimates(),
             "threads": _THREADS,
         }
 

@@ -11,8 +11,9 @@ from midastouch_filter.core.measurement_model import MeasurementModel
 from midastouch_filter.core.workers import Workers
 from midastouch_perception.codebook import Codebook
 
+from ..evidence import fingerprint
 from ..statistics.coverage import LEVELS
-from .campaign import Plan, filter_code
+from .campaign import Plan
 from .trial_log import TrialLog, key_of
 
 
@@ -20,7 +21,7 @@ def likelihood_levels(plan: Plan, mesh: ObjectMesh, log: TrialLog) -> list[int]:
     """Counts of the levels at which single touches of the plan's slides over an object put their true poses."""
     networks = plan.cache.describe()
     digest = plan.cache.codebook_digest(mesh)
-    content = [mesh.sha256, networks, digest, plan.cache.slides.name, plan.slides, filter_code()]
+    content = [mesh.sha256, networks, digest, plan.cache.slides.name, plan.slides, fingerprint.of_estimates()]
     key = key_of({"likelihood": content, "settings": [plan.config.temperature, plan.config.outlier]})
     if (entry := log.get(key)) is None:
         codes, poses = [], []

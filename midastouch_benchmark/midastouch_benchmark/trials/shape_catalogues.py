@@ -50,7 +50,7 @@ class ShapePlan(IdentityPlan):
         return (
             super().describe()
             | {"room": self.room, "sizes": self.sizes, "touched": self.touched, "seed": _SEED}
-            | {"trial_code": source_digest(Path(__file__))}
+            | {"shape_code": source_digest(Path(__file__))}
         )
 
     def mates(self, number: int, size: int) -> range:

@@ -56,6 +56,7 @@ class ShortCodes:
 DEFAULT, PRESET = "default", "preset"
 PAPER, BASELINE, MECHANISM, GATE = "paper", "peer", "mechanism", "gate"
 COUNT, INPUT, BUDGET, CONTACTS = "particles", "codebook", "alignment", "contacts"
+AnyConfig = FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig
 _CONFIGS = {"paper": PaperConfig, "odometry": OdometryConfig, "registration": RegistrationConfig}
 
 
@@ -105,9 +106,7 @@ class Variant:
         """For the JSON: all but what is as in the default."""
         return {"summary": self.summary, "group": self.group} | self.settings | self.inputs
 
-    def config(
-        self, base: FilterConfig, threads: int
-    ) -> FilterConfig | PaperConfig | OdometryConfig | RegistrationConfig:
+    def config(self, base: FilterConfig, threads: int) -> AnyConfig:
         """Settings of the filter: the variant's laid over `base`."""
         if self.method:
             return _CONFIGS[self.method](**self.settings)

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from midastouch_benchmark.commands import options
+from midastouch_benchmark.evidence import fingerprint
 from midastouch_bringup.output_paths import codebook_path
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
@@ -84,14 +85,16 @@ def test_what_does_not_belong_together_is_refused(box, changes, message):
         options.load_object("box", None, None, NETWORKS)
 
 
-def test_a_result_is_kept_with_the_command_that_made_it(tmp_path, capsys):
+@pytest.mark.parametrize("part", ["estimates", "perception"])
+def test_a_result_is_kept_with_the_command_and_the_code_that_made_it(tmp_path, capsys, part):
     parser = argparse.ArgumentParser()
     options.add_json_option(parser)
     args = parser.parse_args(["--json", str(tmp_path / "r.json")])
     args.command_line = "midastouch measure"
-    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line") == 0
+    assert options.conclude(args, {"mm": 1 / 3}, "a table", "a line", part=part) == 0
     assert capsys.readouterr().out == "a table\na line\n"
-    assert json.loads((tmp_path / "r.json").read_text()) == {"command": "midastouch measure", "mm": 0.3333}
+    kept = {"command": "midastouch measure", "fingerprint": fingerprint.today()[part], "mm": 0.3333}
+    assert json.loads((tmp_path / "r.json").read_text()) == kept
 
 
 def test_it_is_shown_without_being_kept(tmp_path, capsys, monkeypatch):

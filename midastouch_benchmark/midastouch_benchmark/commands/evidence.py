@@ -1,0 +1,76 @@
+"""`midastouch evidence`: which reports are of other code than today's, and what makes them again."""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from midastouch_bringup.commands import arguments
+from midastouch_common.errors import InputError
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "evidence",
+        run,
+        "make every report again that is of other code than today's, the most important first",
+        "midastouch evidence --minutes 180",
+        "The reports are those of reports/README.md, each made by the command that is named there, in a checkout with\n"
+        "../shared beside it. The same command goes on where it was stopped.",
+    )
+    parser.add_argument("reports", nargs="*", metavar="NAME", help="only these (default: all)")
+    parser.add_argument("--list", action="store_true", help="show what would be made, and how long that takes")
+    parser.add_argument(
+        "--check",
+        action="store_true",
+        help="make nothing; exit 1 while a headline figure is of other code",
+    )
+    parser.add_argument("--headline", action="store_true", help="only those whose figures stand on the pages of docs/")
+    parser.add_argument("--minutes", type=arguments.positive, help="start nothing after this time")
+    parser.add_argument(
+        "--jobs", type=arguments.positive_int, default=len(os.sched_getaffinity(0)), help="default: one per core"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    from ..evidence import fingerprint
+    from ..evidence.driver import carry_out, in_words
+    from ..evidence.plan import plan
+    from ..tables.reports import COMMANDS
+    from ..tables.table import listed, terminal
+
+    if unknown := [name for name in args.reports if name not in COMMANDS]:
+        raise InputError(f"{', '.join(unknown)}: no such report; there are {', '.join(COMMANDS)}")
+    steps = [each for each in plan(args.reports or None) if each.headline or not args.headline]
+    open_ = [each for each in steps if each.state != "today"]
+    if args.check:
+        return _check([each.name for each in open_ if each.headline])
+    if args.list:
+        rows = [
+            (each.name, "headline" if each.headline else "", each.state, in_words(each.takes(args.jobs)), each.command)
+            for each in steps
+        ]
+        print(terminal(listed(("report", "", "fingerprint", "takes", "command"), rows)))
+        for what, some in (("headline", [each for each in open_ if each.headline]), ("all", open_)):
+            print(f"{what}: {len(some)} to make, {in_words(sum(each.takes(args.jobs) for each in some))}")
+        return 0
+    if not fingerprint.is_of_today():
+        raise InputError(f"reports/fingerprint.json is of other code; run: {fingerprint.RENEW}")
+    failed = carry_out(open_, args.jobs, args.minutes)
+    if failed:
+        print(f"failed: {', '.join(failed)}")
+    return 1 if failed else 0
+
+
+def _check(old: list[str]) -> int:
+    """Say what is not of today's code; the exit status."""
+    from ..evidence import fingerprint
+
+    if not fingerprint.is_of_today():
+        print(f"reports/fingerprint.json is of other code; run: {fingerprint.RENEW}")
+        return 1
+    print("\n".join(f"{name}: of other code" for name in old) or "every headline figure is of today's code")
+    return 1 if old else 0

@@ -1,0 +1,79 @@
+"""Values of the constants in the code, by name: one that changes may matter where no probe of a fingerprint looks."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import pkgutil
+import re
+from collections.abc import Iterator, Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+import midastouch_filter
+import midastouch_perception
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import Effort, NoiseModel
+from midastouch_filter.core.presets import PRESETS
+
+from ..trials.setup import Networks
+
+_CONSTANT = re.compile(r"_?[A-Z][A-Z0-9_]*")
+# what messages, trainings and calibrations need makes no estimate
+_ELSEWHERE = ("nodes", "ros", "executables", "training", "train", "sensor_calibration", "official_weights", "network")
+_OF_THE_MACHINE = ("threads",)
+Constants = dict[str, list[float | str]]
+
+
+def of_perception(networks: Networks) -> Constants:
+    """Those of images, maps, codes and codebooks, and the ids of networks and sensor."""
+    ids = networks.describe() | {"sensor": networks.sensor.content_id}
+    return _of_package(midastouch_perception) | {name: [value] for name, value in ids.items()}
+
+
+def of_filter() -> Constants:
+    """Those of the filter, with its settings and those of the presets."""
+    config = FilterConfig()
+    fields = [dataclasses.asdict(each) for each in (config, NoiseModel.of(config), Effort())]
+    out = _of_package(midastouch_filter)
+    for name, value in [*_flat({"preset": PRESETS}), *(pair for each in fields for pair in _flat(each))]:
+        if name not in _OF_THE_MACHINE:
+            out.setdefault(name, []).append(value)
+    return out
+
+
+def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
+    """Names of those with other values. What only one side has was renamed, added or removed: the probes tell whether
+    that matters."""
+    return [name for name in one.keys() & other.keys() if one[name] != other[name]]
+
+
+def _of_package(package: ModuleType) -> Constants:
+    """Of all its modules; the values, each once, in order, of constants that have a name in common."""
+    found: dict[str, set[float]] = {}
+    for module in _modules(package):
+        for name, value in vars(module).items():
+            if _CONSTANT.fullmatch(name):
+                for key, number in _flat({name: value}):
+                    found.setdefault(key, set()).add(number)
+    return {name: sorted(values) for name, values in sorted(found.items())}
+
+
+def _modules(package: ModuleType) -> Iterator[ModuleType]:
+    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if not set(info.name.split(".")) & set(_ELSEWHERE):
+            yield importlib.import_module(info.name)
+
+
+def _flat(value: Any, name: str = "") -> Iterator[tuple[str, float]]:
+    """Numbers with their path, of what is made of them."""
+    if isinstance(value, (bool, int, float, np.number)):
+        yield name, float(f"{float(value):.9g}")
+    elif isinstance(value, Mapping):
+        for key, each in value.items():
+            yield from _flat(each, f"{name}.{key}".strip("."))
+    elif isinstance(value, (tuple, list, np.ndarray)):
+        for k, each in enumerate(value):
+            yield from _flat(each, f"{name}.{k}")

@@ -1,0 +1,205 @@
+"""The fingerprint of what makes estimates: it stays when code is only renamed, and changes when an answer does.
+
+    .venv/bin/midastouch fingerprint --write
+
+It has two parts, `perception` (simulator, networks, renderer, codebook) and `estimates` (these and the filter), each
+made of numbers that probes measure and of the values of constants. `reports/fingerprint.json` holds those of today
+under their ids. Code whose numbers agree with them has these ids, on whatever machine: each number may be off four
+times as far as inputs that are off in the sixth digit have moved it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+
+import midastouch_common
+import midastouch_filter
+import midastouch_kernels
+import midastouch_perception
+from midastouch_bringup import datasets
+from midastouch_bringup.result_file import read_json
+from midastouch_common.files import atomic_path
+from midastouch_filter.core.config import FilterConfig
+
+from ..trials import disturbances, protocols
+from . import constants
+from .constants import Constants
+from .filter_probes import filter_probes
+from .perception_probes import perception_probes
+from .probe import Probe, Probes
+from .scene import Scene, nudged, off
+
+ROOT = Path(__file__).resolve().parents[3]
+COMMITTED = ROOT / "reports" / "fingerprint.json"
+PERCEPTION, ESTIMATES = "perception", "estimates"
+RENEW = "midastouch fingerprint --write"
+_CACHE = ROOT / "out" / "cache" / "fingerprint"
+_NUDGES = 8
+
+
+@dataclass(frozen=True)
+class Part:
+    """Numbers and constants of one part."""
+
+    probes: Probes
+    constants: Constants
+
+    def differences(self, other: Part) -> list[str]:
+        """What of this one another part has otherwise, in words; none if they agree."""
+        lost = [name for name, probe in self.probes.items() if not _agrees(probe, other.probes.get(name))]
+        changed = constants.changed(self.constants, other.constants)
+        return [*(f"probe '{name}'" for name in lost), *(f"constant {name}" for name in sorted(changed))]
+
+    def to_json(self) -> dict:
+        """What `from_json` reads."""
+        return {"constants": self.constants, "probes": {name: each.to_json() for name, each in self.probes.items()}}
+
+    @classmethod
+    def from_json(cls, content: dict) -> Part:
+        """What `to_json` gave."""
+        return cls({name: Probe.from_json(each) for name, each in content["probes"].items()}, content["constants"])
+
+
+def _agrees(probe: Probe, other: Probe | None) -> bool:
+    return other is not None and probe.agrees(other)
+
+
+Fingerprint = dict[str, Part]
+
+
+def measure(config: FilterConfig | None = None, seed: int | None = None) -> Fingerprint:
+    """Of the code as it runs here; config: the filter's, if not its defaults; seed, of a nudge to every input."""
+    both = scenes()
+    if seed is None:
+        seen, answered = perception_probes(both[0]), filter_probes(both, config or FilterConfig())
+    else:
+        rng = np.random.default_rng(seed)
+        seen = perception_probes(both[0], partial(off, rng=rng))
+        answered = filter_probes(both, config or FilterConfig(), partial(nudged, rng=rng))
+    return {
+        PERCEPTION: Part(seen, constants.of_perception(both[0].networks)),
+        ESTIMATES: Part(answered, constants.of_filter()),
+    }
+
+
+def steady(seeds: range = range(_NUDGES)) -> Fingerprint:
+    """The same, of what is the same on every machine; takes as many times longer as there are seeds of nudges."""
+    plain, others = measure(), [measure(seed=seed) for seed in seeds]
+    return {
+        part: Part(
+            {name: probe.steadied([o[part].probes[name] for o in others]) for name, probe in one.probes.items()},
+            one.constants,
+        )
+        for part, one in plain.items()
+    }
+
+
+@cache
+def scenes() -> list[Scene]:
+    """Those that are probed, made once."""
+    return [Scene.of("handle_tool", 0), Scene.of("eyebolt", 1)]
+
+
+def differences(committed: Fingerprint, now: Fingerprint) -> dict[str, list[str]]:
+    """By part, what has changed; what changes images or codes changes estimates."""
+    changed = {part: one.differences(now[part]) for part, one in committed.items()}
+    changed[ESTIMATES] = [*changed[PERCEPTION], *changed[ESTIMATES]]
+    return changed
+
+
+def ids(fingerprint: Fingerprint) -> dict[str, str]:
+    """Names for the parts of one that agrees with no other, by their content."""
+    texts = {part: json.dumps(one.to_json(), sort_keys=True) for part, one in fingerprint.items()}
+    texts[ESTIMATES] += texts[PERCEPTION]
+    return {part: hashlib.sha256(text.encode()).hexdigest()[:8] for part, text in texts.items()}
+
+
+def write(path: Path = COMMITTED) -> dict[str, list[str]]:
+    """Make the file the fingerprint of today's code; a part that has not changed stays. What has changed, by part."""
+    found, named = steady(), {}
+    names = ids(found)
+    changed = {part: ["there was none"] for part in found}
+    if path.is_file():
+        old, named = read(path)
+        changed = differences(old, found)
+        found = {part: one if changed[part] else old[part] for part, one in found.items()}
+    content = {
+        part: {"id": names[part] if changed[part] else named[part]} | one.to_json() for part, one in found.items()
+    }
+    with atomic_path(path) as temporary:
+        temporary.write_text("\n".join(_lines(content)) + "\n")
+    return changed
+
+
+def _lines(content: dict) -> Iterator[str]:
+    """JSON, each probe and constant on a line of its own."""
+    text = json.dumps(content, indent=1)
+    depth, line = 0, ""
+    for row in text.splitlines():
+        inner = row.strip()
+        line += inner if line else row
+        depth += inner.count("[") - inner.count("]")
+        if depth == 0:
+            yield line
+            line = ""
+        elif inner.endswith(","):
+            line += " "
+
+
+def read(path: Path = COMMITTED) -> tuple[Fingerprint, dict[str, str]]:
+    """The fingerprint in a file, and its parts' ids."""
+    content = read_json(path)
+    return {part: Part.from_json(one) for part, one in content.items()}, {p: one["id"] for p, one in content.items()}
+
+
+@cache
+def today() -> dict[str, str]:
+    """Ids of the parts of the code as it runs here: those of `reports/fingerprint.json` as far as it agrees.
+
+    Measured once for each state of the sources, networks and models: kept in out/cache.
+    """
+    now = _measured()
+    if not COMMITTED.is_file():
+        return ids(now)
+    old, names = read()
+    changed, new = differences(old, now), ids(now)
+    return {part: new[part] if changed[part] else names[part] for part in names}
+
+
+def is_of_today() -> bool:
+    """Whether the committed fingerprint is that of the code as it runs here."""
+    return COMMITTED.is_file() and read()[1] == today()
+
+
+def of_estimates() -> str:
+    """Id of all that a trial's estimates depend on, beside its own input and settings."""
+    return today()[ESTIMATES]
+
+
+def _measured() -> Fingerprint:
+    path = _CACHE / f"{_sources()}.json"
+    if path.is_file():
+        return {part: Part.from_json(one) for part, one in read_json(path).items()}
+    found = measure()
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps({part: one.to_json() for part, one in found.items()}))
+    return found
+
+
+def _sources() -> str:
+    """Digest of every file that the numbers may depend on."""
+    packages = (midastouch_common, midastouch_filter, midastouch_kernels, midastouch_perception, datasets)
+    folders = [*(Path(package.__file__).parent for package in packages), Path(__file__).parent]
+    files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
+    files += [Path(module.__file__) for module in (disturbances, protocols)]
+    digest = hashlib.sha256()
+    for path in sorted(path for path in files if "__pycache__" not in path.parts):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,44 @@
+"""What simulator, networks, renderer and codebook make of fixed poses, as numbers; each stage gets its own input."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+
+from .probe import Probe, Probes
+from .scene import Scene
+
+_TOUCHES, _ENTRIES, _NUMBERS = 4, 12, 12  # touches, entries of a codebook, numbers of a code
+_BLOCKS = 4, 3  # of an image or a map
+Nudge = Callable[[np.ndarray], np.ndarray]
+
+
+def perception_probes(scene: Scene, nudge: Nudge = lambda values: values) -> Probes:
+    """By name; nudge: what is done to images, poses and maps before a stage gets them."""
+    networks, poses = scene.networks, scene.poses[:_TOUCHES]
+    images, background = scene.images(poses)
+    pipeline = networks.pipeline()
+    contacts = [pipeline.process(nudge(image), background).contact for image in images]
+    small = PenetrationRenderer(scene.mesh, networks.sensor.for_maps)
+    maps = small.render(nudge(poses))
+    book = scene.codebook
+    entries = slice(None, None, len(book.poses) // _ENTRIES)
+    return {
+        "images": Probe(_blocks(images.mean(axis=-1)), [0.1] * 12),
+        "depth": Probe(_blocks(np.array([each.penetration for each in contacts])), [2e-6] * 12),
+        "contact": Probe(np.array([[1e6 * each.area_m2] for each in contacts]), [0.5]),
+        "rendered": Probe(_blocks(maps), [1e-6] * 12),
+        "codes": Probe(networks.tcn.encode(nudge(maps))[:, :_NUMBERS], [1e-3] * _NUMBERS),
+        "book": Probe(book.poses[entries, :3].reshape(-1, 12), [1e-4] * 12),
+        "book's codes": Probe(book.codes[entries, :_NUMBERS], [2e-3] * _NUMBERS),
+        "calibration of codes": Probe(np.array([[book.meta["temperature"], book.meta["outlier"]]]), [1e-6] * 2),
+    }
+
+
+def _blocks(pictures: np.ndarray) -> np.ndarray:
+    """Means (N, 12) over the blocks of pictures (N, H, W)."""
+    rows = np.array_split(pictures, _BLOCKS[0], axis=1)
+    return np.stack([b.mean(axis=(1, 2)) for row in rows for b in np.array_split(row, _BLOCKS[1], axis=2)], axis=1)

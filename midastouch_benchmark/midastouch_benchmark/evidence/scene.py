@@ -1,0 +1,105 @@
+"""What the probes of a fingerprint look at: touches of bundled objects, made as those of reports are."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from midastouch_bringup.datasets.slide_simulation import NOISE_R, NOISE_T, TactoCamera
+from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.touch import Measurement, measurement_of
+from midastouch_perception.codebook import Codebook
+from midastouch_perception.codebook_build import CodebookBuild
+from midastouch_perception.objects import bundled_objects
+from midastouch_perception.rendering.renderer import PenetrationRenderer
+from midastouch_perception.simulation.grasp import simulate_grasps
+from midastouch_perception.simulation.slide import measure_poses, simulate_slide
+
+from ..trials.cache import LIGHT
+from ..trials.setup import Networks
+from ..trials.trial import FRAME_TIME, TrialFrame
+
+_LENGTH, _STEP = 0.144, 12e-3  # m: each touch is a keyframe
+_POSES = 3_000
+NUDGE = 1e-6
+"""How far the inputs of a nudged probe are off, relative to their size: as far as machines differ."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A small object, known by touch: mesh, networks, true poses (N, 4, 4) of a slide."""
+
+    mesh: ObjectMesh
+    networks: Networks
+    poses: np.ndarray
+
+    @classmethod
+    def of(cls, name: str, seed: int) -> Scene:
+        """Of a bundled object; the seed fixes all that it fixes for a simulated slide."""
+        mesh, networks = ObjectMesh.load(bundled_objects()[name]), Networks.load(light=LIGHT)
+        return cls(mesh, networks, simulate_slide(mesh, networks.sensor, _LENGTH, np.random.default_rng(seed), _STEP))
+
+    @cached_property
+    def codebook(self) -> Codebook:
+        """A small one, of the whole surface."""
+        return CodebookBuild(self.mesh, self.networks.tcn, self.networks.sensor, _POSES).run()
+
+    def images(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """At poses (N, 4, 4): (N, H, W, 3) uint8, and the no-contact image (H, W, 3)."""
+        rng = np.random.default_rng(0)
+        camera = TactoCamera(self.networks.sensor, rng)
+        maps, normals = PenetrationRenderer(self.mesh, self.networks.sensor).render_with_normals(poses)
+        return np.array([camera.image(*each, rng) for each in zip(maps, normals, strict=True)]), camera.background
+
+    @cached_property
+    def frames(self) -> list[TrialFrame]:
+        """The slide as a filter gets it."""
+        return self._perceived(self.poses, measure_poses(self.poses, np.random.default_rng(0), NOISE_T, NOISE_R))
+
+    def _perceived(self, poses: np.ndarray, measured: np.ndarray) -> list[TrialFrame]:
+        pipeline, (images, background) = self.networks.pipeline(), self.images(poses)
+        touches = [measurement_of(pipeline.process(image, background)) for image in images]
+        return [
+            TrialFrame(k, touch, {}, at, truth, FRAME_TIME)
+            for k, (touch, at, truth) in enumerate(zip(touches, measured, poses, strict=True))
+        ]
+
+    @cached_property
+    def grasps(self) -> list[TrialFrame]:
+        """Two grasps, a frame for each contact, as `protocols.grasp` gets them."""
+        poses = simulate_grasps(self.mesh, self.networks.sensor, 2, np.random.default_rng(0)).reshape(-1, 4, 4)
+        return self._perceived(poses, poses)
+
+
+def off(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Numbers off by `NUDGE`, of grey levels of 0 to 255 few by one."""
+    if values.dtype == np.uint8:
+        return np.where(rng.random(values.shape) < NUDGE * 255, values ^ 1, values)
+    return (values * (1 + NUDGE * rng.uniform(-1, 1, values.shape))).astype(values.dtype)
+
+
+def nudged(frames: list[TrialFrame], rng: np.random.Generator) -> list[TrialFrame]:
+    """The same frames, their codes, maps and measured poses off by `NUDGE`."""
+
+    def touch(one: Measurement) -> Measurement:
+        if not one.in_contact:
+            return one
+        return dataclasses.replace(one, code=off(one.code, rng), penetration=off(one.penetration, rng))
+
+    def pose(one: np.ndarray) -> np.ndarray:
+        out = one.copy()
+        out[:3, 3] = off(one[:3, 3], rng)
+        return out
+
+    return [
+        dataclasses.replace(
+            frame,
+            measurement=touch(frame.measurement),
+            measured=pose(frame.measured),
+            others={name: touch(each) for name, each in frame.others.items()},
+        )
+        for frame in frames
+    ]

@@ -1,0 +1,91 @@
+"""Reports made again in their order, from where it was stopped."""
+
+import json
+
+import pytest
+
+from midastouch_benchmark.evidence import driver, plan
+from midastouch_benchmark.evidence.plan import Step
+from midastouch_benchmark.tables import reports
+
+TODAY = {"perception": "aaaaaaaa", "estimates": "bbbbbbbb"}
+
+
+@pytest.fixture
+def root(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(driver, "ROOT", tmp_path)
+    return tmp_path
+
+
+def step(name: str, code: str, command: str = "midastouch benchmark") -> Step:
+    return Step(name, f"{command} # {code}", True, "unknown", 600.0)
+
+
+@pytest.fixture
+def shell(monkeypatch):
+    """Writes what a step says after its `#` in place of what its command would."""
+
+    def command_line(step, made, jobs, minutes):
+        return f"echo {step.name} >> ran; echo '{step.command.split('# ')[1]}' > {made}"
+
+    monkeypatch.setattr(driver, "command_line", command_line)
+
+
+def test_whole_reports_take_their_place_and_their_time_is_remembered(root, shell):
+    assert driver.carry_out([step("a", "{}"), step("b", '{"missing_trials": 0}')], jobs=2, say=lambda _: None) == []
+    assert sorted(path.name for path in root.glob("reports/*/*.json")) == ["a.json", "b.json"]
+    assert set(plan.measured_seconds()) == {"a", "b"}
+
+
+def test_a_report_with_trials_missing_does_not_and_nothing_follows(root, shell):
+    said = []
+    driver.carry_out([step("a", '{"missing_trials": 3}'), step("b", "{}")], jobs=1, say=said.append)
+    assert not list(root.glob("reports/*/*.json"))
+    assert (root / "ran").read_text() == "a\n"
+    assert "about 20 min left" in said[0]
+    assert "goes on" in said[-1]
+
+
+def test_a_command_that_fails_is_named_and_the_next_goes_on(root, monkeypatch):
+    lines = iter(["exit 3", "echo {} > out/evidence/b.json"])
+    monkeypatch.setattr(driver, "command_line", lambda *_: next(lines))
+    said = []
+    assert driver.carry_out([step("a", ""), step("b", "")], jobs=1, say=said.append) == ["a"]
+    assert any("exit 3" in each for each in said)
+    assert [path.name for path in root.glob("reports/*/*.json")] == ["b.json"]
+
+
+def test_campaigns_are_shared_out_and_bounded(tmp_path):
+    shared, alone = step("a", ""), step("b", "", "midastouch evaluate-tdn")
+    assert driver.command_line(shared, tmp_path / "a", 2, 30).endswith(f" --jobs 2 --minutes 30.0 --json {tmp_path}/a")
+    assert "--jobs" not in driver.command_line(alone, tmp_path / "b", 2, 30)
+    assert (shared.takes(2), alone.takes(2)) == (300, 600)
+
+
+@pytest.mark.parametrize(("seconds", "words"), [(10, "1 min"), (3_000, "50 min"), (7_800, "2 h 10 min")])
+def test_times_in_words(seconds, words):
+    assert driver.in_words(seconds) == words
+
+
+def test_headline_reports_come_first_and_say_what_they_are_of(monkeypatch):
+    steps = plan.plan()
+    is_headline = [each.headline for each in steps]
+    assert is_headline == sorted(is_headline, reverse=True)
+    assert {"accuracy", "kidnap", "identify"} <= {each.name for each in steps if each.headline}
+    assert {each.name for each in steps} == set(reports.COMMANDS) - set(reports.NO_ESTIMATES)
+
+
+def test_how_long_it_takes_is_told_by_trials_and_then_by_experience(root, monkeypatch):
+    content = {"fingerprint": "bbbbbbbb", "trials": [{"filter_cpu_ms": 10.0, "frames": 100}] * 200}
+    path = root / "accuracy.json"
+    path.write_text(json.dumps(content))
+    for module in (plan, reports):
+        monkeypatch.setattr(module, "reported", lambda: ["accuracy"])
+    monkeypatch.setattr(plan, "headline", lambda: ["accuracy"])
+    monkeypatch.setattr(reports, "report_path", lambda name: path)
+    monkeypatch.setattr(reports, "ids_of_today", lambda: TODAY)
+    (first,) = plan.plan(["accuracy"])
+    assert (first.state, first.seconds) == ("today", pytest.approx(1.6 * 200))
+    plan.remember_seconds("accuracy", 77.0)
+    assert plan.plan(["accuracy"])[0].seconds == 77.0

@@ -1,0 +1,97 @@
+"""The fingerprint of the code as it is: stays when inputs differ as machines do, changes when an estimate does."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from midastouch_benchmark.evidence import fingerprint
+from midastouch_benchmark.evidence.fingerprint import ESTIMATES, PERCEPTION, RENEW, Part, differences, ids, read
+from midastouch_benchmark.evidence.probe import Probe
+from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_perception.tcn.inference import TactileCodeNet
+
+
+def test_the_committed_fingerprint_is_of_today_s_code():
+    _, names = read()
+    assert fingerprint.today() == names, f"estimates or constants have changed; run: {RENEW}, and commit the file"
+
+
+def of(values: float, **constants: float) -> Part:
+    return Part({"p": Probe(np.full((2, 1), values), [0.1])}, {name: [one] for name, one in constants.items()})
+
+
+def test_names_of_constants_may_change_and_values_may_not():
+    one = {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0, B=1)}
+    renamed = {PERCEPTION: of(1.05, A=1), ESTIMATES: of(2.05, C=1)}
+    assert differences(one, renamed) == {PERCEPTION: [], ESTIMATES: []}
+    changed = {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0, B=1.5)}
+    assert differences(one, changed) == {PERCEPTION: [], ESTIMATES: ["constant B"]}
+
+
+def test_what_changes_the_perception_changes_the_estimates():
+    one = {PERCEPTION: of(1.0), ESTIMATES: of(2.0)}
+    assert differences(one, {PERCEPTION: of(1.2), ESTIMATES: of(2.0)}) == {
+        PERCEPTION: ["probe 'p'"], ESTIMATES: ["probe 'p'"],
+    }  # fmt: skip
+    assert ids(one)[ESTIMATES] != ids(one | {PERCEPTION: of(1.2)})[ESTIMATES]
+
+
+def test_a_part_that_did_not_change_keeps_its_id(tmp_path, monkeypatch):
+    path = tmp_path / "fingerprint.json"
+    monkeypatch.setattr(fingerprint, "steady", lambda: {PERCEPTION: of(1.0, A=1), ESTIMATES: of(2.0)})
+    fingerprint.write(path)
+    before = read(path)[1]
+    monkeypatch.setattr(fingerprint, "steady", lambda: {PERCEPTION: of(1.05, A=1), ESTIMATES: of(3.0)})
+    assert fingerprint.write(path) == {PERCEPTION: [], ESTIMATES: ["probe 'p'"]}
+    after = read(path)[1]
+    assert after[PERCEPTION] == before[PERCEPTION]
+    assert after[ESTIMATES] != before[ESTIMATES]
+    assert json.loads(path.read_text())[PERCEPTION]["probes"]["p"]["values"] == [[1.0], [1.0]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1001, 1002])
+def test_other_inputs_in_the_sixth_digit_leave_it_as_it_is(seed):
+    committed, _ = read()
+    assert differences(committed, fingerprint.measure(seed=seed)) == {PERCEPTION: [], ESTIMATES: []}
+
+
+def probes_changed(config: FilterConfig | None = None) -> list[str]:
+    """By the probes alone, without the values of constants."""
+    committed, _ = read()
+    without = {name: dataclasses.replace(part, constants={}) for name, part in committed.items()}
+    return differences(without, fingerprint.measure(config))[ESTIMATES]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changed", [{"correlation_length": 0.021}, {"converged_probability": 0.9}, {"smoothing_spacing": 0.015}]
+)
+def test_a_setting_that_changes_estimates_is_seen_by_the_probes(changed):
+    assert probes_changed(FilterConfig(**changed))
+
+
+@pytest.mark.slow
+def test_a_number_deep_in_the_filter_is_seen_by_the_probes(monkeypatch):
+    as_is = NoiseModel.of
+    monkeypatch.setattr(NoiseModel, "of", classmethod(lambda _, c: dataclasses.replace(as_is(c), map_patches=2.8)))
+    assert probes_changed()
+
+
+@pytest.mark.slow
+def test_other_weights_are_seen_by_the_probes(monkeypatch):
+    as_is = TactileCodeNet.encode
+
+    def encode(net, maps):
+        codes = as_is(net, maps) * np.linspace(0.98, 1.02, net.dim, dtype=np.float32)
+        return codes / np.linalg.norm(codes, axis=-1, keepdims=True)
+
+    monkeypatch.setattr(TactileCodeNet, "encode", encode)
+    fingerprint.scenes.cache_clear()
+    try:
+        assert "probe 'codes'" in probes_changed()
+    finally:
+        fingerprint.scenes.cache_clear()
