@@ -38,7 +38,7 @@ _LARGEST_ORDER, _LARGEST_GROUP = 200, 400  # of a gear's turns; of motions
 _SAME_ANGLE = np.radians(0.7)
 _TURNS_ABOUT_AXIS, _SAME_DISTANCE = 12, 2e-3  # look-alikes about an axis; m, pose distance
 
-FELT = 3e-4
+DETECTABLE = 3e-4
 """m RMS over a patch: three standard deviations of a measured map (`FilterConfig.penetration_noise`). Less is hidden by
 noise; the flats that stand for a round surface in a mesh make some 0.2 mm."""
 _FLATS, _FEWEST_FLATS = 5e-4, 16
@@ -150,15 +150,15 @@ def _completed(surface: _Surface, found: list[np.ndarray]) -> list[np.ndarray]:
 
 def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[Symmetry, float]:
     """The largest group of motions that no touch tells, out of near ones, and its residual [m]."""
-    most = FELT
+    most = DETECTABLE
     if near.free == "axis":
         # a gear's turns are finer than the grid of rotations
         orders = range(_LARGEST_ORDER, 1, -1)
         turns = [about(near.centre, _turn(near.axis, order))[0] for order in orders]
-        finest = next(((o, t) for o, t in zip(orders, turns, strict=True) if touches.difference(t) <= FELT), None)
+        finest = next(((o, t) for o, t in zip(orders, turns, strict=True) if touches.difference(t) <= DETECTABLE), None)
         if finest:
             found = [np.eye(4), finest[1], *found[1:]]
-            most = _FLATS if finest[0] >= _FEWEST_FLATS else FELT
+            most = _FLATS if finest[0] >= _FEWEST_FLATS else DETECTABLE
     if near.free != "none":
         probes = near.turned(_PROBED_TURNS) if near.free == "axis" else found[:_PROBED_TURNS]
         residual = max(touches.difference(motion, until=most) for motion in probes)
@@ -167,10 +167,10 @@ def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[
     generators: list[np.ndarray] = []
     group, residual = [np.eye(4)], 0.0
     for motion in found[1:]:
-        if _holds(group, motion) or (difference := touches.difference(motion)) > FELT:
+        if _holds(group, motion) or (difference := touches.difference(motion)) > DETECTABLE:
             continue
         larger, worst = _closed(touches, [*generators, motion])
-        if worst <= FELT:
+        if worst <= DETECTABLE:
             generators, group, residual = [*generators, motion], larger, max(residual, difference, worst)
     return Symmetry(np.array(group), centre=near.centre), residual
 
@@ -195,7 +195,7 @@ def _closed(touches: _Touches, generators: list[np.ndarray]) -> tuple[list[np.nd
             both = motion @ generator
             if not _holds(group, both):
                 worst = max(worst, touches.difference(both, _FEW))
-                if worst > FELT or len(group) >= _LARGEST_GROUP:
+                if worst > DETECTABLE or len(group) >= _LARGEST_GROUP:
                     return group, np.inf
                 group.append(both)
     return group, worst
@@ -211,13 +211,13 @@ class _Touches:
         pixel = np.sqrt(self._renderer.sensor.pixel_area)
         self._patch = max(round(_PATCH / pixel), 1)
 
-    def difference(self, motion: np.ndarray, stride: int = 1, until: float = FELT) -> float:
+    def difference(self, motion: np.ndarray, stride: int = 1, until: float = DETECTABLE) -> float:
         """Largest RMS difference [m] over a patch of a map that moving the gel by (4, 4) makes, at every `stride`-th
         pose; or the first ones found, once they are above `until`."""
         worst, asked = 0.0, np.arange(0, len(self._poses), stride)
         for part in np.split(asked, range(_FIRST_PART, len(asked), _PART)):
             squared = np.square(self._renderer.render(motion @ self._poses[part]) - self._maps[part])
-            changed = squared.reshape(len(squared), -1).max(axis=1) > FELT**2
+            changed = squared.reshape(len(squared), -1).max(axis=1) > DETECTABLE**2
             for each in squared[changed]:
                 worst = max(worst, float(cv2.blur(each, (self._patch, self._patch)).max()))
             if worst > until**2:

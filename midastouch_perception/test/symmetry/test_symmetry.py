@@ -14,7 +14,7 @@ from midastouch_perception.objects import bundled_objects
 from midastouch_perception.sensor_model import SensorModel
 from midastouch_perception.symmetry.bop import symmetry_of_bop
 from midastouch_perception.symmetry.group import Symmetry
-from midastouch_perception.symmetry.search import FELT, ObjectSymmetry, near_symmetry, object_symmetry
+from midastouch_perception.symmetry.search import DETECTABLE, ObjectSymmetry, near_symmetry, object_symmetry
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(
@@ -131,23 +131,23 @@ def gear(teeth: int, missing: int = 0) -> ObjectMesh:
     return moved_mesh(trimesh.Trimesh(vertices, np.concatenate([np.stack(each, axis=1) for each in faces])))
 
 
-def felt(mesh: ObjectMesh, **given) -> ObjectSymmetry:
+def measured_symmetry(mesh: ObjectMesh, **given) -> ObjectSymmetry:
     """What a DIGIT feels of a symmetry."""
     sensor = SensorModel.load("digit_tacto")
     return object_symmetry(mesh, sensor, codebook_poses(mesh, 4000, sensor, np.random.default_rng(0)), **given)
 
 
 def test_every_tooth_of_a_gear_is_like_every_other():
-    found = felt(gear(20))
+    found = measured_symmetry(gear(20))
     assert (found.exact.free, len(found.exact.transforms)) == ("none", 40)
     assert contains(found.exact, turn(0, 0, np.radians(18)))
     assert not contains(found.exact, turn(0, 0, np.radians(9)))
-    assert found.residual < FELT
+    assert found.residual < DETECTABLE
     assert not len(found.look_alikes)
 
 
-def test_a_missing_tooth_is_felt_and_the_others_remain_look_alikes():
-    found = felt(gear(12, missing=1))
+def test_a_missing_tooth_is_measured_and_the_others_remain_look_alikes():
+    found = measured_symmetry(gear(12, missing=1))
     assert len(found.exact.transforms) == 2  # it can still be turned over
     assert len(found.look_alikes) == 11
     images = found.look_alikes @ MOVED
@@ -155,27 +155,27 @@ def test_a_missing_tooth_is_felt_and_the_others_remain_look_alikes():
     assert found.exact.distance(images, wanted).min() < 1e-3
 
 
-def test_flats_that_stand_for_a_round_surface_are_not_felt():
-    found = felt(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=32)))
+def test_flats_that_stand_for_a_round_surface_are_not_measured_symmetry():
+    found = measured_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=32)))
     assert found.exact.describe() == "axis, both ends alike"
     assert 0 < found.residual < 5e-4
 
 
-def test_the_sides_of_a_bottle_are_felt():
-    found = felt(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=6)))
+def test_the_sides_of_a_bottle_are_measured_symmetry():
+    found = measured_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=6)))
     assert len(found.exact.transforms) == 12
 
 
 def test_what_the_user_says_is_not_looked_for():
     half_turn = Symmetry(np.array([np.eye(4), MOVED @ turn(0, 0, np.pi) @ se3.inverse(MOVED)]))
-    found = felt(gear(12, missing=1), given=half_turn)
+    found = measured_symmetry(gear(12, missing=1), given=half_turn)
     assert found.given
     assert len(found.exact.transforms) == 2
-    assert found.residual > FELT  # as is said
+    assert found.residual > DETECTABLE  # as is said
 
 
 def test_it_survives_a_file():
-    found = felt(gear(12, missing=1))
+    found = measured_symmetry(gear(12, missing=1))
     again = ObjectSymmetry.from_json(json.loads(json.dumps(found.as_json())))
     np.testing.assert_array_equal(again.exact.transforms, found.exact.transforms)
     np.testing.assert_array_equal(again.look_alikes, found.look_alikes)
