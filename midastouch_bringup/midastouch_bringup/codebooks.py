@@ -15,6 +15,7 @@ from midastouch_filter.core.object_model import derived_arrays
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.codebook_build import CodebookBuild
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
 from midastouch_perception.tcn import TactileCodeNet, load_tcn
 
 from .cluster import Cluster
@@ -33,14 +34,15 @@ def build_and_save(
     seed: int,
     path: str | os.PathLike,
     jobs: int | None,
+    symmetry: Symmetry | None = None,
 ) -> tuple[Codebook, float]:
     """Build a codebook of `size` poses and write it to `path`; returns it and the seconds it took.
 
-    `jobs` chunks are encoded at a time, None: one per core. An interrupted build leaves what it has done beside
-    `path`, where the next call for the same codebook goes on.
+    symmetry of the object, None: it is found. `jobs` chunks are encoded at a time, None: one per core. An interrupted
+    build leaves what it has done beside `path`, where the next call for the same codebook goes on.
     """
     start = time.perf_counter()
-    build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed), unfinished_path(path)
+    build, unfinished = CodebookBuild(mesh, tcn, sensor, size, seed, symmetry), unfinished_path(path)
     if unfinished.is_file():
         try:
             build.restore(unfinished)
@@ -128,7 +130,8 @@ def _build(path: Path, tcn: str, sensor: str, size: int, seed: int, folder: Path
 def described(path: Path, codebook: Codebook, seconds: float) -> str:
     """A line about a codebook that was built."""
     size = path.stat().st_size / 2**20
-    return f"{path}: {len(codebook.poses)} poses of {codebook.meta['mesh_name']}, {size:.1f} MiB, {seconds:.1f} s"
+    poses = f"{len(codebook.poses)} poses of {codebook.meta['mesh_name']}"
+    return f"{path}: {poses}, {size:.1f} MiB, {seconds:.1f} s; {codebook.symmetry.describe()}"
 
 
 def cached_codebook_path(mesh: ObjectMesh, size: int, folder: Path = _CACHE) -> Path:

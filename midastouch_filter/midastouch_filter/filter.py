@@ -105,7 +105,7 @@ class ParticleFilter:
 
     def _start(self, particles: Particles, prior: Prior | None) -> None:
         self._answered = None
-        self._belief = Belief(particles, self._object.lookup, self._object.mode_finder)
+        self._belief = Belief(particles, self._object.lookup, self._object.mode_finder, self._object.symmetry.exact)
         self._policies.restart(prior)
 
     def force_update(self) -> None:
@@ -117,7 +117,7 @@ class ParticleFilter:
         now = prepared.lookup.exact(self._object.lookup.poses)
         self._object.take(prepared)
         self._policies.fingers.use(self._object.measurement_of)
-        self._policies.refine.score_anew(self._object.measurement.log_ratio_of, len(self._object.regions))
+        self._policies.refine.score_anew(self._object.measurement.log_ratio_of, self._object.n_poses)
         if self._belief is not None:
             self._belief.follow_entries(now)
 

@@ -65,8 +65,9 @@ def default_policies(
         refinement = Refinement(model.alignment, config, noise, effort, workers)
         refine = FineStage(refinement, config, gates, watch)
         if config.smoothing:
-            n_poses = len(model.regions)
-            reevaluation = Reevaluation(model.lookup, model.alignment, n_poses, config, noise, effort)
+            reevaluation = Reevaluation(
+                model.lookup, model.alignment, model.symmetry, model.n_poses, config, noise, effort
+            )
             refine = FixedLagSmoother(refinement, reevaluation, config, noise, source, resample, gates, watch)
         if config.calibration or config.object_motion:
             correct = OdometryCorrection(model.alignment, config, noise, watch)

@@ -9,6 +9,7 @@ import json
 import struct
 import zipfile
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from midastouch_common.mesh import ObjectMesh
 
 from .rendering.contact_poses import Reachability, pose_from_contact, touch_points
 from .sensor_model import SensorModel
+from .symmetry.search import ObjectSymmetry
 
 FORMAT = 1
 PRESS = 1e-3  # m, penetration of every entry: the codes are trained to match a touch of any press with it
@@ -101,8 +103,8 @@ class Codebook:
 
     Attributes: poses (M, 4, 4) float64 T_obj_gel; codes (M, D) float32, L2-normalised; meta: format, mesh_name,
     mesh_sha256, mesh_path, sensor, sensor_id, sensor_model (its geometry), tcn (network id), temperature, outlier
-    (calibration of the score), size, seed; derived: arrays by name that whoever uses the codebook has made of poses and
-    mesh, kept to save the time; source: its file, for messages.
+    (calibration of the score), size, seed, symmetry (as of `ObjectSymmetry.as_json`); derived: arrays by name that
+    whoever uses the codebook has made of poses and mesh, kept to save the time; source: its file, for messages.
     """
 
     def __init__(
@@ -117,6 +119,16 @@ class Codebook:
         self.codes = np.ascontiguousarray(codes, np.float32)
         self.meta, self.source = meta, source
         self.derived = derived or {}
+
+    @cached_property
+    def symmetry(self) -> ObjectSymmetry | None:
+        """The object's symmetry; None if the codebook does not tell. Raises InputError if it is broken."""
+        if "symmetry" not in self.meta:
+            return None
+        try:
+            return ObjectSymmetry.from_json(self.meta["symmetry"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"{self.source}: symmetry that cannot be read ({error}); build it again") from error
 
     def save(self, path: str | Path) -> None:
         """Write one `.npz`; nothing is left behind if it fails."""

@@ -18,6 +18,8 @@ from midastouch_common.mesh import ObjectMesh
 from .codebook import FORMAT, Codebook, codebook_poses
 from .rendering.renderer import PenetrationRenderer
 from .sensor_model import SensorModel
+from .symmetry.group import Symmetry
+from .symmetry.search import object_symmetry
 from .tcn.inference import TactileCodeNet
 
 CHUNK = 256
@@ -30,12 +32,20 @@ _MOST_CONTRARY = 0.02  # one face in a hundred; of scans it is 0, of faces wound
 class CodebookBuild:
     """`size` poses of a mesh, rendered and encoded as far as it got.
 
-    Args: mesh; tcn; sensor, at image resolution; size; seed, of the poses. The result depends on these alone, not on
-    interruptions or the number of jobs. The maps are encoded as rendered: the code network was trained to match the
-    depth network's maps with them.
+    Args: mesh; tcn; sensor, at image resolution; size; seed, of the poses; symmetry, if the user says it, else it is
+    found. The result depends on these alone, not on interruptions or the number of jobs. The maps are encoded as
+    rendered: the code network was trained to match the depth network's maps with them.
     """
 
-    def __init__(self, mesh: ObjectMesh, tcn: TactileCodeNet, sensor: SensorModel, size: int = 50_000, seed: int = 0):
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        tcn: TactileCodeNet,
+        sensor: SensorModel,
+        size: int = 50_000,
+        seed: int = 0,
+        symmetry: Symmetry | None = None,
+    ):
         self._mesh, self._tcn, self._sensor = mesh, tcn, sensor
         self._meta = {
             "format": FORMAT,
@@ -50,6 +60,7 @@ class CodebookBuild:
             "size": size,
             "seed": seed,
         }
+        self._given, self._symmetry = symmetry, None
         self._poses: np.ndarray | None = None  # (M, 4, 4), laid out when the work begins
         self._codes = np.empty((0, tcn.dim), np.float32)
         self._finished = np.zeros(0, bool)  # by chunk
@@ -81,6 +92,8 @@ class CodebookBuild:
             self._poses = codebook_poses(self._mesh, size, self._sensor, rng, pause)
             self._codes = np.empty((size, self._tcn.dim), np.float32)
             self._finished = np.zeros(-(-size // CHUNK), bool)
+        if self._symmetry is None:
+            self._symmetry = object_symmetry(self._mesh, self._sensor, self._poses, self._given)
         renderer = PenetrationRenderer(self._mesh, self._sensor.for_maps)
         waiting: deque = deque()
 
@@ -100,7 +113,10 @@ class CodebookBuild:
                     collect()
             while waiting:
                 collect()
-        return Codebook(self._poses[:wanted], self._codes[:wanted], self._meta | {"size": wanted})
+        return Codebook(self._poses[:wanted], self._codes[:wanted], self._described(wanted))
+
+    def _described(self, size: int) -> dict:
+        return self._meta | {"size": size, "symmetry": self._symmetry.as_json()}
 
     def save(self, path: str | Path) -> None:
         """Keep what is done in one `.npz`, for `restore`; nothing is left behind if it fails."""

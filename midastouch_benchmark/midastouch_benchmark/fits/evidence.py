@@ -63,7 +63,7 @@ def window_pairs(mesh: ObjectMesh, networks: Networks, count: int, rng: np.rando
     noise = dataclasses.replace(NoiseModel.of(CONFIG), refuted=-np.inf, code_margin=np.inf)
     model = ObjectModel(mesh, book, CONFIG, noise, Workers(1))
     simulator = TouchSimulator(mesh, networks, Lighting("random"))
-    search = CompetitorSearch(model.lookup, noise, Effort())
+    search = CompetitorSearch(model.lookup, model.symmetry.exact, noise, Effort())
     for _ in range(count):
         try:
             slide = simulate_slide(mesh, networks.sensor.for_maps, 0.3, rng)

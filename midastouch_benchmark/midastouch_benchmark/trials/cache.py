@@ -17,11 +17,11 @@ from midastouch_bringup.datasets.slide_simulation import simulate_sequence
 from midastouch_common.errors import InputError
 from midastouch_common.files import atomic_path, sha256
 from midastouch_common.mesh import ObjectMesh
+from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import Measurement, measurement_of
 from midastouch_perception.codebook import Codebook
 from midastouch_perception.simulation.slide import Leap
-from midastouch_perception.symmetry.group import Symmetry
-from midastouch_perception.symmetry.search import cached_symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 from .setup import Networks, untouched_of
 from .trial import FRAME_TIME, TrialFrame
@@ -235,6 +235,6 @@ class Cache:
     def _perceive(self, mesh: ObjectMesh, sequence: Sequence, number: int) -> Touches:
         return Touches.perceive(sequence, self.networks)
 
-    def symmetry(self, mesh: ObjectMesh) -> Symmetry:
+    def symmetry(self, mesh: ObjectMesh) -> ObjectSymmetry:
         """The object's symmetry."""
-        return cached_symmetry(mesh, self.folder / "symmetries")
+        return symmetry_of(mesh, self.codebook(mesh))

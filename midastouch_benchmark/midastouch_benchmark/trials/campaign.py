@@ -131,7 +131,7 @@ def _run_unit(
     mesh = ObjectMesh.load(path)
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
-    yardstick = Yardstick(plan.cache.symmetry(mesh), protocol.right, protocol.modulo_symmetry)
+    yardstick = Yardstick(plan.cache.symmetry(mesh).near, protocol.right, protocol.modulo_symmetry)
     codebook = plan.cache.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
     particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, THREADS)

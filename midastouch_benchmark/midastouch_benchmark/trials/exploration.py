@@ -106,7 +106,7 @@ def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) ->
     particle_filter.initialise_uniform()
     found = _Trial(mesh, plan.cache.networks, particle_filter, policy, seed).run(plan.length)
     truth, estimate = found.pop("truth"), found.pop("pose")
-    alike = plan.cache.symmetry(mesh).nearest(estimate[None], truth)[0]
+    alike = plan.cache.symmetry(mesh).near.nearest(estimate[None], truth)[0]
     errors = {"error_mm": estimate, "symmetric_error_mm": alike}
     return found | {name: 1e3 * float(pose_errors(pose, truth)[0]) for name, pose in errors.items()}
 

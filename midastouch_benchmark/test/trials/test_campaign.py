@@ -19,7 +19,7 @@ from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_perception.codebook import Codebook
-from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class StubCache:
         return self.touches(mesh, number)[1].frames(self.sequence, stride)
 
     def symmetry(self, mesh):
-        return Symmetry()
+        return ObjectSymmetry()
 
 
 @pytest.fixture(scope="module")

@@ -28,6 +28,11 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--size", type=arguments.positive_int, default=50_000, help="number of poses (default 50000)")
     parser.add_argument("--seed", type=arguments.seed, default=0, help="of the poses (default 0)")
     arguments.add_cluster_options(parser)
+    parser.add_argument(
+        "--symmetries",
+        metavar="FILE[:ID]",
+        help="the object's symmetry, as in a BOP models_info.json (lengths in mm); default: it is found",
+    )
     parser.add_argument("--sensor", default="digit_tacto", help="sensor model (default digit_tacto)")
     parser.add_argument("--tcn", default="fast", metavar="NET", help="code network, name or file (default fast)")
 
@@ -38,6 +43,7 @@ def run(args: argparse.Namespace) -> int:
 
     from midastouch_common.errors import InputError
     from midastouch_perception.sensor_model import SensorModel
+    from midastouch_perception.symmetry.bop import symmetry_of_bop
     from midastouch_perception.tcn import load_tcn
 
     from ..cluster import open_cluster
@@ -46,7 +52,10 @@ def run(args: argparse.Namespace) -> int:
     meshes = [arguments.load_mesh(name) for name in args.mesh]
     sensor = SensorModel.load(args.sensor)
     tcn = load_tcn(args.tcn, sensor)
+    symmetry = symmetry_of_bop(args.symmetries) if args.symmetries else None
     if len(meshes) > 1 or args.cluster or (args.out and Path(args.out).is_dir()):
+        if symmetry:
+            raise InputError("--symmetries: is of one object; build the codebooks of several meshes one by one")
         names = [mesh.name for mesh in meshes]
         if twice := {name for name in names if names.count(name) > 1}:
             raise InputError(
@@ -59,5 +68,5 @@ def run(args: argparse.Namespace) -> int:
                 print(line)
         return 0
     out = Path(args.out) if args.out else codebook_path(meshes[0].name, args.sensor)
-    print(described(out, *build_and_save(meshes[0], tcn, sensor, args.size, args.seed, out, args.jobs)))
+    print(described(out, *build_and_save(meshes[0], tcn, sensor, args.size, args.seed, out, args.jobs, symmetry)))
     return 0

@@ -9,13 +9,16 @@ import numpy as np
 
 import midastouch_kernels as kernels
 from midastouch_common import se3
+from midastouch_perception.symmetry.group import Symmetry
 
 from .alignment import Aligned
 from .estimate import Mode, modes_from_moments
 from .lookup import PoseLookup
 from .modes import ModeFinder
 from .particles import Particles
+from .pose_hypothesis import pose_distance
 
+_COPY = 1e-3  # m: nearer to its equivalent a mode is where it should be; to a free axis, it is narrow
 _SAMPLE = 4096  # particles that the other hypotheses are judged by
 
 
@@ -26,10 +29,11 @@ class Belief:
     aligned, by number of the mode, the alignment of each mode that the present penetration maps fitted; aligned_to,
     names of the fingers that measured these maps (both empty once the particles change); answers, the modes to be
     published, sharpened where they are aligned.
+    The belief is one over poses modulo the symmetry of the object: no mode is another one's copy.
     """
 
-    def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder):
-        self._lookup, self._finder = lookup, finder
+    def __init__(self, particles: Particles, lookup: PoseLookup, finder: ModeFinder, symmetry: Symmetry):
+        self._lookup, self._finder, self._symmetry = lookup, finder, symmetry
         self.restart(particles)
 
     def restart(self, particles: Particles) -> None:
@@ -75,10 +79,40 @@ class Belief:
         return likelihood, alive
 
     def cluster(self) -> None:
-        """Find the modes anew (paper section 4.3, hypothesis clustering)."""
+        """Find the modes anew (paper section 4.3, hypothesis clustering), modulo symmetry."""
+        self._find_modes()
+        if self._fold():
+            self._find_modes()
+
+    def _find_modes(self) -> None:
         self.modes = self.answers = modes_from_moments(self._finder.find(self.particles, self.weights))
         self._members = None
         self._forget_alignment()
+
+    def _fold(self) -> bool:
+        """Move modes that are farther from the heaviest one than an equivalent pose is there; whether any was.
+
+        A mode goes as a whole, by the motion that suits its mean. What the symmetry leaves free, about an axis, each
+        particle is turned by for itself, as a mode may reach all around it.
+        """
+        symmetry = self._symmetry
+        if symmetry.trivial or not self.modes:
+            return False
+        goal, free = self.modes[0].pose, symmetry.free != "none"
+        means = np.stack([mode.pose for mode in self.modes])
+        apart = pose_distance(means, symmetry.nearest(means, goal)) > _COPY
+        apart[0] = free and self.modes[0].spread_translation > _COPY
+        rows = np.flatnonzero(np.append(apart, False)[self.members])
+        if not len(rows):
+            return False
+        poses = self.particles.select(rows).poses
+        if free:
+            poses = symmetry.nearest(poses, goal)
+        else:
+            motions = symmetry.nearest(means, goal) @ se3.inverse(means)
+            poses = motions[self.members[rows]] @ poses
+        self.particles.replace(rows, Particles.from_poses(poses, self._lookup.exact(poses)))
+        return True
 
     def _forget_alignment(self) -> None:
         self.aligned: dict[int, Aligned] = {}

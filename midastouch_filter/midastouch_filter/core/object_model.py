@@ -18,6 +18,8 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import PRESS
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry, object_symmetry
 
 from .alignment import PenetrationAlignment
 from .config import FilterConfig
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from midastouch_perception.codebook import Codebook
 
 _SURFACE_SAMPLE = 2048  # points
+_TURNS, _SYMMETRY_SAMPLE = 180, 64  # about a free axis; poses whose equivalents are counted
 _POINTS = 10_000
 _NEAREST = 4  # points; one of them is on the same side of a thin plate
 # To be raised when the content of the arrays changes its meaning: others are then made anew.
@@ -50,13 +53,15 @@ class ObjectModel:
     Attributes: config; workers; mesh; lookup among the codebook's poses; order (M,), of the codebook's entries there;
     surface, the constraint to be at it; normals of it; gap, typical distance [m] of a point of the surface to the
     nearest one that a codebook pose touches; measurement model; regions and mode_finder, for KLD sampling and
-    clustering; alignment to penetration maps, None if the codebook does not name its sensor or none is asked for.
+    clustering; symmetry of the object; n_poses, number of poses that codes can tell apart, modulo it; alignment to
+    penetration maps, None if the codebook does not name its sensor or none is asked for.
     Raises InputError if the codebook cannot be used.
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, config: FilterConfig, noise: NoiseModel, workers: Workers):
         _require_usable(codebook)
         self.mesh, self.config, self.workers = mesh, config, workers
+        self.symmetry = symmetry_of(mesh, codebook)
         self._network_id = str(codebook.meta.get("tcn", ""))
         self._make_entries(codebook, ObjectIndex(mesh, codebook, config, workers))
         self.alignment: PenetrationAlignment | None = None
@@ -71,6 +76,7 @@ class ObjectModel:
         self.surface = SurfaceConstraint(index.surface, self.lookup.largest_gap, config, workers)
         self.gap = _gap(self.mesh, self.lookup.poses)
         self.regions = Regions(self.lookup, config.region_radius)
+        self.n_poses = len(self.regions) / _copies(self.symmetry.exact, self.lookup, self.regions)
         self.mode_finder = ModeFinder(self.lookup, self.regions, config.mode_radius, config.min_mode_mass, workers)
 
     def with_codebook(self, codebook: Codebook) -> ObjectModel:
@@ -84,7 +90,7 @@ class ObjectModel:
         """Have the entries of another model of the same object in place of one's own."""
         for name in ("lookup", "measurement", "surface", "regions", "mode_finder"):
             vars(getattr(self, name)).update(vars(getattr(other, name)))
-        self.order, self.gap = other.order, other.gap
+        self.order, self.gap, self.n_poses = other.order, other.gap, other.n_poses
 
     @property
     def density(self) -> str:
@@ -108,6 +114,25 @@ class ObjectModel:
     def require_same_network(self, touches: Iterable[Measurement]) -> None:
         """Raise InputError if a code comes from another network than the codebook's."""
         require_network(touches, self._network_id)
+
+
+def symmetry_of(mesh: ObjectMesh, codebook: Codebook) -> ObjectSymmetry:
+    """The object's symmetry: what the codebook tells of it, or what is found if it tells nothing but its sensor."""
+    if codebook.symmetry is not None:
+        return codebook.symmetry
+    if not codebook.meta.get("sensor"):
+        return ObjectSymmetry()
+    return object_symmetry(mesh, SensorModel.of_codebook(codebook.meta), codebook.poses)
+
+
+def _copies(symmetry: Symmetry, lookup: PoseLookup, regions: Regions) -> float:
+    """In how many regions a pose and its equivalents lie, on average."""
+    if symmetry.trivial:
+        return 1.0
+    motions = symmetry.turned(_TURNS)
+    some = lookup.poses[:: -(-len(lookup) // _SYMMETRY_SAMPLE)]
+    of_images = regions.of_entry[lookup.exact((motions[:, None] @ some).reshape(-1, 4, 4))]
+    return float(np.mean([len(set(column)) for column in of_images.reshape(len(motions), -1).T]))
 
 
 def _gap(mesh: ObjectMesh, poses: np.ndarray) -> float:

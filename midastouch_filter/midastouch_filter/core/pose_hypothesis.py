@@ -9,6 +9,7 @@ import numpy as np
 
 from midastouch_common import se3
 from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_perception.symmetry.group import Symmetry
 
 from .alignment import transform_covariance
 
@@ -58,16 +59,20 @@ def pose_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(squared[..., :3, 3].sum(axis=-1) + turned)
 
 
-def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float) -> np.ndarray:
-    """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`."""
-    return (pose_distance(np.reshape(taken, (-1, 1, 4, 4)), poses) > apart).all(axis=0)
+def far_from(taken: Sequence[np.ndarray], poses: np.ndarray, apart: float, symmetry: Symmetry) -> np.ndarray:
+    """(N,) which of the poses (N, 4, 4) are farther than `apart` [m] from all `taken`, modulo a symmetry."""
+    far = np.ones(len(poses), bool)
+    for each in taken:
+        far &= symmetry.distance(poses, each) > apart
+    return far
 
 
-def distinct(poses: np.ndarray, order: Iterable[int], apart: float) -> list[int]:
-    """Those of `order`, among poses (N, 4, 4), that are farther than `apart` [m] from all that were chosen before."""
+def distinct(poses: np.ndarray, order: Iterable[int], apart: float, symmetry: Symmetry) -> list[int]:
+    """Those of `order`, among poses (N, 4, 4), that are farther than `apart` [m] from all that were chosen before,
+    modulo a symmetry."""
     free, chosen = np.ones(len(poses), bool), []
     for i in order:
         if free[i]:
             chosen.append(int(i))
-            free &= pose_distance(poses[i], poses) > apart
+            free &= symmetry.distance(poses, poses[i]) > apart
     return chosen

@@ -14,6 +14,7 @@ from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_perception.codebook import YAWS, Codebook
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.group import Symmetry
 
 from ..core import workers
 from ..core.alignment import PenetrationAlignment
@@ -41,8 +42,8 @@ class Entry:
     """One object of a catalogue. What was forgotten is read again when it is asked for, or InputError raised.
 
     Attributes: name; path of the whole codebook, None if there is no more of it; meta, its description; size, poses of
-    it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; lookup among them; alignment to
-    the mesh; typical codes, (T, D).
+    it that are compared, no more than `poses_worth`; mesh; codebook, of these poses; symmetry, as far as that tells;
+    lookup among them; alignment to the mesh; typical codes, (T, D).
     """
 
     def __init__(self, mesh: ObjectMesh, codebook: Codebook, path: Path | None, noise: NoiseModel):
@@ -69,6 +70,11 @@ class Entry:
         if codebook.meta != self.meta:
             raise InputError(f"{self.path}: the codebook has changed since it was read; start again")
         return codebook
+
+    @cached_property
+    def symmetry(self) -> Symmetry:
+        known = self.codebook.symmetry
+        return known.exact if known else Symmetry()
 
     @cached_property
     def lookup(self) -> NearestEntry:

@@ -178,7 +178,8 @@ class Identification:
         found: list[tuple[float, int, np.ndarray]] = []
         for k, view in views.items():
             if any(len(each.shortlists[0]) for each in view.sparser(_EFFORT.sieve).keyframes):
-                search = CompetitorSearch(self._catalogue.entries[k].lookup, self._noise, _EFFORT, self._pace)
+                entry = self._catalogue.entries[k]
+                search = CompetitorSearch(entry.lookup, entry.symmetry, self._noise, _EFFORT, self._pace)
                 competitors = yield from search.find(view, [pose for owner, pose in carried if owner == k])
                 found += [(score, k, pose) for score, pose in zip(competitors.scores, competitors.poses, strict=True)]
         found.sort(key=lambda each: -each[0])
@@ -193,7 +194,7 @@ class Identification:
             followed = sorted(likelihood.followed, key=lambda one: -self._support(window, one))
             onward = [se3.inverse(window.keyframes[each.at].motion) @ self.window.motion for each in followed]
             poses = np.array([each.pose @ on for each, on in zip(followed, onward, strict=True)]).reshape(-1, 4, 4)
-            for i in distinct(poses, range(len(poses)), APART):
+            for i in distinct(poses, range(len(poses)), APART, self._catalogue.entries[k].symmetry):
                 owner.append(k)
                 kept.append(followed[i])
                 covariance = transform_covariance(followed[i].covariance, onward[i])

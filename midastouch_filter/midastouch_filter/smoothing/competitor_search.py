@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_perception.symmetry.group import Symmetry
 
 from ..core.keyframes import Keyframe, WeighedWindow
 from ..core.lookup import NearestEntry, PoseLookup
@@ -54,13 +55,19 @@ class SearchPace:
 class CompetitorSearch:
     """Looks for the hypotheses that explain keyframes best, in slices: each generator yields None between two of them.
 
-    Args: lookup, which `along` needs with its neighbours; noise; effort; pace, if other searches share it.
+    Args: lookup, which `along` needs with its neighbours; symmetry, modulo which hypotheses differ; noise; effort;
+    pace, if other searches share it.
     """
 
     def __init__(
-        self, lookup: NearestEntry | PoseLookup, noise: NoiseModel, effort: Effort, pace: SearchPace | None = None
+        self,
+        lookup: NearestEntry | PoseLookup,
+        symmetry: Symmetry,
+        noise: NoiseModel,
+        effort: Effort,
+        pace: SearchPace | None = None,
     ):
-        self._lookup = lookup
+        self._lookup, self._symmetry = lookup, symmetry
         self._margin, self._effort = noise.code_margin, effort
         self._pace = pace or SearchPace(effort.lookups_per_step)
 
@@ -162,8 +169,8 @@ class CompetitorSearch:
         self, candidates: np.ndarray, score: np.ndarray, recent: np.ndarray, taken: Sequence[np.ndarray]
     ) -> Competitors:
         lasting, recently = (by > by.max() - self._margin for by in (score, recent))
-        competitors = (lasting | recently) & far_from(taken, candidates, ANOTHER)
-        chosen = distinct(candidates, np.flatnonzero(competitors), APART)
+        competitors = (lasting | recently) & far_from(taken, candidates, ANOTHER, self._symmetry)
+        chosen = distinct(candidates, np.flatnonzero(competitors), APART, self._symmetry)
         scores = np.maximum(score, recent)[chosen]
         until = max((k + 1 for k, i in enumerate(chosen) if lasting[i]), default=0)
         return Competitors(list(candidates[chosen]), scores.tolist(), until, candidates, score)

@@ -18,7 +18,7 @@ from ..core.keyframes import KeyframeWindow
 from ..core.motion_model import Odometry
 from ..core.noise_model import NoiseModel
 from ..core.particles import Particles
-from ..core.pose_hypothesis import ANOTHER, PoseHypothesis, Prior, pose_distance
+from ..core.pose_hypothesis import ANOTHER, Prior, pose_distance
 from ..core.resampling import Resampler
 from ..core.touch import Measurement
 from ..refinement.fine_stage import FineStage, impose_fractions, mapped_of
@@ -107,7 +107,7 @@ class FixedLagSmoother(FineStage):
     def _believe(self, belief: Belief, comparison: Comparison) -> None:
         """Give the modes the probability of their hypotheses, and competitors that have no particles some of their
         own."""
-        owners = list(self._modes_at(belief.modes, comparison.hypotheses))
+        owners = list(self._modes_at(belief.modes, comparison))
         fractions = np.array([hypothesis.probability for hypothesis in comparison.hypotheses])
         held = np.array([0.0 if k is None else belief.modes[k].weight for k in owners])
         if np.abs(held - fractions).max() < _NEGLIGIBLE_CHANGE:
@@ -135,10 +135,10 @@ class FixedLagSmoother(FineStage):
             return self._source.among(comparison.cloud, comparison.cloud_scores, self._noise.between_entries, count)
         return self._source.at(comparison.hypotheses[hypothesis], count)
 
-    def _modes_at(self, modes: list[Mode], hypotheses: list[PoseHypothesis]) -> Iterator[int | None]:
+    def _modes_at(self, modes: list[Mode], comparison: Comparison) -> Iterator[int | None]:
         """The narrow mode at each hypothesis, None if none has it: each is the other's nearest."""
-        at, held = (np.stack([each.pose for each in some]) for some in (hypotheses, modes))
-        distance = pose_distance(at[:, None], held)
+        at = np.stack([each.pose for each in comparison.hypotheses])
+        distance = np.stack([comparison.symmetry.distance(at, mode.pose) for mode in modes], axis=1)
         for i, k in enumerate(distance.argmin(axis=1)):
             is_at = distance[i, k] < self._config.mode_radius and distance[:, k].argmin() == i
             yield int(k) if is_at and is_narrow(modes[k], self._config) else None

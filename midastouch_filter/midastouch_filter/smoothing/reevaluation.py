@@ -12,23 +12,26 @@ That takes dozens of alignments, so it is done in slices, a few in every step of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from midastouch_common import se3
+from midastouch_perception.symmetry.group import Symmetry
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 from ..core.alignment import PenetrationAlignment, transform_covariance
 from ..core.config import FilterConfig
 from ..core.keyframes import KeyframeWindow, WeighedWindow
 from ..core.lookup import PoseLookup
 from ..core.noise_model import Effort, NoiseModel
-from ..core.pose_hypothesis import ANOTHER, APART, PoseHypothesis, Prior, distinct, pose_distance
+from ..core.pose_hypothesis import ANOTHER, APART, PoseHypothesis, Prior, distinct, far_from
 from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
 
+_LEADS = 1e-3  # probability of a hypothesis from which on those that look like it are compared, too
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 
 
@@ -36,13 +39,14 @@ _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 class Comparison:
     """hypotheses, most probable first; elsewhere: probability that it is none of them; exhaustive: no further
     hypothesis was within reach of the best by its codes; cloud (C, 4, 4), cloud_scores (C,): as `Competitors`, at
-    present."""
+    present; symmetry, modulo which all of these are."""
 
     hypotheses: list[PoseHypothesis]
     elsewhere: float
     exhaustive: bool
     cloud: np.ndarray
     cloud_scores: np.ndarray
+    symmetry: Symmetry
 
     def settled(self, certain: float) -> bool:
         """Whether one hypothesis is as probable as that, and none was left out."""
@@ -50,7 +54,7 @@ class Comparison:
 
     def probability_at(self, pose: np.ndarray) -> float:
         """Of the hypothesis that a pose (4, 4) belongs to: the nearest one."""
-        distance = pose_distance(pose, np.stack([hypothesis.pose for hypothesis in self.hypotheses]))
+        distance = self.symmetry.distance(np.stack([hypothesis.pose for hypothesis in self.hypotheses]), pose)
         nearest = int(distance.argmin())
         return self.hypotheses[nearest].probability if distance[nearest] <= APART else 0.0
 
@@ -58,7 +62,8 @@ class Comparison:
 class Reevaluation:
     """Keeps the last touches and compares the best hypotheses by them.
 
-    Args: lookup; alignment; n_poses, number of poses on the object that codes can tell apart; config; noise; effort.
+    Args: lookup; alignment; symmetry of the object; n_poses, number of poses on it that codes can tell apart, modulo
+    symmetry; config; noise; effort.
     Attributes: lifted, whether the sensor was lifted after the newest touch of the last comparison.
     """
 
@@ -66,14 +71,15 @@ class Reevaluation:
         self,
         lookup: PoseLookup,
         alignment: PenetrationAlignment,
-        n_poses: int,
+        symmetry: ObjectSymmetry,
+        n_poses: float,
         config: FilterConfig,
         noise: NoiseModel,
         effort: Effort,
     ):
         self._lookup, self._alignment, self._noise, self._effort = lookup, alignment, noise, effort
-        self._count, self._explains = n_poses, config.penetration_fit
-        self._search = CompetitorSearch(lookup, noise, effort)
+        self._symmetry, self._count, self._explains = symmetry, n_poses, config.penetration_fit
+        self._search = CompetitorSearch(lookup, symmetry.exact, noise, effort)
         self._window = KeyframeWindow(
             config.smoothing_touches, config.smoothing_spacing, noise.touch_correlation, effort.shortlist
         )
@@ -86,12 +92,12 @@ class Reevaluation:
         self._typical = 0.0  # log of the prior's mean density over all poses
         if prior is not None:
             some = self._lookup.poses[:: max(len(self._lookup) // _SAMPLE, 1)]
-            density = prior.log_density(some, self._noise.prior_floor)
+            density = self._log_prior(some)
             self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
         self._since, self._wait, self.lifted = 0, self._effort.anew, False
         self._running: Iterator[Comparison | None] | None = None
 
-    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: int) -> None:
+    def score_anew(self, log_ratio_of: Callable[[Measurement], np.ndarray], n_poses: float) -> None:
         """Score the kept touches again, once the look-up has other entries; arguments as of `KeyframeWindow.score_anew`
         and of this class."""
         self._running, self._count = None, n_poses
@@ -167,26 +173,51 @@ class Reevaluation:
         race = Race(window)
         likelihood = WindowLikelihood(window, self._alignment, self._noise, self._effort, self._explains, race)
         asked = 0
-        for start in starts + competitors.poses:
-            if asked >= len(starts) and race.alignments >= self._effort.alignments:
+        for start in starts:
+            yield from likelihood.follow(start)
+        yield from self._follow_look_alikes(likelihood, starts)
+        most = race.alignments + self._effort.alignments
+        for start in competitors.poses:
+            if race.alignments >= most:
                 break
             asked += 1
             yield from likelihood.follow(start)
-        yield self._compared(window, likelihood, competitors, asked - len(starts))
+        compared = self._compared(window, likelihood, competitors, asked)
+        back = se3.inverse(self._window.motion) @ newest
+        leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
+        if (yield from self._follow_look_alikes(likelihood, leading)):
+            compared = self._compared(window, likelihood, competitors, asked)
+        yield compared
+
+    def _follow_look_alikes(
+        self, likelihood: WindowLikelihood, poses: Sequence[np.ndarray]
+    ) -> Generator[None, None, bool]:
+        """Follow the poses that nearly have the same surface as these (4, 4), at the newest keyframe; whether there
+        were any that had not been followed."""
+        anew = False
+        for pose in poses:
+            for image in self._symmetry.look_alikes @ pose:
+                known = [each.poses[-1] for each in likelihood.followed]
+                if far_from(known, image[None], ANOTHER, self._symmetry.exact)[0]:
+                    anew = True
+                    yield from likelihood.follow(image)
+        return anew
 
     def _compared(
         self, window: WeighedWindow, likelihood: WindowLikelihood, competitors: Competitors, asked: int
     ) -> Comparison:
         """Probabilities of all hypotheses that were followed, at present; `asked`, number of the competitors among
         them."""
+        symmetry = self._symmetry.exact
         now, followed, every = self._window.motion, likelihood.followed, likelihood.evidence(self._search.along)
         onward = [se3.inverse(window.keyframes[each.at].motion) @ now for each in followed]
         poses = np.stack([each.pose @ on for each, on in zip(followed, onward, strict=True)])
-        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), ANOTHER)
+        poses = symmetry.nearest(poses, poses[0])
+        chosen = distinct(poses, np.argsort(-every.sum(axis=1), kind="stable"), ANOTHER, symmetry)
         log_prior = np.full(len(chosen), -np.log(self._count))
         if self._prior is not None:
             starts = poses[chosen] @ se3.inverse(now)
-            log_prior += self._prior.log_density(starts, self._noise.prior_floor) - self._typical
+            log_prior += self._log_prior(starts) - self._typical
             # a start may be narrower than the object's poses are apart
             log_prior -= max(float(np.logaddexp.reduce(log_prior)) + np.log(2.0), 0.0)
         # only some of the object's many poses are named; a broken motion may lead to any of them
@@ -202,4 +233,9 @@ class Reevaluation:
         exhaustive = asked >= (competitors.lasting if best.at == 0 else len(competitors.poses))
         hypotheses.sort(key=lambda hypothesis: -hypothesis.probability)
         on = se3.inverse(window.keyframes[-1].motion) @ now
-        return Comparison(hypotheses, elsewhere, exhaustive, competitors.cloud @ on, competitors.cloud_scores)
+        return Comparison(hypotheses, elsewhere, exhaustive, competitors.cloud @ on, competitors.cloud_scores, symmetry)
+
+    def _log_prior(self, poses: np.ndarray) -> np.ndarray:
+        """(N,) nats of start poses (N, 4, 4), modulo symmetry, as `Prior.log_density`."""
+        poses = self._symmetry.exact.nearest(poses, self._prior.pose)
+        return self._prior.log_density(poses, self._noise.prior_floor)

@@ -16,6 +16,7 @@ from midastouch_filter.core.workers import Workers
 from midastouch_filter.smoothing.reevaluation import Reevaluation
 from midastouch_perception.rendering.renderer import PenetrationRenderer
 from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.search import ObjectSymmetry
 
 CONFIG = FilterConfig(threads=1)
 NOISE = NoiseModel.of(CONFIG)
@@ -77,7 +78,9 @@ class Slide:
 
     def run(self, hypotheses: list[np.ndarray], modes: list[np.ndarray], prior: Prior | None = None):
         """Touch along the slide, then replay; `hypotheses` (4, 4): object motions after which codes fit as well."""
-        self.reevaluation = reevaluation = Reevaluation(self.lookup, self.alignment, POSES, CONFIG, NOISE, self.effort)
+        self.reevaluation = reevaluation = Reevaluation(
+            self.lookup, self.alignment, ObjectSymmetry(), POSES, CONFIG, NOISE, self.effort
+        )
         reevaluation.restart(prior)
         self.slices = []  # alignments in each
         for k, penetration in enumerate(self.penetrations):
@@ -181,7 +184,7 @@ def test_touches_of_another_window_count_at_once(uneven):
         touch, score = measured(penetration, uneven.scores([np.eye(4), HALF_TURN], k))
         scores[id(touch)] = score
         window.keep([touch], [score])
-    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, POSES, CONFIG, NOISE, Effort())
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, ObjectSymmetry(), POSES, CONFIG, NOISE, Effort())
     assert reevaluation.rests(contradicted=True)
     reevaluation.recall(window, lambda touch: scores[id(touch)])
     assert not reevaluation.rests(contradicted=False)
@@ -323,7 +326,7 @@ def test_what_another_finger_measured_tells_copies_apart(world):
 
 def test_a_finger_that_the_reference_does_not_know_of_is_searched_by(uneven):
     """Codes of the second finger alone bring up the right hypothesis, where the first finger measures nothing."""
-    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, POSES, CONFIG, NOISE, Effort())
+    reevaluation = Reevaluation(uneven.lookup, uneven.alignment, ObjectSymmetry(), POSES, CONFIG, NOISE, Effort())
     between = se3.exp(np.array([0.02, 0, 0.05, 0.3, 0.2, 0.1]))
     for k, penetration in enumerate(uneven.penetrations):
         if k:

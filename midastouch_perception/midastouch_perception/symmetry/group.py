@@ -7,17 +7,12 @@ nearest to the truth.
 
 from __future__ import annotations
 
-import json
-import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
-from midastouch_common.files import atomic_path
 from midastouch_common.pose_metric import ROTATION_SCALE
 
 
@@ -55,8 +50,16 @@ class Symmetry:
         The poses as they are where there is no truth (nan).
         """
         poses = np.asarray(poses, float)
-        if not np.isfinite(truth).all():
+        if self.trivial or not np.isfinite(truth).all():
             return poses
+        return self._nearest(poses, truth)[0]
+
+    def distance(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """That distance (N,) [m] of the nearest equivalents of poses (N, 4, 4) to the truth (4, 4)."""
+        return np.sqrt(self._nearest(np.asarray(poses, float), truth)[1])
+
+    def _nearest(self, poses: np.ndarray, truth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The equivalents of poses (N, 4, 4) nearest to the truth (4, 4), and their squared distances (N,)."""
         best, least = poses, np.full(len(poses), np.inf)
         goal = truth[:3, 3] - self.centre
         for transform in self.transforms:
@@ -71,7 +74,7 @@ class Symmetry:
             distance += 0.5 * ROTATION_SCALE**2 * np.square(difference[:, :3, :3]).sum(axis=(1, 2))
             nearer = distance < least
             best, least = np.where(nearer[:, None, None], moved, best), np.where(nearer, distance, least)
-        return best
+        return best, least
 
     def _best_turn(self, correlation: np.ndarray) -> np.ndarray | None:
         """Free turns (N, 3, 3) that maximise tr(R B) for B (N, 3, 3); None if no turn is free."""
@@ -87,30 +90,41 @@ class Symmetry:
             return np.einsum("nji,nj,nkj->nik", right, flip, left)
         return None
 
-    def save(self, path: str | os.PathLike) -> None:
-        """Write as JSON."""
-        content = {
+    def turned(self, count: int) -> np.ndarray:
+        """Motions (K, 4, 4) of the group, the identity first; of each free turn about an axis `count` evenly spaced."""
+        if self.free != "axis":
+            return self.transforms
+        angles = np.arange(count) * 2 * np.pi / count
+        turns = about(self.centre, Rotation.from_rotvec(angles[:, None] * self.axis).as_matrix())
+        return (turns[:, None] @ self.transforms).reshape(-1, 4, 4)
+
+    def as_json(self) -> dict:
+        """What `from_json` reads."""
+        return {
             "transforms": self.transforms.tolist(),
             "free": self.free,
             "axis": self.axis.tolist(),
             "centre": self.centre.tolist(),
         }
-        with atomic_path(path) as temporary:
-            temporary.write_text(json.dumps(content))
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> Symmetry:
-        """Read what `save` wrote; InputError for anything else."""
-        try:
-            content = json.loads(Path(path).read_text())
-            return cls(
-                np.array(content["transforms"], float).reshape(-1, 4, 4),
-                str(content["free"]),
-                np.array(content["axis"], float).reshape(3),
-                np.array(content["centre"], float).reshape(3),
-            )
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{path}: not a symmetry file ({error}); remove it") from error
+    def from_json(cls, content: dict) -> Symmetry:
+        """What `as_json` gave; raises ValueError, KeyError or TypeError for anything else."""
+        symmetry = cls(
+            np.array(content["transforms"], float).reshape(-1, 4, 4),
+            str(content["free"]),
+            np.array(content["axis"], float).reshape(3),
+            np.array(content["centre"], float).reshape(3),
+        )
+        numbers = (symmetry.transforms, symmetry.axis, symmetry.centre)
+        if symmetry.free not in ("none", "axis", "all") or not all(np.isfinite(each).all() for each in numbers):
+            raise ValueError("not the motions of a group")
+        return symmetry
+
+
+def about(centre: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    """Motions (K, 4, 4) that turn about a point (3,) [m] by rotations (K, 3, 3)."""
+    return se3.make(rotations, centre - rotations @ centre)
 
 
 _LEVI_CIVITA = np.zeros((3, 3, 3))

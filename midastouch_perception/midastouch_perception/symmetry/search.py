@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
 
+import cv2
 import numpy as np
 from pykdtree.kdtree import KDTree
 from scipy.spatial.transform import Rotation
 
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 
-from .group import Symmetry
+from ..rendering.renderer import PenetrationRenderer
+from ..sensor_model import SensorModel
+from .group import Symmetry, about
 
 TOLERANCE = 1e-3  # m; scans of cans and boxes deviate from their own symmetry by about half of it
 _SMALL, _SMALL_TOLERANCE = 0.04, 0.005  # m, and of the diagonal of what is smaller: a nut is no ring
-_FRACTION = 0.9  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
+_FRACTION = 0.85  # of the surface that must agree within the tolerance: prints, seams and scanning errors are not shape
 _TURNS = 40  # by which a sphere is told
 _FACING = np.cos(np.radians(45))  # a thin plate's other side is near, but not the same surface
 
@@ -30,12 +33,89 @@ _HOPELESS = 0.12  # mean distance over the radius beyond which no alignment is t
 _STARTS = 100
 _ALIGNMENTS = 10
 _SAME = np.radians(8)
+_PROBED_TURNS = 11
+_LARGEST_ORDER, _LARGEST_GROUP = 200, 400  # of a gear's turns; of motions
+_SAME_ANGLE = np.radians(0.7)
+_TURNS_ABOUT_AXIS, _SAME_DISTANCE = 12, 2e-3  # look-alikes about an axis; m, pose distance
+
+DETECTABLE = 3e-4
+"""m RMS over a patch: three standard deviations of a measured map (`FilterConfig.penetration_noise`). Less is hidden by
+noise; the flats that stand for a round surface in a mesh make some 0.2 mm."""
+_FLATS, _FEWEST_FLATS = 5e-4, 16
+"""m: so many flats all around, which differ from a round surface by no more than that, stand for one."""
+_PATCH = 4e-3  # m, over which that noise is one and the same (`FilterConfig.penetration_correlation`)
+_MOST_TOUCHES, _FIRST_PART, _PART = 2000, 50, 250
+_FEW = 8  # of which every so manieth is enough for products of motions that were tried with all
+_MAP_SCALE = 0.25
+
 _PROBES = np.sqrt([2, 3, 5, 7, 11, 13, 17])  # rad: angles that belong to no finite rotation group
 
 
-def find_symmetry(mesh: ObjectMesh) -> Symmetry:
-    """The symmetries of a mesh: motions after which 90 % of its surface lies within 1 mm of the surface (on small parts
-    within half a percent of their diagonal) and faces the same way.
+@dataclass(frozen=True)
+class ObjectSymmetry:
+    """What is known of an object's symmetry.
+
+    exact: the motions after which no touch differs by more than the noise of a map; residual [m], by how much one does;
+    near: those after which most of the surface is the same, the exact ones among them; given: by the user, not found.
+    """
+
+    exact: Symmetry = field(default_factory=Symmetry)
+    residual: float = 0.0
+    near: Symmetry = field(default_factory=Symmetry)
+    given: bool = False
+
+    @cached_property
+    def look_alikes(self) -> np.ndarray:
+        """Motions (K, 4, 4) that are nearly but not exactly symmetries, one of each coset of the exact group.
+
+        From any pose they lead to those that a touch may tell apart, but that most touches do not.
+        """
+        chosen: list[np.ndarray] = []
+        for motion in self.near.turned(_TURNS_ABOUT_AXIS):
+            known = np.array([np.eye(4), *chosen])
+            if (self.exact.distance(known, motion) > _SAME_DISTANCE).all():
+                chosen.append(motion)
+        return np.array(chosen).reshape(-1, 4, 4)
+
+    def describe(self) -> str:
+        """In words, for logs and tables."""
+        exact = f"symmetry: {self.exact.describe()}"
+        if not self.exact.trivial:
+            exact += " (given)" if self.given else f" (to {1e3 * self.residual:.2f} mm)"
+        return f"{exact}; nearly: {len(self.look_alikes)} more" if len(self.look_alikes) else exact
+
+    def as_json(self) -> dict:
+        """What `from_json` reads."""
+        return {
+            "exact": self.exact.as_json(), "residual": self.residual, "near": self.near.as_json(), "given": self.given
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, content: dict) -> ObjectSymmetry:
+        """What `as_json` gave; raises ValueError, KeyError or TypeError for anything else."""
+        exact, near = (Symmetry.from_json(content[key]) for key in ("exact", "near"))
+        return cls(exact, float(content["residual"]), near, bool(content["given"]))
+
+
+def object_symmetry(
+    mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray, given: Symmetry | None = None
+) -> ObjectSymmetry:
+    """The symmetry of a mesh, as a sensor feels it at gel poses (N, 4, 4) that lie all over the surface.
+
+    given: what the user says to be the exact one, whatever the mesh is like.
+    """
+    touches = _Touches(mesh, sensor, poses)
+    near, found = near_symmetry(mesh)
+    if given is not None:
+        residual = max(touches.difference(motion, until=np.inf) for motion in given.turned(_PROBED_TURNS))
+        return ObjectSymmetry(given, residual, near, given=True)
+    exact, residual = _exact(touches, near, found)
+    return ObjectSymmetry(exact, residual, near)
+
+
+def near_symmetry(mesh: ObjectMesh) -> tuple[Symmetry, list[np.ndarray]]:
+    """The motions after which most of a mesh's surface lies within 1 mm of the surface (on small parts within half a
+    percent of their diagonal) and faces the same way; and those (4, 4) that led to them.
 
     Rotations from a grid over SO(3) are aligned to the surface (point to plane); those that then agree are kept.
     An axis about which every angle agrees, and a centre about which nearly every rotation does, are told by trying.
@@ -43,27 +123,106 @@ def find_symmetry(mesh: ObjectMesh) -> Symmetry:
     tolerance = TOLERANCE if mesh.diagonal > _SMALL else _SMALL_TOLERANCE * mesh.diagonal
     surface = _Surface(mesh, tolerance)
     centre = np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.face_areas)
-    turned = _about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())
+    turned = about(centre, Rotation.random(_TURNS, random_state=0).as_matrix())
     if np.mean([surface.deviation(motion) <= tolerance for motion in turned]) >= _FRACTION:  # a softball bulges here
-        return Symmetry(free="all", centre=centre)
+        return Symmetry(free="all", centre=centre), list(turned)
     found = [np.eye(4)]
-    for start in surface.promising(_about(centre, _rotation_grid(_ROTATIONS))):
+    for start in surface.promising(about(centre, _rotation_grid(_ROTATIONS))):
         aligned = surface.align(start)
-        known = se3.inverse(np.array(found)) @ aligned
-        if surface.deviation(aligned) <= tolerance and se3.rotation_angle(known[:, :3, :3]).min() > _SAME:
+        if surface.deviation(aligned) <= tolerance and not _holds(found, aligned, _SAME):
             found.append(aligned)
-    return _axial(surface, found) or Symmetry(transforms=np.array(found), centre=centre)
+    axial = _axial(surface, found)
+    return axial or Symmetry(transforms=np.array(_completed(surface, found)), centre=centre), found
 
 
-def cached_symmetry(mesh: ObjectMesh, folder: str | os.PathLike) -> Symmetry:
-    """The symmetry of a mesh from an earlier call, found and written into `folder` if there is none."""
-    path = Path(folder) / f"{mesh.name}_{mesh.sha256[:12]}.json"
-    try:
-        return Symmetry.load(path)
-    except InputError:
-        symmetry = find_symmetry(mesh)
-        symmetry.save(path)
-        return symmetry
+def _completed(surface: _Surface, found: list[np.ndarray]) -> list[np.ndarray]:
+    """These motions (4, 4), and products of two of them that agree too: the grid of rotations is coarser than the turns
+    of a gear."""
+    out = list(found)
+    for first, second in product(found[1:], found[1:]):
+        if len(out) >= _LARGEST_GROUP:
+            break
+        motion = first @ second
+        if not _holds(out, motion, _SAME) and surface.deviation(surface.align(motion)) <= surface.tolerance:
+            out.append(surface.align(motion))
+    return out
+
+
+def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[Symmetry, float]:
+    """The largest group of motions that no touch tells, out of near ones, and its residual [m]."""
+    most = DETECTABLE
+    if near.free == "axis":
+        # a gear's turns are finer than the grid of rotations
+        orders = range(_LARGEST_ORDER, 1, -1)
+        turns = [about(near.centre, _turn(near.axis, order))[0] for order in orders]
+        finest = next(((o, t) for o, t in zip(orders, turns, strict=True) if touches.difference(t) <= DETECTABLE), None)
+        if finest:
+            found = [np.eye(4), finest[1], *found[1:]]
+            most = _FLATS if finest[0] >= _FEWEST_FLATS else DETECTABLE
+    if near.free != "none":
+        probes = near.turned(_PROBED_TURNS) if near.free == "axis" else found[:_PROBED_TURNS]
+        residual = max(touches.difference(motion, until=most) for motion in probes)
+        if residual <= most:
+            return near, residual
+    generators: list[np.ndarray] = []
+    group, residual = [np.eye(4)], 0.0
+    for motion in found[1:]:
+        if _holds(group, motion) or (difference := touches.difference(motion)) > DETECTABLE:
+            continue
+        larger, worst = _closed(touches, [*generators, motion])
+        if worst <= DETECTABLE:
+            generators, group, residual = [*generators, motion], larger, max(residual, difference, worst)
+    return Symmetry(np.array(group), centre=near.centre), residual
+
+
+def _turn(axis: np.ndarray, order: int) -> np.ndarray:
+    """(1, 3, 3): one `order`-th of a turn about an axis (3,)."""
+    return Rotation.from_rotvec(2 * np.pi / order * axis[None]).as_matrix()
+
+
+def _holds(group: list[np.ndarray], motion: np.ndarray, same: float = _SAME_ANGLE) -> bool:
+    """Whether one of the motions (4, 4) turns by the same, to `same` [rad]."""
+    between = np.swapaxes(np.array(group)[:, :3, :3], 1, 2) @ motion[:3, :3]
+    return bool((se3.rotation_angle(between) < same).any())
+
+
+def _closed(touches: _Touches, generators: list[np.ndarray]) -> tuple[list[np.ndarray], float]:
+    """All products of the motions, and the largest difference [m] that one of them makes; unfinished beyond the limit
+    on either."""
+    group, worst = [np.eye(4)], 0.0
+    for motion in group:  # which grows
+        for generator in generators:
+            both = motion @ generator
+            if not _holds(group, both):
+                worst = max(worst, touches.difference(both, _FEW))
+                if worst > DETECTABLE or len(group) >= _LARGEST_GROUP:
+                    return group, np.inf
+                group.append(both)
+    return group, worst
+
+
+class _Touches:
+    """What a gel measures all over the surface: maps at poses, of which at most `_MOST_TOUCHES` are used."""
+
+    def __init__(self, mesh: ObjectMesh, sensor: SensorModel, poses: np.ndarray):
+        self._poses = poses[:: -(-len(poses) // _MOST_TOUCHES)]
+        self._renderer = PenetrationRenderer(mesh, sensor.scaled(_MAP_SCALE))
+        self._maps = self._renderer.render(self._poses)
+        pixel = np.sqrt(self._renderer.sensor.pixel_area)
+        self._patch = max(round(_PATCH / pixel), 1)
+
+    def difference(self, motion: np.ndarray, stride: int = 1, until: float = DETECTABLE) -> float:
+        """Largest RMS difference [m] over a patch of a map that moving the gel by (4, 4) makes, at every `stride`-th
+        pose; or the first ones found, once they are above `until`."""
+        worst, asked = 0.0, np.arange(0, len(self._poses), stride)
+        for part in np.split(asked, range(_FIRST_PART, len(asked), _PART)):
+            squared = np.square(self._renderer.render(motion @ self._poses[part]) - self._maps[part])
+            changed = squared.reshape(len(squared), -1).max(axis=1) > DETECTABLE**2
+            for each in squared[changed]:
+                worst = max(worst, float(cv2.blur(each, (self._patch, self._patch)).max()))
+            if worst > until**2:
+                break
+        return float(np.sqrt(worst))
 
 
 def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
@@ -78,7 +237,7 @@ def _axial(surface: _Surface, found: list[np.ndarray]) -> Symmetry | None:
         # the fixed points of the motion are a line along the axis: the one nearest to the origin
         offset = transform[:3, 3] - (transform[:3, 3] @ axis) * axis
         centre = np.linalg.lstsq(np.eye(3) - transform[:3, :3], offset, rcond=None)[0]
-        probes = _about(centre, Rotation.from_rotvec(_PROBES[:, None] * axis).as_matrix())
+        probes = about(centre, Rotation.from_rotvec(_PROBES[:, None] * axis).as_matrix())
         worst = max(surface.deviation(probe) for probe in probes)
         if worst <= least:
             best, least = (axis, centre), worst
@@ -151,11 +310,6 @@ class _Surface:
             turn = Rotation.from_rotvec(step[3:] / self.radius).as_matrix()
             transform = se3.make(turn, middle + step[:3] - turn @ middle) @ transform
         return transform
-
-
-def _about(centre: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """Motions (K, 4, 4) that turn about a point (3,)."""
-    return se3.make(rotations, centre - rotations @ centre)
 
 
 def _rotation_grid(n: int) -> np.ndarray:

@@ -9,10 +9,12 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_common.pose_metric import ROTATION_SCALE
+from midastouch_perception.codebook import codebook_poses
 from midastouch_perception.objects import bundled_objects
-from midastouch_perception.symmetry import search
+from midastouch_perception.sensor_model import SensorModel
+from midastouch_perception.symmetry.bop import symmetry_of_bop
 from midastouch_perception.symmetry.group import Symmetry
-from midastouch_perception.symmetry.search import cached_symmetry, find_symmetry
+from midastouch_perception.symmetry.search import DETECTABLE, ObjectSymmetry, near_symmetry, object_symmetry
 
 MOVED = se3.exp(np.array([0.1, -0.05, 0.02, 0.7, -0.4, 1.1]))
 AXIS = Symmetry(
@@ -39,12 +41,16 @@ def contains(found: Symmetry, motion: np.ndarray) -> bool:
     return distance < 1e-3 and se3.rotation_angle(nearest[:3, :3].T @ truth[:3, :3]) < np.radians(2)
 
 
+def near(mesh: ObjectMesh) -> Symmetry:
+    return near_symmetry(mesh)[0]
+
+
 def turn(*rotvec: float) -> np.ndarray:
     return se3.make(Rotation.from_rotvec(rotvec).as_matrix(), np.zeros(3))
 
 
 def test_a_box_has_four_symmetries_and_no_mirrored_one():
-    found = find_symmetry(moved_mesh(trimesh.creation.box((0.08, 0.05, 0.03))))
+    found = near(moved_mesh(trimesh.creation.box((0.08, 0.05, 0.03))))
     assert (found.free, len(found.transforms)) == ("none", 4)
     assert contains(found, turn(np.pi, 0, 0))
     assert contains(found, turn(0, np.pi, 0))
@@ -53,7 +59,7 @@ def test_a_box_has_four_symmetries_and_no_mirrored_one():
 
 @pytest.mark.slow
 def test_a_cylinder_turns_about_its_axis_and_can_stand_on_its_head():
-    found = find_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=64)))
+    found = near(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=64)))
     assert found.describe() == "axis, both ends alike"
     assert abs(found.axis @ MOVED[:3, 2]) == pytest.approx(1, abs=1e-3)
     assert contains(found, turn(0, 0, 1.234))
@@ -62,13 +68,13 @@ def test_a_cylinder_turns_about_its_axis_and_can_stand_on_its_head():
 
 
 def test_a_ball_is_the_same_from_everywhere():
-    found = find_symmetry(ObjectMesh.load(bundled_objects()["ball"]))
+    found = near(ObjectMesh.load(bundled_objects()["ball"]))
     assert found.free == "all"
 
 
 @pytest.mark.slow
 def test_the_handle_tool_has_none():
-    found = find_symmetry(ObjectMesh.load(bundled_objects()["handle_tool"]))
+    found = near(ObjectMesh.load(bundled_objects()["handle_tool"]))
     assert found.trivial
     poses = MOVED @ se3.exp(np.zeros((3, 6)))
     assert (found.nearest(poses, np.eye(4)) == poses).all()
@@ -110,17 +116,122 @@ def test_an_equivalent_pose_has_no_error():
     assert AXIS.nearest((about @ AXIS.transforms[1] @ truth)[None], truth)[0] == pytest.approx(truth, abs=1e-9)
 
 
-def test_it_is_found_once_per_mesh(tmp_path, monkeypatch):
-    mesh = ObjectMesh.load(bundled_objects()["ball"])
-    first = cached_symmetry(mesh, tmp_path)
-    monkeypatch.setattr(search, "find_symmetry", lambda mesh: pytest.fail("found again"))
-    again = cached_symmetry(mesh, tmp_path)
-    assert (again.free, again.describe()) == (first.free, first.describe())
-    assert again.centre == pytest.approx(first.centre)
+def gear(teeth: int, missing: int = 0) -> ObjectMesh:
+    """A toothed wheel of 100 mm, its first teeth missing, away from the origin."""
+    angle = np.arange(4 * teeth) * 2 * np.pi / (4 * teeth)
+    radius = np.where(np.arange(4 * teeth) % 4 < 2, 0.05, 0.044)
+    radius[: 4 * missing] = 0.044
+    ring = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    vertices = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (0.0, 0.02)])
+    vertices = np.concatenate([vertices, [[0, 0, 0], [0, 0, 0.02]]])
+    here = np.arange(len(ring))
+    after, up = np.roll(here, -1), len(ring)
+    faces = [(here, after, after + up), (here, after + up, here + up), (after, here, 0 * here + 2 * up),
+             (here + up, after + up, 0 * here + 2 * up + 1)]  # fmt: skip
+    return moved_mesh(trimesh.Trimesh(vertices, np.concatenate([np.stack(each, axis=1) for each in faces])))
 
 
-def test_what_is_not_a_symmetry_file_is_refused(tmp_path):
-    path = tmp_path / "s.json"
-    path.write_text(json.dumps({"transforms": "none"}))
-    with pytest.raises(InputError, match="not a symmetry file"):
-        Symmetry.load(path)
+def measured_symmetry(mesh: ObjectMesh, **given) -> ObjectSymmetry:
+    """What a DIGIT feels of a symmetry."""
+    sensor = SensorModel.load("digit_tacto")
+    return object_symmetry(mesh, sensor, codebook_poses(mesh, 4000, sensor, np.random.default_rng(0)), **given)
+
+
+def test_every_tooth_of_a_gear_is_like_every_other():
+    found = measured_symmetry(gear(20))
+    assert (found.exact.free, len(found.exact.transforms)) == ("none", 40)
+    assert contains(found.exact, turn(0, 0, np.radians(18)))
+    assert not contains(found.exact, turn(0, 0, np.radians(9)))
+    assert found.residual < DETECTABLE
+    assert not len(found.look_alikes)
+
+
+def test_a_missing_tooth_is_measured_and_the_others_remain_look_alikes():
+    found = measured_symmetry(gear(12, missing=1))
+    assert len(found.exact.transforms) == 2  # it can still be turned over
+    assert len(found.look_alikes) == 11
+    images = found.look_alikes @ MOVED
+    wanted = MOVED @ turn(0, 0, np.radians(150))
+    assert found.exact.distance(images, wanted).min() < 1e-3
+
+
+def test_flats_that_stand_for_a_round_surface_are_not_measured_symmetry():
+    found = measured_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=32)))
+    assert found.exact.describe() == "axis, both ends alike"
+    assert 0 < found.residual < 5e-4
+
+
+def test_the_sides_of_a_bottle_are_measured_symmetry():
+    found = measured_symmetry(moved_mesh(trimesh.creation.cylinder(0.03, 0.1, sections=6)))
+    assert len(found.exact.transforms) == 12
+
+
+def test_what_the_user_says_is_not_looked_for():
+    half_turn = Symmetry(np.array([np.eye(4), MOVED @ turn(0, 0, np.pi) @ se3.inverse(MOVED)]))
+    found = measured_symmetry(gear(12, missing=1), given=half_turn)
+    assert found.given
+    assert len(found.exact.transforms) == 2
+    assert found.residual > DETECTABLE  # as is said
+
+
+def test_it_survives_a_file():
+    found = measured_symmetry(gear(12, missing=1))
+    again = ObjectSymmetry.from_json(json.loads(json.dumps(found.as_json())))
+    np.testing.assert_array_equal(again.exact.transforms, found.exact.transforms)
+    np.testing.assert_array_equal(again.look_alikes, found.look_alikes)
+    assert again.describe() == found.describe()
+
+
+BOP = {
+    "1": {"diameter": 100.0, "symmetries_discrete": [[-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1]]},
+    "2": {"symmetries_continuous": [{"axis": [0, 0, 2], "offset": [10, 0, 0]}]},
+    "3": {},
+    "4": {
+        "symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}, {"axis": [1, 0, 0], "offset": [9, 0, 0]}]
+    },
+}
+
+
+def test_a_symmetry_is_read_from_bop(tmp_path):
+    path = tmp_path / "models_info.json"
+    path.write_text(json.dumps(BOP))
+    discrete = symmetry_of_bop(f"{path}:1")
+    assert discrete.transforms[1, :3, 3] == pytest.approx([0, 0, 0.005])
+    axis = symmetry_of_bop(f"{path}:2")
+    assert (axis.free, axis.axis.tolist(), axis.centre.tolist()) == ("axis", [0, 0, 1], [0.01, 0, 0])
+    assert symmetry_of_bop(f"{path}:3").trivial
+    assert symmetry_of_bop(f"{path}:4").free == "all"
+    path.write_text(json.dumps({"7": BOP["1"]}))
+    assert len(symmetry_of_bop(str(path)).transforms) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("{", "not a JSON file"),
+        ("[]", "not a table of objects"),
+        (json.dumps(BOP), "say which one"),
+        (json.dumps({"1": {"symmetries_discrete": [[1, 2]]}}), "16 numbers"),
+        (json.dumps({"1": {"symmetries_discrete": [np.diag([1, 1, -1, 1]).ravel().tolist()]}}), "rigid"),
+        (json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 0], "offset": [0, 0, 0]}]}}), "no direction"),
+        (json.dumps({"1": {"symmetries_continuous": [{"axis": [0, 0, 1]}]}}), "offset"),
+        (
+            json.dumps({"1": {"symmetries_continuous": [
+                {"axis": [0, 0, 1], "offset": [0, 0, 0]}, {"axis": [1, 0, 0], "offset": [0, 50, 0]}
+            ]}}), "do not meet"
+        ),
+    ],
+)  # fmt: skip
+def test_what_bop_does_not_allow_is_refused(tmp_path, content, said):
+    path = tmp_path / "models_info.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=said) as error:
+        symmetry_of_bop(str(path))
+    assert "models_info.json" in str(error.value)
+
+
+def test_an_object_that_bop_does_not_describe_is_named(tmp_path):
+    path = tmp_path / "models_info.json"
+    path.write_text(json.dumps(BOP))
+    with pytest.raises(InputError, match="no object 9"):
+        symmetry_of_bop(f"{path}:9")
