@@ -28,7 +28,7 @@ def test_the_figures_of_the_evaluation_stand_in_its_tables():
 
 
 def test_figures_of_an_earlier_filter_are_marked():
-    """Each row of a headline page whose report is not of today's fingerprint; `midastouch evidence --check` allows none."""
+    """Rows of a headline page whose report is of other code than today's; a release allows none."""
     for name in stale(tables.headline()):
         for document in ("README.md", "docs/evaluation.md", "docs/trust.md"):
             for line in DOCUMENTS[document].splitlines():

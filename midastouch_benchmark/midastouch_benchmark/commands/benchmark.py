@@ -119,12 +119,11 @@ def run(args: argparse.Namespace) -> int:
 def _planned(args: argparse.Namespace, protocol: Protocol, variants: list[str]) -> Plan:
     """The options, and what the protocol has where they say nothing."""
     import dataclasses
-    from pathlib import Path
 
     from ..trials.campaign import Plan
     from ..trials.setup import load_filter_config
 
-    folder = Path(args.out).resolve()  # workers may run elsewhere
+    folder = options.campaign_folder(args)
     slides = dataclasses.replace(protocol.slides, **({"length": args.length} if args.length else {}))
     size = args.codebook_size or protocol.codebook_size
     return Plan(

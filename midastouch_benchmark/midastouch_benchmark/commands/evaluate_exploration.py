@@ -32,7 +32,6 @@ def add_parser(subparsers) -> None:
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
     import dataclasses
-    from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
 
@@ -44,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.setup import load_filter_config
     from ..trials.trial_log import TrialLog
 
-    folder = Path(args.out).resolve()  # workers may run elsewhere
+    folder = options.campaign_folder(args)
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
     plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)

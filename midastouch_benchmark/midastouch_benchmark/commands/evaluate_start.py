@@ -27,7 +27,6 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
     from midastouch_bringup.progress import progress_bar
@@ -37,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.cache import Cache, SlideKind
     from ..trials.setup import load_filter_config
 
-    cache = Cache(Path(args.out), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
+    cache = Cache(options.campaign_folder(args), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
     config, meshes = load_filter_config(args.config, args.preset), options.chosen_meshes(args.meshes, args.objects)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):

@@ -51,14 +51,13 @@ def add_parser(subparsers) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Carry out the command."""
-    from pathlib import Path
 
     from midastouch_bringup.machine import machine_info
 
     from ..tables.results import of_identification, shown
     from ..trials.cache import Cache, SlideKind
 
-    folder = Path(args.out).resolve()  # workers may run elsewhere
+    folder = options.campaign_folder(args)
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, SlideKind(args.length), args.codebook_size)
     machine = machine_info()
     plan, found, missing, notes = (_of_shapes if args.shapes else _of_meshes)(args, cache)

@@ -28,7 +28,7 @@ from .probe import Probe, Probes
 from .scene import Scene
 
 _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.1)
-"""What matters to nobody, of each number of `_told`: m, entries of a rotation, masses, logarithms, nats, a state."""
+"""What matters to nobody, of each number of `_answer`: m, entries of a rotation, masses, logarithms, nats, a state."""
 _FEW = {"max_particles": 1_000, "kld_sampling": False}
 """Settings of most probes: one particle more or less would give every other one another random number."""
 _MOST = 24  # frames
@@ -63,7 +63,7 @@ def filter_probes(scenes: list[Scene], config: FilterConfig, nudge: Nudge = lamb
 
 def _run(scene: Scene, frames: list[TrialFrame], config: FilterConfig, init: str, beta: float) -> Probe:
     estimates, _ = _estimates(scene, frames, config, init, beta)
-    return Probe(np.array([_told(each) for each in estimates]), _LEAST)
+    return Probe(np.array([_answer(each) for each in estimates]), _LEAST)
 
 
 def _estimates(
@@ -79,7 +79,7 @@ def _estimates(
     return out, particle_filter
 
 
-def _told(estimate: Estimate) -> list[float]:
+def _answer(estimate: Estimate) -> list[float]:
     status, pose = estimate.status, estimate.pose
     return [
         *pose[:3, 3],

@@ -21,9 +21,8 @@ def of_code(monkeypatch) -> dict[str, str | None]:
 
 
 def table(*names: str) -> pd.DataFrame:
-    return pd.DataFrame(
-        [[f"row of {name}", "1 mm", f"[{name}]"] for name in names], columns=["what", "error", "report"]
-    )
+    rows = [[f"row of {name}", "1 mm", f"[{name}]"] for name in names]
+    return pd.DataFrame(rows, columns=["what", "error", "report"])
 
 
 def test_reports_are_stale_that_are_of_other_code_or_do_not_say(of_code):
