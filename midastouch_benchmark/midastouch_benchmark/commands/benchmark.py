@@ -53,6 +53,13 @@ def add_parser(subparsers) -> None:
         "--variant", nargs="+", default=[], metavar="NAME", help="compared with the default, on the same slides"
     )
     parser.add_argument(
+        "--looks",
+        type=arguments.positive_int,
+        default=1,
+        metavar="N",
+        help="compare up to so many times, each with --slides more for the variants that are not decided (default 1)",
+    )
+    parser.add_argument(
         "--protocol",
         default="plain",
         metavar="NAME",
@@ -70,8 +77,8 @@ def run(args: argparse.Namespace) -> int:
     from ..statistics.comparison import compare_variants
     from ..statistics.coverage import LEVELS
     from ..tables.results import of_start, of_variants, shown
-    from ..trials.campaign import run_campaign
     from ..trials.likelihood import likelihood_levels
+    from ..trials.looks import run_in_looks
     from ..trials.protocols import chosen_protocol
     from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog
@@ -87,10 +94,10 @@ def run(args: argparse.Namespace) -> int:
     log = TrialLog(folder / "trials.jsonl")
     machine = machine_info()
     with options.campaign(args, "trial") as workforce:
-        trials, missing = run_campaign(plan, meshes, log, workforce)
+        trials, missing = run_in_looks(plan, meshes, log, workforce, args.looks)
     levels = {mesh.name: likelihood_levels(plan, mesh, log) for mesh in meshes} if not missing else {}
     result = {
-        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
+        "config": plan.describe() | {"looks": args.looks, "jobs": args.jobs, "cluster": args.cluster},
         "machine": machine,
         "objects": [
             {
@@ -106,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
         "levels": LEVELS,
         "missing_trials": missing,
         "summary": summarise_accuracy(trials),
-        "comparison": compare_variants(trials),
+        "comparison": compare_variants(trials, args.looks),
         "trials": compact_trials(trials),
     }
     left_out = [f"--variant {name}: skipped, {reason}" for name, reason in skipped.items()]

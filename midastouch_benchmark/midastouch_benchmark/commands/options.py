@@ -140,12 +140,7 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         help="names, or how they begin; held_out: ten further of YCB; all: of the folder (default: the paper's ten of "
         "--meshes, all of the bundled)",
     )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        default="out/benchmark",
-        help="what is kept, apart for each state of simulator and networks (default out/benchmark)",
-    )
+    parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     add_filter_options(parser)
     add_network_options(parser)
     add_json_option(parser)
@@ -187,7 +182,7 @@ def _one(name: str, available: dict[str, Path], where: str) -> Path:
 
 
 def campaign_folder(args: argparse.Namespace) -> Path:
-    """Where what --out keeps is of the present simulator, renderer and networks: what others have made is not reused."""
+    """Where --out keeps what is made of the present simulator and networks, apart from what others made."""
     from ..evidence.fingerprint import PERCEPTION, today
 
     return Path(args.out).resolve() / today()[PERCEPTION]  # workers may run elsewhere

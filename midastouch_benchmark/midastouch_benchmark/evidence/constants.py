@@ -46,8 +46,9 @@ def of_filter() -> Constants:
 
 def changed(one: Mapping[str, list], other: Mapping[str, list]) -> list[str]:
     """Names of those with other values. What only one side has was renamed, added or removed: the probes tell whether
-    that matters."""
-    return [name for name in one.keys() & other.keys() if one[name] != other[name]]
+    that matters. Modules may have a name in common, so that a value more or less is no other value."""
+    differ = ((name, set(one[name]), set(other[name])) for name in one.keys() & other.keys())
+    return [name for name, here, there in differ if not (here <= there or there <= here)]
 
 
 def _of_package(package: ModuleType) -> Constants:

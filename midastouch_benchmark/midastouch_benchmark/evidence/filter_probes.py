@@ -31,7 +31,7 @@ _LEAST = (*[1e-4] * 3, *[5e-3] * 6, 1e-2, 5e-2, 1e-2, 1e-2, 3e-2, 3e-2, 5e-2, 0.
 """What matters to nobody, of each number of `_answer`: m, entries of a rotation, masses, logarithms, nats, a state."""
 _FEW = {"max_particles": 1_000, "kld_sampling": False}
 """Settings of most probes: one particle more or less would give every other one another random number."""
-_MOST = 24  # frames
+_MOST = 16  # frames
 _ELSEWHERE = ("real_sensor", "real_sensor_calibrated", "small_parts")  # differ from `plain` in what is touched, by what
 Nudge = Callable[[list[TrialFrame]], list[TrialFrame]]
 

@@ -41,7 +41,7 @@ COMMITTED = ROOT / "reports" / "fingerprint.json"
 PERCEPTION, ESTIMATES = "perception", "estimates"
 RENEW = "midastouch fingerprint --write"
 _CACHE = ROOT / "out" / "cache" / "fingerprint"
-_NUDGES = 8
+_NUDGES = 6
 
 
 @dataclass(frozen=True)

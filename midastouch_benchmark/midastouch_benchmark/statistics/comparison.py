@@ -10,12 +10,12 @@ from midastouch_filter.core.state import CONVERGED
 from ..trials.trial import STAGES
 from ..trials.variants import DEFAULT
 from .accuracy import final_errors, is_right, wrong_converged
-from .intervals import ENOUGH, bootstrap_interval
+from .intervals import ENOUGH, LEVEL, bootstrap_interval
 
 _IDENTITY = ("object", "slide", "init", "seed")
 
 
-def compare_variants(trials: list[dict]) -> list[dict]:
+def compare_variants(trials: list[dict], looks: int = 1) -> list[dict]:
     """One row per init and variant, all of an init over the same trials: those that every variant has run.
 
     Ratios are to the default. `error_ratio`, `rotation_ratio`: of the mean final particle errors; `estimate_ratio`: of
@@ -24,7 +24,12 @@ def compare_variants(trials: list[dict]) -> list[dict]:
     where one slide does not tell): `difference_mm`, of the mean final particle error; `right_difference`, of the share
     right at the end; `wrong_converged_difference`, of the mean fraction of frames converged wrong; `cpu_difference_ms`,
     of the filter's mean CPU time a frame. `verdict`: in which of them it is `worse`, in which `better`.
+
+    looks: how often variants are compared, as trials come in, until `decided`. Each is then compared on the trials that
+    it has in common with the default, and the 5 % of its intervals are shared out over the looks: by the union bound
+    all of them hold together in 95 % of cases, whatever is stopped when.
     """
+    level = 1 - (1 - LEVEL) / looks
     by_variant: dict[tuple[str, str], dict[tuple, dict]] = {}
     for trial in trials:
         group = by_variant.setdefault((trial["init"], trial["variant"]), {})
@@ -32,17 +37,33 @@ def compare_variants(trials: list[dict]) -> list[dict]:
     rows = []
     for init in dict.fromkeys(init for init, _ in by_variant):
         groups = {variant: group for (where, variant), group in by_variant.items() if where == init}
-        common = sorted(set.intersection(*map(set, groups.values())))
-        if DEFAULT in groups and common:
-            default = [groups[DEFAULT][key] for key in common]
-            rows += [
-                {"init": init, "variant": variant} | _row([group[key] for key in common], default)
-                for variant, group in groups.items()
-            ]
+        if DEFAULT not in groups:
+            continue
+        everywhere = set.intersection(*map(set, groups.values()))
+        for variant, group in groups.items():
+            common = sorted(everywhere if looks == 1 else group.keys() & groups[DEFAULT].keys())
+            if common:
+                one, default = ([each[key] for key in common] for each in (group, groups[DEFAULT]))
+                rows.append({"init": init, "variant": variant} | _row(one, default, level))
     return rows
 
 
-def _row(trials: list[dict], default: list[dict]) -> dict:
+def decided(row: dict) -> bool:
+    """Whether more trials would hardly teach more: an interval of a row of `compare_variants` tells which of the two is
+    better in error, right poses or wrong frames, or all of them tell that it makes no difference to care for."""
+    intervals = [row[f"{name}_interval"] for name in NO_DIFFERENCE]
+    if row["trials"] < ENOUGH or None in intervals:
+        return False
+    shown = any(low > 0 or high < 0 for low, high in intervals)
+    limits = zip(intervals, NO_DIFFERENCE.values(), strict=True)
+    return shown or all(-limit <= low and high <= limit for (low, high), limit in limits)
+
+
+NO_DIFFERENCE = {"difference_mm": 0.5, "right_difference": 0.05, "wrong_converged_difference": 0.005}
+"""Differences to the default that nobody would change a filter for: mm, and fractions of trials and of frames."""
+
+
+def _row(trials: list[dict], default: list[dict], level: float) -> dict:
     one, base = _figures(trials), _figures(default)
     ratios = {
         name: one[key] / base[key] if base[key] else None
@@ -60,7 +81,7 @@ def _row(trials: list[dict], default: list[dict]) -> dict:
         of_trials = figure(trials) - figure(default)
         known = of_trials[np.isfinite(of_trials)]
         differences[name] = float(known.mean()) if len(known) else None
-        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups)
+        differences[f"{name}_interval"] = bootstrap_interval(of_trials, groups, level=level)
     return one | ratios | differences | {"verdict": _verdict(differences, len(trials))}
 
 

@@ -43,11 +43,14 @@ def fraction_interval(part: Sequence[float], whole: Sequence[float], groups: Seq
 
 
 def bootstrap_interval(
-    values: Sequence[float], groups: Sequence[Hashable], statistic: Callable[..., np.ndarray] = np.mean
+    values: Sequence[float],
+    groups: Sequence[Hashable],
+    statistic: Callable[..., np.ndarray] = np.mean,
+    level: float = LEVEL,
 ) -> list[float] | None:
     """[low, high] of a mean (`np.mean`) or median (`np.median`) of values (N,), nan left out; groups as above.
 
-    Medians may be of values that are infinite. None with fewer than two groups.
+    level: probability of the interval. Medians may be of values that are infinite. None with fewer than two groups.
     """
     values = np.asarray(values, float)
     known = ~np.isnan(values)
@@ -57,7 +60,7 @@ def bootstrap_interval(
     rng = np.random.default_rng(0)
     times_drawn = rng.multinomial(n_groups, np.full(n_groups, 1 / n_groups), size=_RESAMPLES)
     drawn = _STATISTICS[statistic](values[known], times_drawn[:, index])
-    return np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], method="nearest").tolist()
+    return np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2], method="nearest").tolist()
 
 
 def _means(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

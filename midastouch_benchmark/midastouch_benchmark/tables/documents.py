@@ -16,9 +16,12 @@ import pandas as pd
 from . import accuracy, checks, comparisons, exploring, figures, perception, speed, trust
 from .reports import (
     COMMANDS,
+    CONDITIONS,
     NO_ESTIMATES,
     ROOT,
+    STARTS,
     fingerprint_of,
+    held_out,
     ids_of_today,
     names_read,
     report,
@@ -109,13 +112,13 @@ def _footnote(names: list[str], old: list[str]) -> str:
 
 
 def headline() -> list[str]:
-    """Names of the reports whose figures stand on the pages that a user reads: all documents but that of the reports
-    themselves."""
-    names: set[str] = set()
+    """Names of the reports whose figures stand, or will stand, on the pages that a user reads: all documents but that
+    of the reports themselves."""
+    names = {*STARTS, *CONDITIONS, *held_out()}
     for document in set(DOCUMENTS) - {"reports/README.md"}:
         for match in _TABLE.finditer((ROOT / document).read_text()):
             names.update(marked(TABLES[match[2]])[1])
-    return [name for name in reported() if name in names]
+    return [name for name in COMMANDS if name in names]
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ _OTHER_TABLES = ("plain", "uniform", "grasp", "real_sensor", "real_sensor_calibr
 CONDITIONS = {name: protocol.summary for name, protocol in PROTOCOLS.items() if name not in _OTHER_TABLES}
 """What is done to the slides, by the name of the protocol and of its report."""
 _MANY = "--slides 10 --seeds 2"
+_LOOKS = "--slides 10 --seeds 1 --looks 3"  # 100 trials, and up to 300 of what these do not tell
 NARROWER = {"beta_025": 0.25, "beta_05": 0.5}
 """Reports of narrower starts, by the factor on the paper's width."""
 _EVIDENCE = "no_surface no_book_constraint no_tempering"
@@ -48,19 +49,19 @@ COMMANDS = {
     "real_plain": f"{_BENCHMARK} {_REAL}",
     "real_sensor": f"{_BENCHMARK} {_REAL} --protocol real_sensor",
     "real_sensor_calibrated": f"{_BENCHMARK} {_REAL} --protocol real_sensor_calibrated",
-    "ablation": f"{_BENCHMARK} --length 0.3 --slides 10 --seeds 1 --variant no_refinement no_hindsight no_kld "
+    "ablation": f"{_BENCHMARK} --length 0.3 {_LOOKS} --variant no_refinement no_hindsight no_kld "
     "no_surface no_book_constraint no_tempering no_calibration no_annealing",
     "front": f"{_BENCHMARK} --init uniform --length 0.3 --slides 10 --seeds 1 --variant front",
     **{
-        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} --slides 10 --seeds 1 --variant {_EVIDENCE}"
+        f"ablation_evidence_{name}": f"{_BENCHMARK} --protocol {name} {_LOOKS} --variant {_EVIDENCE}"
         for name in ("kidnap", "tool_bias", "rest", "slow_camera")
     },
-    "ablation_rest": f"{_BENCHMARK} --protocol rest --slides 10 --seeds 1 --variant gates",
-    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera --slides 10 --seeds 1 --variant gates",
-    "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_MANY} --variant no_recovery",
-    "ablation_codes": f"{_BENCHMARK} --protocol kidnap --slides 10 --seeds 1 --variant no_refinement codes_no_recovery",
-    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias --slides 10 --seeds 1 --variant no_arm_errors",
-    "ablation_push": f"{_BENCHMARK} --protocol push --slides 10 --seeds 1 --variant no_object_motion",
+    "ablation_rest": f"{_BENCHMARK} --protocol rest {_LOOKS} --variant gates",
+    "ablation_slow_camera": f"{_BENCHMARK} --protocol slow_camera {_LOOKS} --variant gates",
+    "ablation_kidnap": f"{_BENCHMARK} --protocol kidnap {_LOOKS} --variant no_recovery",
+    "ablation_codes": f"{_BENCHMARK} --protocol kidnap {_LOOKS} --variant no_refinement codes_no_recovery",
+    "ablation_tool_bias": f"{_BENCHMARK} --protocol tool_bias {_LOOKS} --variant no_arm_errors",
+    "ablation_push": f"{_BENCHMARK} --protocol push {_LOOKS} --variant no_object_motion",
     "evaluate_paper": f"midastouch evaluate {_SLIDES}/*/00 --seeds 10 --init paper",
     "evaluate_uniform": f"midastouch evaluate {_SLIDES}/035_power_drill/00 --seeds 5 --init uniform",
     "evaluate_tdn": f"midastouch evaluate-tdn {_SLIDES}/*/00",
@@ -141,12 +142,12 @@ def ids_of_today() -> dict[str, str]:
 
 
 def fingerprint_of(name: str) -> str | None:
-    """What a report says of the code that made it; None for one that says nothing."""
-    return json.loads(report_path(name).read_text()).get("fingerprint")
+    """What a report says of the code that made it; None for one that says nothing, or is not there."""
+    return json.loads(report_path(name).read_text()).get("fingerprint") if name in reported() else None
 
 
 def stale(names: Iterable[str]) -> list[str]:
-    """Those of the reports that are of other code than today's, or do not say."""
+    """Those of the reports that are of other code than today's, do not say, or are not there."""
     known = ids_of_today().values()
     return [name for name in names if name not in NO_ESTIMATES and fingerprint_of(name) not in known]
 

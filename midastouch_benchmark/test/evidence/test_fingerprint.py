@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from midastouch_benchmark.evidence import fingerprint
+from midastouch_benchmark.evidence import constants, fingerprint
 from midastouch_benchmark.evidence.fingerprint import ESTIMATES, PERCEPTION, RENEW, Part, differences, ids, read
 from midastouch_benchmark.evidence.probe import Probe
 from midastouch_filter.core.config import FilterConfig
@@ -66,10 +66,15 @@ def probes_changed(config: FilterConfig | None = None) -> list[str]:
     return differences(without, fingerprint.measure(config))[ESTIMATES]
 
 
+@pytest.mark.parametrize("changed", [{"correlation_length": 0.021}, {"converged_probability": 0.985}])
+def test_every_default_is_compared_by_its_value(changed, monkeypatch):
+    before = constants.of_filter()
+    monkeypatch.setattr(constants, "FilterConfig", lambda: FilterConfig(**changed))
+    assert set(changed) <= set(constants.changed(before, constants.of_filter()))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "changed", [{"correlation_length": 0.021}, {"converged_probability": 0.9}, {"smoothing_spacing": 0.015}]
-)
+@pytest.mark.parametrize("changed", [{"correlation_length": 0.021}, {"penetration_noise": 1.05e-4}])
 def test_a_setting_that_changes_estimates_is_seen_by_the_probes(changed):
     assert probes_changed(FilterConfig(**changed))
 

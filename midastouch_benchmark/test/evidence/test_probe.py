@@ -36,3 +36,4 @@ def test_a_probe_survives_its_file(probe):
 
 def test_constants_are_compared_by_the_names_that_both_have():
     assert changed({"A": [1], "B": [2], "GONE": [3]}, {"A": [1], "B": [2.5], "NEW": [4]}) == ["B"]
+    assert changed({"A": [1], "B": [2, 3]}, {"A": [1, 5], "B": [2, 4]}) == ["B"]
