@@ -73,18 +73,14 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.campaign import run_campaign
     from ..trials.likelihood import likelihood_levels
     from ..trials.protocols import chosen_protocol
-    from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog
     from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
-    folder = plan.cache.folder
-    meshes = (
-        small_parts(folder / "meshes") if protocol.small_parts else options.chosen_meshes(args.meshes, args.objects)
-    )
-    log = TrialLog(folder / "trials.jsonl")
+    meshes = options.chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
+    log = TrialLog(plan.cache.folder / "trials.jsonl")
     machine = machine_info()
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_campaign(plan, meshes, log, workforce)

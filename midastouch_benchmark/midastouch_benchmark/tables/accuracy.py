@@ -9,7 +9,7 @@ import pandas as pd
 
 from ..statistics.accuracy import final_errors, is_right, right_or_among_modes_at_end
 from ..statistics.intervals import Figures
-from .reports import CONDITIONS, NARROWER, STARTS, benchmark_summary, frame_of, held_out, report, reported
+from .reports import CONDITIONS, NARROWER, STARTS, benchmark_summary, frame_of, further, report, reported
 from .table import Form, Row, fraction, is_missing, listed, part, percent, pose, text, tidy, value, written
 
 ENDS: dict[str, Form] = {
@@ -63,8 +63,8 @@ def summary_row(summary: dict, trials: list[dict]) -> dict:
 
 
 def localisation() -> pd.DataFrame:
-    """Ten objects, undisturbed and disturbed, and ten further ones."""
-    names = {name: what for name, what in (STARTS | CONDITIONS | held_out()).items() if name in reported()}
+    """Ten objects, undisturbed and disturbed, ten further ones, and CAD parts."""
+    names = {name: what for name, what in (STARTS | CONDITIONS | further()).items() if name in reported()}
     frame = frame_of(names, lambda name: summary_row(benchmark_summary(name), report(name)["trials"]))
     table = written(frame, {"conditions": text("what")}, LOCALISATION, "report")
     paper_row = {"conditions": "*paper, start as above*"} | PAPER

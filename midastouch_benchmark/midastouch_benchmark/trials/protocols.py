@@ -112,8 +112,8 @@ _NARROW = 0.2  # of the paper's start
 @dataclass(frozen=True)
 class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
-    paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
-    touched in place of the campaign's objects; make_cache, of slides as its sensors see them; codebook_size, poses;
+    paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; objects, touched where
+    nobody names others; make_cache, of slides as its sensors see them; codebook_size, poses;
     right [m], how near a pose must be to the truth; modulo_symmetry, as of `Yardstick`; record, of what a trial is
     asked on its way."""
 
@@ -123,7 +123,7 @@ class Protocol:
     starts: tuple[str, ...] = (PAPER,)
     beta: float = 1.0
     foreign: str | None = None
-    small_parts: bool = False
+    objects: tuple[str, ...] = ()
     make_cache: Callable[..., Cache] = Cache
     codebook_size: int = 50_000
     right: float = RIGHT
@@ -160,7 +160,7 @@ PROTOCOLS = {
     "small_parts": Protocol(
         "parts smaller than the gel, symmetric poses count as right",
         slides=SlideKind(0.075),
-        small_parts=True,
+        objects=("small_parts",),
         codebook_size=10_000,
         right=0.004,
         modulo_symmetry=True,
