@@ -15,6 +15,8 @@ import trimesh
 from pykdtree.kdtree import KDTree
 from scipy.spatial import cKDTree
 
+import midastouch_kernels as kernels
+
 from .errors import InputError
 from .files import atomic_path, require_file, sha256
 
@@ -23,6 +25,7 @@ _SMALLEST_EXTENT = 1e-3  # m; a contact begins at 1.5 mm^2, which nothing smalle
 FEWEST_THREADED_QUERIES = 8
 """Fewer queries for nearest points are answered sooner than threads are woken, on a busy machine by milliseconds."""
 
+_CREASE_COSINE = np.cos(np.radians(40))
 _EDGES = [[0, 1], [1, 2], [2, 0]]  # of a face, by its corners
 
 
@@ -107,6 +110,20 @@ class ObjectMesh:
             angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
             np.add.at(normals, self.faces[:, i], angle[:, None] * self.face_normals)
         return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+    @cached_property
+    def corner_normals(self) -> np.ndarray:
+        """(F, 3, 3) unit normals of the surface that the triangles stand for, one for each corner of a face.
+
+        Faces that meet at less than 40 deg are one smooth surface there; wider angles are edges, as CAD parts have.
+        Corners are matched by position, so that scans split along seams stay smooth.
+        """
+        _, welded = np.unique(self.vertices.round(7), axis=0, return_inverse=True)
+        corners = welded.reshape(-1)[self.faces].astype(np.int32)
+        order = np.argsort(corners.ravel(), kind="stable")
+        start = np.searchsorted(corners.ravel()[order], np.arange(corners.max() + 2))
+        weighted = self.face_normals * self.face_areas[:, None]
+        return kernels.corner_normals(corners, self.face_normals, weighted, order // 3, start, _CREASE_COSINE)
 
     @cached_property
     def bounds(self) -> np.ndarray:

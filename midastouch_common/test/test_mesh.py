@@ -102,6 +102,17 @@ def test_feature_edges_of_a_box():
     np.testing.assert_allclose(np.sort(np.abs(normals), axis=1), np.tile([0, 0.5**0.5, 0.5**0.5], (12, 1)), atol=1e-9)
 
 
+def test_corner_normals_are_smooth_on_a_ball_and_sharp_on_a_box():
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    split = ObjectMesh.from_arrays(ball.triangles.reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3), "ball")
+    for mesh in (ObjectMesh.from_arrays(ball.vertices, ball.faces, "ball"), split):  # an STL has no shared vertices
+        outward = mesh.vertices[mesh.faces] / 0.03
+        assert (mesh.corner_normals * outward).sum(axis=-1).min() > 0.995
+    box = trimesh.creation.box((0.1, 0.05, 0.02))
+    mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")
+    assert mesh.corner_normals == pytest.approx(mesh.face_normals[:, None].repeat(3, axis=1))
+
+
 def test_smooth_normals_turn_gradually_over_an_edge():
     box = trimesh.creation.box((0.06, 0.06, 0.06))
     mesh = ObjectMesh.from_arrays(box.vertices, box.faces, "box")

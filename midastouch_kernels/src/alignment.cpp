@@ -131,7 +131,9 @@ private:
         for (int v = 1; v < scene_.height() - 1; ++v) {
             for (int u = 1; u < columns - 1; u += kLanes) {
                 const int here_at = v * columns + u;
-                const Lanes measured = load(map.data() + here_at), here = load(rendered.data() + here_at) - margin;
+                const Lanes measured = load(map.data() + here_at), seen = load(rendered.data() + here_at) - margin;
+                // beside an edge the gel lies flat: the outline of a contact says where the edge is
+                const Lanes here = seen > nothing ? seen : Lanes{};
                 // elsewhere nothing is XX expected
                 const Mask touch = ((measured > 0) | (here > 0)) & (column + u < columns - 1);
                 if (!any(touch)) continue;
@@ -142,7 +144,11 @@ private:
                 explained += weight;
                 touched += touch ? all(1) : Lanes{};
 
-                auto neighbour = [&](int shift) { return load(rendered.data() + here_at + shift) - margin; };
+                const Lanes beside = here < 0 ? here : Lanes{};
+                auto neighbour = [&](int shift) {
+                    const Lanes value = load(rendered.data() + here_at + shift) - margin;
+                    return value > nothing ? value : beside;
+                };
                 auto gel = [&](int shift) { return load(gel_depth_.data() + here_at + shift); };
                 auto tx = [&](int shift) { return load(tangent_x_.data() + here_at + shift); };
                 auto ty = [&](int shift) { return load(tangent_y_.data() + here_at + shift); };
@@ -156,10 +162,9 @@ private:
                 const Lanes bz = db - da;
                 const Lanes nx = ay * bz - az * by, ny = az * bx - ax * bz, nz = ax * by - ay * bx;
                 const Lanes towards = nx * tx(0) + ny * ty(0) - nz;
-                // only where there is a surface to take a slope from, no silhouette, and no back side
-                const Mask usable = touch & (here > nothing) & (left > nothing) & (right > nothing) &
-                                    (above > nothing) & (below > nothing) &
-                                    (magnitude(az) <= kSteepest * magnitude(ax)) &
+                // only where there is a surface to take a slope from, and no back side
+                const Mask surface = (seen > nothing) | (left > 0) | (right > 0) | (above > 0) | (below > 0);
+                const Mask usable = touch & surface & (magnitude(az) <= kSteepest * magnitude(ax)) &
                                     (magnitude(bz) <= kSteepest * magnitude(by)) & (towards < 0);
                 if (!any(usable)) continue;
                 const Lanes inverse = usable ? 1 / towards : Lanes{};

@@ -85,7 +85,6 @@ SURFACE_COLOUR = np.array([0.80, 0.82, 0.85])
 AXIS_COLOURS = np.array([[0.86, 0.16, 0.16], [0.13, 0.62, 0.22], [0.15, 0.33, 0.88]])
 _SAMPLES = 2
 _DEPTH_SLACK = 0.003  # m behind the surface that are still seen: a sensor is pressed up to 2 mm into it
-_CREASE_COSINE = np.cos(np.radians(40))
 _LIGHT = np.array([-0.45, 0.55, 0.70]) / np.linalg.norm([-0.45, 0.55, 0.70])
 
 
@@ -107,7 +106,7 @@ class Canvas:
     def draw_mesh(self, mesh: ObjectMesh) -> None:
         """Draw the surface in `SURFACE_COLOUR`; `paint` changes it point by point."""
         corners, heights = self.camera.project(mesh.vertices[mesh.faces])
-        normals = corner_normals(mesh) @ self.camera.rotation.T
+        normals = mesh.corner_normals @ self.camera.rotation.T
         normal = np.zeros(self._colour.shape)
         kernels.draw_triangles(corners, np.ascontiguousarray(heights), normals, self._height, normal)
         self._rows, self._columns = np.nonzero(np.isfinite(self._height))
@@ -216,12 +215,3 @@ class Canvas:
         h, w = self._colour.shape[0] // _SAMPLES, self._colour.shape[1] // _SAMPLES
         blocks = np.clip(self._colour, 0, 1).reshape(h, _SAMPLES, w, _SAMPLES, 3)
         return (255 * blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
-
-
-def corner_normals(mesh: ObjectMesh) -> np.ndarray:
-    """Shading normals (F, 3, 3), one per triangle corner: smooth within a crease angle, sharp across
-    edges."""
-    order = np.argsort(mesh.faces.ravel(), kind="stable")
-    start = np.searchsorted(mesh.faces.ravel()[order], np.arange(len(mesh.vertices) + 1))
-    weighted = mesh.face_normals * mesh.face_areas[:, None]
-    return kernels.corner_normals(mesh.faces, mesh.face_normals, weighted, order // 3, start, _CREASE_COSINE)

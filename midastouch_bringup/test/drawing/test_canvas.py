@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from midastouch_bringup.drawing.canvas import Camera, Canvas, best_direction, corner_normals
-from midastouch_common.mesh import ObjectMesh
+from midastouch_bringup.drawing.canvas import Camera, Canvas, best_direction
 
 RED, GREEN = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
 
@@ -80,16 +79,6 @@ def test_an_ellipse_has_the_size_of_its_covariance(canvas):
     canvas.draw_ellipse(np.array([0.03, 0, 0]), np.diag([1e-6, 25e-6, 1e-6]), RED)
     columns = np.nonzero(reddish(canvas.image()))[1]
     assert np.ptp(columns) * 2 * canvas.camera.pixel_size == pytest.approx(2 * 2 * 5e-3, rel=0.15)
-
-
-def test_normals_are_smooth_on_a_ball_and_sharp_on_a_box(ball):
-    smooth = corner_normals(ball)
-    outward = ball.vertices[ball.faces] / 0.03
-    assert (smooth * outward).sum(axis=-1).min() > 0.995
-    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float) * 0.05
-    faces = np.array([[0, 1, 3], [0, 3, 2], [0, 5, 1], [0, 4, 5]])  # two sides of a box, a shared edge
-    box = ObjectMesh.from_arrays(vertices, faces, "box")
-    assert corner_normals(box) == pytest.approx(box.face_normals[:, None].repeat(3, axis=1))
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ Greer 1997): no clipping is needed, and the depth at a pixel centre is exact. Ba
 from __future__ import annotations
 
 import dataclasses
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -84,17 +83,13 @@ class PenetrationRenderer:
     def render_with_normals(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Penetration (N, H, W) float32 [m] and smooth-shaded normals (N, H, W, 3) float32 in the gel frame.
 
-        Normals interpolate the mesh's vertex normals; where there is no contact they are 0.
+        Normals are interpolated over each face, as `ObjectMesh.corner_normals`; where there is no contact they are 0.
         """
         poses = np.ascontiguousarray(poses, float)
         penetration, faces = self._rasterise(poses, True)
         tangent_x, tangent_y = self.sensor.rays
-        normals = kernels.interpolate_normals(self.scene, poses, faces, self._corner_normals, tangent_x, tangent_y)
+        normals = kernels.interpolate_normals(self.scene, poses, faces, self.mesh.corner_normals, tangent_x, tangent_y)
         return penetration, normals
-
-    @cached_property
-    def _corner_normals(self) -> np.ndarray:
-        return self.mesh.vertex_normals[self.mesh.faces]
 
     def _rasterise(self, poses: np.ndarray, with_faces: bool) -> tuple[np.ndarray, np.ndarray]:
         poses = np.ascontiguousarray(poses, float)
