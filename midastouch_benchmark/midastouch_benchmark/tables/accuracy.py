@@ -46,8 +46,6 @@ OBJECTS: dict[str, Form] = {
 """Of trials over one object, each column without intervals."""
 _MORE = {
     "pose, median": pose("estimate", "median"),
-    "particles modulo symmetry, mean": pose("symmetric_e", "mean"),
-    "right modulo symmetry": part("right_symmetric"),
     "converged": part("converged"),
     "converged wrong, of frames": percent("wrong_converged", 1),
 }
@@ -149,7 +147,7 @@ def paper() -> pd.DataFrame:
          pose("e", "mean")(known), PAPER["particles, mean"]),
         ("final error of the closest mode, median over the same",
          pose("closest_mode", "median")(known), PAPER["closest mode, median"]),
-        ("converged and within 10 mm at the end", part("right")(known), "-"),
+        ("converged and right at the end", part("right")(known), "-"),
         ("the same, with nothing known at the start", part("right")(unknown), "-"),
         ("depth network, RMSE on slides of another renderer",
          f"{report('evaluate_tdn')['summary']['rmse_mm']:.3f} mm", "0.135 mm"),

@@ -46,7 +46,7 @@ _CONVERGED = {
         "trust.converged_frames_wrong", PROMISED_WRONG, "kept", "*not kept*", "not shown"
     ),
     "of trials that end `converged`, right": fraction("trust.right_if_converged_at_end"),
-    "the same, counting symmetric poses as right": fraction("trust.right_if_converged_modulo_symmetry_at_end"),
+    "of `ambiguous` frames, truth among the modes": fraction("trust.ambiguous_frames_among"),
 }
 _REGIONS = {
     **{f"{what}, `converged`": fraction(f"trust.regions.converged.{level}") for what, level in _LEVELS.items()},
