@@ -153,12 +153,9 @@ def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[
     most = DETECTABLE
     if near.free == "axis":
         # a gear's turns are finer than the grid of rotations
-        orders = range(_LARGEST_ORDER, 1, -1)
-        turns = [about(near.centre, _turn(near.axis, order))[0] for order in orders]
-        finest = next(((o, t) for o, t in zip(orders, turns, strict=True) if touches.difference(t) <= DETECTABLE), None)
-        if finest:
-            found = [np.eye(4), finest[1], *found[1:]]
-            most = _FLATS if finest[0] >= _FEWEST_FLATS else DETECTABLE
+        order = _order(touches, near)
+        found = [np.eye(4), about(near.centre, _turn(near.axis, order))[0], *found[1:]]
+        most = _FLATS if order >= _FEWEST_FLATS else DETECTABLE
     if near.free != "none":
         probes = near.turned(_PROBED_TURNS) if near.free == "axis" else found[:_PROBED_TURNS]
         residual = max(touches.difference(motion, until=most) for motion in probes)
@@ -173,6 +170,18 @@ def _exact(touches: _Touches, near: Symmetry, found: list[np.ndarray]) -> tuple[
         if worst <= DETECTABLE:
             generators, group, residual = [*generators, motion], larger, max(residual, difference, worst)
     return Symmetry(np.array(group), centre=near.centre), residual
+
+
+def _order(touches: _Touches, near: Symmetry) -> int:
+    """The largest number such that one such part of a turn about the axis is not told by any touch."""
+    order = 1
+    for prime in (n for n in range(2, _LARGEST_ORDER) if all(n % k for k in range(2, n))):
+        while order * prime < _LARGEST_ORDER:
+            (part,) = about(near.centre, _turn(near.axis, order * prime))
+            if touches.difference(part) > DETECTABLE:
+                break
+            order *= prime
+    return order
 
 
 def _turn(axis: np.ndarray, order: int) -> np.ndarray:
