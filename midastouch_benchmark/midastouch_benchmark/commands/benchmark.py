@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
-                "symmetry": plan.cache.symmetry(mesh).describe(),
+                "symmetry": plan.cache.symmetry(mesh).exact.describe(),
                 "likelihood_levels": levels.get(mesh.name),
             }
             for mesh in meshes
