@@ -10,7 +10,12 @@ from ..statistics.exploring import summarise_exploration
 from .reports import frame_of, report, reported
 from .table import Form, Row, fraction, is_missing, text, tidy, value, written
 
-_SLIDES: dict[str, Form] = {"slides": lambda row: f"{row['known']:.0f} with, {row['unknown']:.0f} without"}
+
+def _slides(row: Row) -> str:
+    return "-" if is_missing(row.get("known")) else f"{row['known']:.0f} with, {row['unknown']:.0f} without"
+
+
+_SLIDES: dict[str, Form] = {"slides": _slides}
 IDENTIFICATION: dict[str, Form] = {
     "right at the end": fraction("right"),
     "pose right, too": fraction("pose_right"),

@@ -124,7 +124,7 @@ def identify(
         cpu += time.process_time() - start
         count += 1
         answers.note(frame, localiser.identity)
-    found = localiser.object.name == truth
+    found = localiser.object is not None and localiser.object.name == truth
     return answers.describe() | {
         "pose_right": found and _is_right(estimate, frame, catalogue.entries[catalogue.number(truth)]),
         "cpu_ms": 1e3 * cpu / count,
