@@ -80,18 +80,14 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.likelihood import likelihood_levels
     from ..trials.looks import run_in_looks
     from ..trials.protocols import chosen_protocol
-    from ..trials.small_parts import small_parts
     from ..trials.trial_log import TrialLog
     from ..trials.variants import DEFAULT, VARIANTS, chosen_variants
 
     protocol, chosen = chosen_protocol(args.protocol), chosen_variants(args.variant)
     skipped = {name: reason for name in chosen if (reason := VARIANTS[name].missing)}
     plan = _planned(args, protocol, [name for name in chosen if name not in skipped])
-    folder = plan.cache.folder
-    meshes = (
-        small_parts(folder / "meshes") if protocol.small_parts else options.chosen_meshes(args.meshes, args.objects)
-    )
-    log = TrialLog(folder / "trials.jsonl")
+    meshes = options.chosen_meshes(args.meshes, args.objects or protocol.objects, args.out)
+    log = TrialLog(plan.cache.folder / "trials.jsonl")
     machine = machine_info()
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_in_looks(plan, meshes, log, workforce, args.looks)
@@ -103,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
             {
                 "object": mesh.name,
                 "diagonal_m": mesh.diagonal,
-                "symmetry": plan.cache.symmetry(mesh).describe(),
+                "symmetry": plan.cache.symmetry(mesh).exact.describe(),
                 "likelihood_levels": levels.get(mesh.name),
             }
             for mesh in meshes

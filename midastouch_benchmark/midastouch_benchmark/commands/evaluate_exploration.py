@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     cache = Cache(folder, args.tdn, args.tcn, args.sensor, codebook_size=args.codebook_size)
     config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
     plan = ExplorationPlan(cache, config, chosen_policies(args.policy), args.trials, args.length)
-    meshes = options.chosen_meshes(args.meshes, args.objects)
+    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "trial") as workforce:
         trials, missing = run_exploration(plan, meshes, TrialLog(folder / "exploration.jsonl"), workforce)
     summary = summarise_exploration(trials)
@@ -58,5 +58,5 @@ def run(args: argparse.Namespace) -> int:
         "exploration": summary,
         "trials": trials,
     }
-    table = terminal(exploration_table(trials, result["config"]["policies"], by_object=True))
+    table = terminal(exploration_table(trials, result["config"]["policies"]))
     return options.conclude(args, result, table, *options.left(missing, "trial"))

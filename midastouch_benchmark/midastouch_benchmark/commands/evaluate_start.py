@@ -37,7 +37,8 @@ def run(args: argparse.Namespace) -> int:
     from ..trials.setup import load_filter_config
 
     cache = Cache(options.campaign_folder(args), args.tdn, args.tcn, args.sensor, SlideKind(args.length))
-    config, meshes = load_filter_config(args.config, args.preset), options.chosen_meshes(args.meshes, args.objects)
+    config = load_filter_config(args.config, args.preset)
+    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
     machine, trials = machine_info(), []
     for mesh in progress_bar(iterable=meshes, unit="object"):
         trials += first_poses(mesh, cache, range(args.slides), config)

@@ -75,7 +75,7 @@ def _of_meshes(args: argparse.Namespace, cache: Cache) -> tuple[IdentityPlan, di
     from ..trials.trial_log import TrialLog
 
     plan = IdentityPlan(cache, load_filter_config(args.config, args.preset), tuple(range(args.slides)))
-    meshes = options.chosen_meshes(args.meshes, args.objects)
+    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
     with options.campaign(args, "slide") as workforce:
         trials, missing = run_identification(plan, meshes, TrialLog(cache.folder / "identifications.jsonl"), workforce)
     summary = summarise_identification(trials) if trials else None

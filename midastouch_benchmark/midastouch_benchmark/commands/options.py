@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..trials.setup import Networks
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
@@ -137,8 +137,9 @@ def add_object_options(parser: argparse.ArgumentParser) -> None:
         "--objects",
         nargs="+",
         metavar="NAME",
-        help="names, or how they begin; held_out: ten further of YCB; all: of the folder (default: the paper's ten of "
-        "--meshes, all of the bundled)",
+        help="names, or how they begin; held_out: ten further of YCB; all: of the folder; made by code: cad (parts of "
+        "60 to 160 mm), small_parts and small_cad (smaller than the gel) (default: the paper's ten of --meshes, all of "
+        "the bundled)",
     )
     parser.add_argument("--out", metavar="DIR", default="out/benchmark", help="default out/benchmark")
     add_filter_options(parser)
@@ -153,12 +154,18 @@ def meshes_to_fit_on(folder: Path) -> list[Path]:
     return [path for path in sorted(folder.glob("*.ply")) if not path.stem.startswith((*TEST_OBJECTS, *HELD_OUT))]
 
 
-def chosen_meshes(folder: str | None, names: list[str] | None) -> list[ObjectMesh]:
-    """The meshes asked for, by name; InputError for a name that fits none or several."""
+def chosen_meshes(folder: str | None, names: Sequence[str] | None, out: str) -> list[ObjectMesh]:
+    """The meshes asked for, by name; those of a set made by code are written under `out`. InputError for a name that
+    fits none or several."""
     from midastouch_common.mesh import ObjectMesh
     from midastouch_perception.objects import bundled_objects
     from midastouch_perception.training.setting import TEST_OBJECTS
 
+    from ..trials.object_sets import MADE
+
+    names = list(names or ())
+    if len(names) == 1 and names[0] in MADE:
+        return MADE[names[0]](Path(out).resolve() / "meshes")  # workers may run elsewhere
     if folder is None:
         available = bundled_objects()
         names = names or sorted(available)

@@ -92,36 +92,33 @@ _GROUPS = {
     GATE: ("a gate off", "#7a4fb5", "^"),
 }
 _MARKED = {DEFAULT: 13, PRESET: 10}  # size of the marker
-_ERRORS = {"e_trans_mm": "particles [mm]", "symmetric_e_trans_mm": "particles, modulo symmetry [mm]"}
+_ERROR = "e_trans_mm"
 
 
 def front_figure(comparison: list[dict], variants: dict[str, dict]) -> Figure:
-    """Mean final error over the filter's CPU milliseconds per frame: a column per init, a row per error; the one modulo
-    symmetry only where it differs. `comparison` as of `compare_variants`, `variants` their descriptions by name."""
+    """Mean final error over the filter's CPU milliseconds per frame, a column per init. `comparison` as of
+    `compare_variants`, `variants` their descriptions by name."""
     columns = rows_by_init(comparison)
-    errors = [key for key in _ERRORS if key == "e_trans_mm" or any(row[key] != row["e_trans_mm"] for row in comparison)]
-    figure = Figure(figsize=(7 * len(columns), 5.2 * len(errors)), layout="constrained")
-    grid = figure.subplots(len(errors), len(columns), squeeze=False)
-    for axes_of_error, error in zip(grid, errors, strict=True):
-        for axes, (init, rows) in zip(axes_of_error, columns.items(), strict=True):
-            _draw(axes, rows, error, variants)
-            axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
-    figure.legend(*_handles(grid.flat), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
+    figure = Figure(figsize=(7 * len(columns), 5.2), layout="constrained")
+    (grid,) = figure.subplots(1, len(columns), squeeze=False)
+    for axes, (init, rows) in zip(grid, columns.items(), strict=True):
+        _draw(axes, rows, variants)
+        axes.set_title(f"start: {init}, {rows[0]['trials']} trials each", fontsize=10, loc="left")
+    figure.legend(*_handles(grid), loc="outside lower center", ncols=2 * len(columns), frameon=False, fontsize=9)
     figure.draw_without_rendering()  # where things lie is known only then
-    for axes_of_error, error in zip(grid, errors, strict=True):
-        for axes, rows in zip(axes_of_error, columns.values(), strict=True):
-            label_points(axes, [(row["cpu_ms_filter"], row[error]) for row in rows], [row["variant"] for row in rows])
+    for axes, rows in zip(grid, columns.values(), strict=True):
+        label_points(axes, [(row["cpu_ms_filter"], row[_ERROR]) for row in rows], [row["variant"] for row in rows])
     return figure
 
 
-def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -> None:
-    front = pareto_front(rows, error)
-    corners = [(row["cpu_ms_filter"], row[error]) for row in front]
+def _draw(axes: Axes, rows: list[dict], variants: dict[str, dict]) -> None:
+    front = pareto_front(rows, _ERROR)
+    corners = [(row["cpu_ms_filter"], row[_ERROR]) for row in front]
     axes.plot(*zip(*corners, strict=True), color="#9aa1ab", lw=1.2, zorder=1, label="Pareto front")
     for group, (label, colour, marker) in _GROUPS.items():
         own = [row for row in rows if variants[row["variant"]]["group"] == group]
         if own:
-            place = [row["cpu_ms_filter"] for row in own], [row[error] for row in own]
+            place = [row["cpu_ms_filter"] for row in own], [row[_ERROR] for row in own]
             axes.plot(
                 *place,
                 marker,
@@ -130,7 +127,7 @@ def _draw(axes: Axes, rows: list[dict], error: str, variants: dict[str, dict]) -
                 label=label,
                 zorder=2 + (group in _MARKED),
             )
-    style_error_axes(axes, f"mean final error of the {_ERRORS[error]}", "filter, CPU ms per frame")
+    style_error_axes(axes, "mean final error of the particles [mm]", "filter, CPU ms per frame")
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")

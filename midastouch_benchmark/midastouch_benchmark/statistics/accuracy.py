@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 
-from ..trials.trial import AFTER_EVENT, ERROR_KEYS, STAGES, SYMMETRIC_KEYS
+from ..trials.trial import AFTER_EVENT, ERROR_KEYS, STAGES
 from ..trials.variants import BASELINE, DEFAULT, PAPER, VARIANTS
 from .coverage import KINDS, LEVELS, WEIGHTS, observed_fractions
 from .intervals import ENOUGH, Figures
@@ -25,27 +25,38 @@ def summarise_trials(trials: list[dict]) -> dict:
 
 
 def final_errors(trials: list[dict], key: str) -> np.ndarray:
-    """Final errors (N,) of one metric, nan where a trial has none; of a `symmetric_` one the plain error where the
-    object has no symmetry."""
-    plain = key.removeprefix("symmetric_")
-    return np.array([t["final"].get(key, t["final"][plain]) for t in trials], float)
+    """Final errors (N,) of one metric, nan where a trial has none."""
+    return np.array([t["final"][key] for t in trials], float)
 
 
-def is_right(trial: dict, key: str = "estimate_trans_mm") -> bool:
-    """Whether the trial ended with a pose as near as is right, by the error named, and said so."""
-    return trial["final"]["state"] == CONVERGED and bool(final_errors([trial], key)[0] <= 1e3 * trial["right_m"])
+def is_right(trial: dict) -> bool:
+    """Whether the trial ended with a pose that is right by its yardstick, and said so."""
+    return trial["final"]["state"] == CONVERGED and _judged(trial, "right", "estimate_trans_mm")
+
+
+def is_right_or_among_modes(trial: dict) -> bool:
+    """Whether it ended so, or `ambiguous` with a mode that is right."""
+    ambiguous = trial["final"]["state"] == AMBIGUOUS
+    return is_right(trial) or (ambiguous and _judged(trial, "among_modes", "min_cluster_trans_mm"))
+
+
+def _judged(trial: dict, what: str, error: str) -> bool:
+    """What the trial says of its end; a report of a trial that does not, before `RECORD` 7, judged by a distance."""
+    final = trial["final"]
+    if what in final:
+        return final[what]
+    return final[error] is not None and final[error] <= 1e3 * trial["right_m"]
 
 
 def wrong_converged(trials: list[dict]) -> float:
-    """Fraction of all frames in which the filter was converged, but not within 10 mm of the truth."""
+    """Fraction of all frames in which the filter was converged at a pose that was not right."""
     wrong = sum(t["frames_converged"] - t["frames_converged_right"] for t in trials)
     return wrong / max(sum(t["frames"] for t in trials), 1)
 
 
 def _summarise(trials: list[dict]) -> dict:
     out: dict = {"trials": len(trials)}
-    symmetric = any(key in t["final"] for t in trials for key in SYMMETRIC_KEYS)
-    for key in (*ERROR_KEYS, *(SYMMETRIC_KEYS if symmetric else ())):
+    for key in ERROR_KEYS:
         # a trial without any mode or pose has no such error; it is counted, not hidden
         values = final_errors(trials, key)
         known = values[np.isfinite(values)]
@@ -61,7 +72,6 @@ def _summarise(trials: list[dict]) -> dict:
     out["states"] = dict(Counter(t["final"]["state"] for t in trials))
     out["converged"] = out["states"].get(CONVERGED, 0)
     out["right"] = sum(map(is_right, trials))
-    out["right_symmetric"] = sum(is_right(trial, "symmetric_estimate_trans_mm") for trial in trials)
     out["hz_mean"] = np.mean([t["hz_mean"] for t in trials])
     out["hz_p05"] = min(t["hz_p05"] for t in trials)
     out["ms"] = {stage: np.mean([t["ms"][stage] for t in trials]) for stage in STAGES}
@@ -154,12 +164,12 @@ _ERRORS = ("e", "closest_mode", "estimate")
 def trust(trials: list[dict]) -> dict:
     """What may be relied on, each figure with its 95 % interval: {"share" or "mean" or "median", "interval"}.
 
-    converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; right_at_end;
-    right_modulo_symmetry_at_end; right_or_among_modes_at_end, as of that function; right_if_converged_at_end, of
-    trials that end converged, and with ..._modulo_symmetry; regions, by kind of frame and level, fraction of frames
-    whose region of that level holds the truth, and region_95, that of converged frames at 95 %; right_before_event,
-    right_after_event, of trials, the latter so many frames later; found_again, of those that were right before;
-    misled, of these too, which are ever converged at a wrong pose, and misled_frames, in how many frames;
+    converged_wrong, of all frames, and converged_frames_wrong, of the converged ones; ambiguous_frames_among, of
+    the ambiguous frames with a truth those with a mode that is right; right_at_end; right_or_among_modes_at_end, as of
+    that function; right_if_converged_at_end, of trials that end converged; regions, by kind of frame and level,
+    fraction of frames whose region of that level holds the truth, and region_95, that of converged frames at 95 %;
+    right_before_event, right_after_event, of trials, the latter so many frames later; found_again, of those that were
+    right before; misled, of these too, which are ever converged at a wrong pose, and misled_frames, in how many frames;
     frames_until_right, infinite where it never is again; final errors of particles, closest mode and published pose;
     ms of a frame, of which filter_cpu_ms; weights, by bin of `WEIGHTS`: frames, mean weight of the published mode,
     right, fraction of them whose pose is.
@@ -191,9 +201,7 @@ def frames_until_right(trial: dict) -> float:
 
 def right_or_among_modes_at_end(trials: list[dict]) -> dict:
     """Fraction of trials, with its 95 % interval, that end right, or `ambiguous` with a mode that would be right."""
-    near = [float(t["final"]["min_cluster_trans_mm"] or np.inf) <= 1e3 * t["right_m"] for t in trials]
-    among = [t["final"]["state"] == AMBIGUOUS and each for t, each in zip(trials, near, strict=True)]
-    return Figures.by_slide(trials).fraction(np.logical_or([is_right(t) for t in trials], among))
+    return Figures.by_slide(trials).fraction([is_right_or_among_modes(trial) for trial in trials])
 
 
 def _converged_wrong(trials: list[dict]) -> np.ndarray:
@@ -205,7 +213,7 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     """What states and regions promise, and what the last answers are."""
     wrong = _converged_wrong(trials)
     ends_converged = [t["final"]["state"] == CONVERGED for t in trials]
-    right = {key: [is_right(t, f"{key}estimate_trans_mm") for t in trials] for key in ("", "symmetric_")}
+    right = [is_right(t) for t in trials]
 
     def regions(kind: str) -> dict:
         counts = np.array([t["coverage"][kind] for t in trials])
@@ -215,11 +223,12 @@ def _at_the_end(trials: list[dict], figures: Figures) -> dict:
     return {
         "converged_wrong": figures.fraction(wrong, [t["frames"] for t in trials]),
         "converged_frames_wrong": figures.fraction(wrong, [t["frames_converged"] for t in trials]),
-        "right_at_end": figures.fraction(right[""]),
-        "right_modulo_symmetry_at_end": figures.fraction(right["symmetric_"]),
+        "ambiguous_frames_among": figures.fraction(
+            *([t[name] for t in trials] for name in ("frames_ambiguous_among", "frames_ambiguous"))
+        ),
+        "right_at_end": figures.fraction(right),
         "right_or_among_modes_at_end": right_or_among_modes_at_end(trials),
-        "right_if_converged_at_end": figures.fraction(right[""], ends_converged),
-        "right_if_converged_modulo_symmetry_at_end": figures.fraction(right["symmetric_"], ends_converged),
+        "right_if_converged_at_end": figures.fraction(right, ends_converged),
         "region_95": regions(CONVERGED)["0.95"],
         "regions": {kind: regions(kind) for kind in (CONVERGED, "right")},
     }

@@ -122,7 +122,6 @@ def _figures(trials: list[dict]) -> dict:
         "trials": len(trials),
         "e_trans_mm": mean("e_trans_mm"),
         "e_rot_deg": mean("e_rot_deg"),
-        "symmetric_e_trans_mm": mean("symmetric_e_trans_mm"),
         "closest_mode_mm": median("min_cluster_trans_mm"),
         "closest_mode_deg": median("min_cluster_rot_deg"),
         "estimate_trans_mm": median("estimate_trans_mm"),

@@ -40,8 +40,8 @@ def nees(estimate: Estimate, truth: np.ndarray) -> float:
 class Coverage:
     """Counts the levels of the truth in the published Gaussians, by kind of frame.
 
-    Kinds: `one_mode`, `several_modes`: how many are reported; `converged`: by state; `right`: the pose is within
-    10 mm, which leaves wrong modes out and judges the covariance alone.
+    Kinds: `one_mode`, `several_modes`: how many are reported; `converged`: by state; `right`: the pose is, by
+    the trial's yardstick, which leaves wrong modes out and judges the covariance alone.
     """
 
     def __init__(self) -> None:

@@ -125,17 +125,20 @@ def baselines() -> pd.DataFrame:
 
 def grasps() -> pd.DataFrame:
     """Grasps without sliding, by how many fingers touch."""
-    about = {"contacts": text("what"), "after grasp": text("grasp")}
-    if "grasp" not in reported():
-        return written(frame_of({"grasp": "-"}, report), about, GRASPS, "report")
-    summary, rows = report("grasp")["summary"], []
-    for contacts, variant in enumerate(("contact_1", "contacts_2", "contacts_3", DEFAULT), 1):
-        (by_grasp,) = (one["grasps"] for one in summary[variant].values())
-        rows += [
-            {"what": contacts, "grasp": number, "report": "grasp"} | by_grasp[number - 1]
-            for number in (1, len(by_grasp))
-        ]
-    return written(tidy(rows), about, GRASPS, "report")
+    about = {"objects": text("objects"), "contacts": text("what"), "after grasp": text("grasp")}
+    rows = []
+    for name, objects in {"grasp": "the ten", "grasp_cad": "CAD parts"}.items():
+        if name not in reported():
+            continue
+        summary = report(name)["summary"]
+        for contacts, variant in enumerate(("contact_1", "contacts_2", "contacts_3", DEFAULT), 1):
+            (by_grasp,) = (one["grasps"] for one in summary[variant].values())
+            rows += [
+                {"objects": objects, "what": contacts, "grasp": number, "report": name} | by_grasp[number - 1]
+                for number in (1, len(by_grasp))
+            ]
+    frame = tidy(rows) if rows else frame_of({"grasp": "-"}, report)
+    return written(frame, about if rows else {"contacts": text("what")}, GRASPS, "report")
 
 
 def variants() -> pd.DataFrame:

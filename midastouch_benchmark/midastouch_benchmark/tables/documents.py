@@ -21,7 +21,7 @@ from .reports import (
     ROOT,
     STARTS,
     fingerprint_of,
-    held_out,
+    further,
     ids_of_today,
     names_read,
     report,
@@ -114,7 +114,7 @@ def _footnote(names: list[str], old: list[str]) -> str:
 def headline() -> list[str]:
     """Names of the reports whose figures stand, or will stand, on the pages that a user reads: all documents but that
     of the reports themselves."""
-    names = {*STARTS, *CONDITIONS, *held_out()}
+    names = {*STARTS, *CONDITIONS, *further()}
     for document in set(DOCUMENTS) - {"reports/README.md"}:
         for match in _TABLE.finditer((ROOT / document).read_text()):
             names.update(marked(TABLES[match[2]])[1])

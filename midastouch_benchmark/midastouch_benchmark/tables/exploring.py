@@ -10,7 +10,12 @@ from ..statistics.exploring import summarise_exploration
 from .reports import frame_of, report, reported
 from .table import Form, Row, fraction, is_missing, text, tidy, value, written
 
-_SLIDES: dict[str, Form] = {"slides": lambda row: f"{row['known']:.0f} with, {row['unknown']:.0f} without"}
+
+def _slides(row: Row) -> str:
+    return "-" if is_missing(row.get("known")) else f"{row['known']:.0f} with, {row['unknown']:.0f} without"
+
+
+_SLIDES: dict[str, Form] = {"slides": _slides}
 IDENTIFICATION: dict[str, Form] = {
     "right at the end": fraction("right"),
     "pose right, too": fraction("pose_right"),
@@ -80,23 +85,24 @@ def shapes_table(summaries: dict[str, dict], sources: str | None = None) -> pd.D
     return written(tidy(rows), {"shapes": text("what")} | _SLIDES, SHAPES, sources)
 
 
-def exploration_table(trials: list[dict], policies: dict[str, str], by_object: bool = False) -> pd.DataFrame:
-    """How far a finger goes until it knows where it is, by policy, named in words; by_object: over each one, too."""
+def exploration_rows(trials: list[dict], policies: dict[str, str]) -> list[dict]:
+    """How far a finger goes until it knows where it is, by policy, named in words: over each object, and over all."""
     rows = []
     for name, one in summarise_exploration(trials).items():
-        parts = one["objects"] if by_object else {}
-        for what, each in [*parts.items(), ("all", {key: one[key] for key in one if key != "objects"})]:
-            rows.append({"what": policies[name], "object": what, "report": "exploration"} | each)
+        for what, each in [*one["objects"].items(), ("all", {key: one[key] for key in one if key != "objects"})]:
+            rows.append({"what": policies[name], "object": what} | each)
+    return rows
+
+
+def exploration_table(trials: list[dict], policies: dict[str, str]) -> pd.DataFrame:
+    """The same as a table."""
     about = {"finger goes": text("what"), "object": text("object"), "trials": text("trials")}
-    if by_object:
-        return written(tidy(rows), about | EXPLORATION, {})
-    del about["object"]
-    return written(tidy(rows), about, EXPLORATION, "report")
+    return written(tidy(exploration_rows(trials, policies)), about | EXPLORATION, {})
 
 
 def identification() -> pd.DataFrame:
     """Which object of a catalogue it is."""
-    names = {"identify": "the ten", "identify_all": "all 78 of YCB"}
+    names = {"identify": "the ten", "identify_cad": "CAD parts", "identify_all": "all 78 of YCB"}
     frame = frame_of(names, lambda name: identification_row(names[name], report(name)["identification"]))
     return identification_table(frame, "report")
 
@@ -112,8 +118,14 @@ def exploration() -> pd.DataFrame:
     """A finger that is told where to touch next, against one that goes anywhere."""
     if "exploration" not in reported():
         return written(frame_of({"exploration": "-"}, report), {"finger goes": text("what")}, EXPLORATION, "report")
-    content = report("exploration")
-    return exploration_table(content["trials"], content["config"]["policies"])
+    rows = []
+    for name, objects in {"exploration": "the ten", "exploration_cad": "CAD parts"}.items():
+        if name in reported():
+            content = report(name)
+            part = exploration_rows(content["trials"], content["config"]["policies"])
+            rows += [row | {"objects": objects, "report": name} for row in part if row["object"] == "all"]
+    about = {"finger goes": text("what"), "objects": text("objects"), "trials": text("trials")}
+    return written(tidy(rows), about, EXPLORATION, "report")
 
 
 def alike_objects() -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pandas as pd
 from midastouch_filter.core.config import FilterConfig
 
 from ..statistics.coverage import WEIGHTS
-from .reports import CONDITIONS, OPTICS, STARTS, benchmark_summary, frame_of, held_out, reported
+from .reports import CONDITIONS, OPTICS, STARTS, benchmark_summary, frame_of, further, reported
 from .table import Form, Row, fraction, is_missing, listed, text, value, written
 
 _WEIGHED = {"accuracy": "start as the paper's", "tool_bias": "tool off", "kidnap": "moved, unreported"}
@@ -22,10 +22,10 @@ _LEVELS = {"50 %": "0.5", "90 %": "0.9", "95 %": "0.95", "99 %": "0.99"}
 
 
 def conditions() -> dict[str, str]:
-    """What trust is asked of: every protocol, and over ten further objects and real optics what there is."""
+    """What trust is asked of: every protocol, and over further objects and real optics what there is."""
     optics = {name: f"light {what}" for name, what in OPTICS.items() if name != "real_plain"}
     there = reported()
-    return STARTS | CONDITIONS | {name: what for name, what in (held_out() | optics).items() if name in there}
+    return STARTS | CONDITIONS | {name: what for name, what in (further() | optics).items() if name in there}
 
 
 def verdict(key: str, limit: float, below: str, above: str, undecided: str) -> Form:
@@ -46,7 +46,7 @@ _CONVERGED = {
         "trust.converged_frames_wrong", PROMISED_WRONG, "kept", "*not kept*", "not shown"
     ),
     "of trials that end `converged`, right": fraction("trust.right_if_converged_at_end"),
-    "the same, counting symmetric poses as right": fraction("trust.right_if_converged_modulo_symmetry_at_end"),
+    "of `ambiguous` frames, truth among the modes": fraction("trust.ambiguous_frames_among"),
 }
 _REGIONS = {
     **{f"{what}, `converged`": fraction(f"trust.regions.converged.{level}") for what, level in _LEVELS.items()},

@@ -60,7 +60,7 @@ def regions_figure(content: dict[str, dict]) -> Figure:
     """Measured over nominal fraction of frames whose region holds the truth, one line per condition; intervals at the
     levels of the tables. On the diagonal the covariance means what it says, below it is too small."""
     figure = Figure(figsize=(11, 5.4), layout="constrained")
-    titles = {"converged": "state `converged`", "right": "pose within 10 mm, whatever the state"}
+    titles = {"converged": "state `converged`", "right": "right pose, whatever the state"}
     for axes, (kind, title) in zip(figure.subplots(1, 2, sharey=True), titles.items(), strict=True):
         axes.plot([0, 1], [0, 1], color="#9aa1ab", lw=1, ls="--", zorder=0)
         for k, (what, one) in enumerate(content.items()):

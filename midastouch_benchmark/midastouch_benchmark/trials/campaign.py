@@ -20,9 +20,10 @@ from .cache import Cache
 from .disturbances import Disturbed, Scene
 from .protocols import NEXT, PLAIN, PROTOCOLS, Protocol
 from .sequence_trials import start_filter
-from .trial import RECORD, Yardstick, run_trial
+from .trial import RECORD, run_trial
 from .trial_log import TrialLog, Workforce, filter_digest, key_of, make_books, run_open, source_digest
 from .variants import VARIANTS, AnyConfig, ShortCodes
+from .yardstick import Yardstick
 
 _METHODS = tuple(Path(method.__file__) for method in (paper_filter, registration))
 THREADS = 1  # of a filter: trials run beside each other
@@ -131,7 +132,7 @@ def _run_unit(
     mesh = ObjectMesh.load(path)
     foreign = ObjectMesh.load(foreign_path) if foreign_path else None
     protocol, variant = PROTOCOLS[plan.protocol], VARIANTS[variant_name]
-    yardstick = Yardstick(plan.cache.symmetry(mesh).near, protocol.right, protocol.modulo_symmetry)
+    yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
     codebook = plan.cache.codebook(mesh, variant.codebook_size)
     short = ShortCodes(codebook.codes, variant.code_length) if variant.code_length else None
     particle_filter = variant.filter(mesh, short.codebook(codebook) if short else codebook, plan.config, THREADS)

@@ -28,8 +28,9 @@ from midastouch_perception.simulation.slide import STEP, measure_poses
 from ..evidence import fingerprint
 from .cache import Cache
 from .setup import Networks
-from .trial import FRAME_TIME, RIGHT
+from .trial import FRAME_TIME
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .yardstick import Yardstick
 
 POLICIES = {
     "suggested": "where `suggest_motion` says, slides only",
@@ -104,23 +105,28 @@ def _run(plan: ExplorationPlan, path: Path, trials: dict[str, dict]) -> dict[str
 def _explore(plan: ExplorationPlan, mesh: ObjectMesh, policy: str, seed: int) -> dict:
     particle_filter = ParticleFilter(mesh, plan.cache.codebook(mesh), plan.config, seed)
     particle_filter.initialise_uniform()
-    found = _Trial(mesh, plan.cache.networks, particle_filter, policy, seed).run(plan.length)
-    truth, estimate = found.pop("truth"), found.pop("pose")
-    alike = plan.cache.symmetry(mesh).near.nearest(estimate[None], truth)[0]
-    errors = {"error_mm": estimate, "symmetric_error_mm": alike}
-    return found | {name: 1e3 * float(pose_errors(pose, truth)[0]) for name, pose in errors.items()}
+    yardstick = Yardstick.of(mesh, plan.cache.symmetry(mesh).exact)
+    return _Trial(mesh, plan.cache.networks, particle_filter, policy, seed, yardstick).run(plan.length)
 
 
 class _Trial:
     """One finger on one object, until it knows where it is."""
 
-    def __init__(self, mesh: ObjectMesh, networks: Networks, particle_filter: ParticleFilter, policy: str, seed: int):
+    def __init__(
+        self,
+        mesh: ObjectMesh,
+        networks: Networks,
+        particle_filter: ParticleFilter,
+        policy: str,
+        seed: int,
+        yardstick: Yardstick,
+    ):
         self._rng = np.random.default_rng(seed)
         self._finger = SimulatedFinger(mesh, networks.sensor, self._rng, STEP)
         self._camera = TactoCamera(networks.sensor, self._rng)
         self._renderer = PenetrationRenderer(mesh, networks.sensor)
         self._pipeline, self._filter, self._advisor = networks.pipeline(), particle_filter, Advisor(particle_filter)
-        self._policy, self._diagonal = policy, mesh.diagonal
+        self._policy, self._diagonal, self._yardstick = policy, mesh.diagonal, yardstick
         self._headings = np.random.default_rng([seed, 1])
         self._measured: np.ndarray | None = None
         self._path, self._before = 0.0, None
@@ -133,9 +139,9 @@ class _Trial:
         """How it ended.
 
         ending: "converged", "alike" (the advice was that nothing tells the hypotheses apart) or "given up"; path_m from
-        the first touch to where that began; truth and pose (4, 4) then, and whether it is right; whether the truth was
-        among the modes; rivalled: before some motion the true pose and another hypothesis were both probable; asked_ms,
-        median and longest CPU time of an answer.
+        the first touch to where that began; error_mm of the pose then, modulo symmetry, and whether it is right;
+        whether a mode was; rivalled: before some motion the true pose and another hypothesis were both probable;
+        asked_ms, median and longest CPU time of an answer.
         """
         ending, began = "given up", length
         self._follow(self._finger.leap(0.0, 0.0))
@@ -145,16 +151,14 @@ class _Trial:
                 ending, began = self._follow(motion)
                 if self._path > start or ending != "given up":
                     break
-        pose = self.estimate.pose
-        places = [mode.pose for mode in self.estimate.modes if mode.weight > 0.05]
-        among = min(pose_errors(each, self._finger.pose)[0] for each in places)
+        truth, pose = self._finger.pose, self.estimate.pose[None]
+        places = np.array([mode.pose for mode in self.estimate.modes if mode.weight > 0.05])
         return {
             "ending": ending,
             "path_m": float(began),
-            "truth": self._finger.pose,
-            "pose": pose,
-            "right": bool(pose_errors(pose, self._finger.pose)[0] <= RIGHT),
-            "truth_among_places": bool(among <= RIGHT),
+            "error_mm": 1e3 * float(pose_errors(self._yardstick.counted(pose, truth), truth)[0][0]),
+            "right": bool(self._yardstick.right(pose, truth)[0]),
+            "truth_among_places": bool(self._yardstick.right(places, truth).any()),
             "rivalled": self._competed,
             "places": len(places),
             "asked_ms": [float(np.median(self._asked_ms)), max(self._asked_ms)] if self._asked_ms else None,
@@ -181,7 +185,8 @@ class _Trial:
     def _has_competitor(self) -> bool:
         """Whether the true pose and another hypothesis are probable."""
         likely = [each for each in self._advisor.hypotheses if each.narrow and each.probability >= _COMPETING]
-        return len(likely) > 1 and any(pose_errors(each.pose, self._finger.pose)[0] <= RIGHT for each in likely)
+        poses = np.array([each.pose for each in likely]).reshape(-1, 4, 4)
+        return len(likely) > 1 and bool(self._yardstick.right(poses, self._finger.pose).any())
 
     def _follow(self, motion: Iterable[np.ndarray]) -> tuple[str, float]:
         """Go on a way, until a trial's end."""

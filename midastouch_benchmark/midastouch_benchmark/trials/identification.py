@@ -10,22 +10,22 @@ from pathlib import Path
 
 from midastouch_common import se3
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import pose_errors
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.filter import ParticleFilter
-from midastouch_filter.identification.catalogue import Catalogue, read_catalogue
+from midastouch_filter.identification.catalogue import Catalogue, Entry, read_catalogue
 from midastouch_filter.identification.catalogue_localiser import CatalogueLocaliser
 from midastouch_filter.identification.identification import Identification
 from midastouch_filter.identification.identity import UNKNOWN, Identity
 
 from ..evidence import fingerprint
 from .cache import Cache
-from .trial import RIGHT, TrialFrame
+from .trial import TrialFrame
 from .trial_log import TrialLog, Workforce, key_of, make_books, run_open, source_digest
+from .yardstick import Yardstick
 
 ASKED_AT_M = (0.05, 0.1, 0.15, 0.2, 0.25)
 """m of path at which probabilities are kept besides those of the end."""
@@ -100,7 +100,7 @@ def _run_slide(plan: IdentityPlan, paths: list[Path], name: str, slide: int) -> 
         trials.append(labels | _refuse(others, frames, plan.settings, plan.unknown))
     alone = entry.load(plan.settings, slide).filter
     alone.initialise_uniform()
-    trials[0] |= _alone(alone, frames)
+    trials[0] |= _alone(alone, frames, entry)
     return trials
 
 
@@ -115,8 +115,8 @@ def identify(
 ) -> dict:
     """A slide over an object that nobody names; truth, the answer that is right; unknown, as of `IdentityPlan`.
 
-    What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose within
-    10 mm; cpu_ms of a frame, of all but the networks.
+    What `Answers.describe` says, and pose_right: the object is, the state converged and the published pose right
+    (`Yardstick`); cpu_ms of a frame, of all but the networks.
     """
     localiser, answers = CatalogueLocaliser(catalogue, config, seed=0, unknown=unknown), Answers(truth)
     cpu, count = 0.0, 0
@@ -126,8 +126,9 @@ def identify(
         cpu += time.process_time() - start
         count += 1
         answers.note(frame, localiser.identity)
+    found = localiser.object is not None and localiser.object.name == truth
     return answers.describe() | {
-        "pose_right": _is_right(estimate, frame) and localiser.object.name == truth,
+        "pose_right": found and _is_right(estimate, frame, catalogue.entries[catalogue.number(truth)]),
         "cpu_ms": 1e3 * cpu / count,
     }
 
@@ -183,18 +184,18 @@ def right_answer(catalogue: Catalogue, name: str) -> str:
     return name if name in [entry.name for entry in catalogue.entries] else UNKNOWN
 
 
-def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame]) -> dict:
+def _alone(particle_filter: ParticleFilter, frames: list[TrialFrame], entry: Entry) -> dict:
     """alone_cpu_ms of a frame and alone_pose_right, as above, of the filter that knows the object, and nothing else."""
     start, last = time.process_time(), None
     for frame in frames:
         estimate = particle_filter.step(None if last is None else se3.inverse(last) @ frame.measured, frame.measurement)
         last = frame.measured
     cpu = 1e3 * (time.process_time() - start) / len(frames)
-    return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1])}
+    return {"alone_cpu_ms": cpu, "alone_pose_right": _is_right(estimate, frames[-1], entry)}
 
 
-def _is_right(estimate: Estimate | None, frame: TrialFrame) -> bool:
-    """Whether the state is converged, and the published pose near the truth."""
+def _is_right(estimate: Estimate | None, frame: TrialFrame, entry: Entry) -> bool:
+    """Whether the state is converged, and the published pose on the object right."""
     if estimate is None or estimate.status.state != CONVERGED:
         return False
-    return bool(pose_errors(estimate.pose, frame.truth)[0] < RIGHT)
+    return bool(Yardstick.of(entry.mesh, entry.symmetry).right(estimate.pose[None], frame.truth)[0])

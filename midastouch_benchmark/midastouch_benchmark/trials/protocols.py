@@ -15,7 +15,7 @@ from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
 from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
-from midastouch_common.pose_metric import closest_mode_error, pose_errors
+from midastouch_common.pose_metric import closest_mode_error
 from midastouch_filter.core.estimate import Estimate
 from midastouch_filter.core.state import CONVERGED
 from midastouch_filter.core.touch import Measurement
@@ -26,7 +26,8 @@ from . import disturbances
 from .cache import Cache, SlideKind
 from .disturbances import Disturbance, Disturbed, Scene
 from .real_sensor import RealSensorCache
-from .trial import FRAME_TIME, RIGHT, AnyFilter, TrialFrame, Yardstick
+from .trial import FRAME_TIME, AnyFilter, TrialFrame
+from .yardstick import Yardstick
 
 _HELD_FRAMES = 10  # frames, half a second
 _HEIGHT = 0.02  # m, of the open hand on its way to the next grasp
@@ -77,22 +78,20 @@ class GraspRecord:
         if not frame.measurement.in_contact:
             return
         truth, right = frame.truth, self._yardstick.right
-        poses = self._yardstick.counted(particle_filter.poses, truth)
-        modes = self._yardstick.counted(np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4), truth)
-        pose = self._yardstick.counted(estimate.pose[None], truth)[0]
-        distance, angle = closest_mode_error(modes, truth)
+        modes = np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
+        distance, angle = closest_mode_error(self._yardstick.counted(modes, truth), truth)
         self._rows[frame.index] = {
             "closest_mode_trans_mm": 1e3 * distance,
             "closest_mode_rot_deg": float(np.degrees(angle)),
-            "found": bool(distance <= right),
-            "share": float(particle_filter.weights[pose_errors(poses, truth)[0] <= right].sum()),
-            "right": bool(pose_errors(pose, truth)[0] <= right),
+            "found": bool(right(modes, truth).any()),
+            "share": float(particle_filter.weights[right(particle_filter.poses, truth)].sum()),
+            "right": bool(right(estimate.pose[None], truth)[0]),
             "converged": estimate.status.state == CONVERGED,
         }
 
     def result(self) -> dict:
-        """For the trial: grasps, in their order, each with the error of the closest mode, whether that is `found`
-        within the yardstick's limit, the belief's fraction within it, and whether the published pose is `right`."""
+        """For the trial: grasps, in their order, each with the error of the closest mode, whether a
+        right one is `found`, the belief's `share` that is right, and whether the published pose is `right`."""
         return {"grasps": list(self._rows.values())}
 
 
@@ -112,10 +111,9 @@ _NARROW = 0.2  # of the paper's start
 @dataclass(frozen=True)
 class Protocol:
     """summary, for tables; disturb, what is done to the frames; slides, their kind; starts, and beta, width of the
-    paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; small_parts, whether they are
-    touched in place of the campaign's objects; make_cache, of slides as its sensors see them; codebook_size, poses;
-    right [m], how near a pose must be to the truth; modulo_symmetry, as of `Yardstick`; record, of what a trial is
-    asked on its way."""
+    paper's; foreign, name of the bundled object, or NEXT, whose touches are mixed in; objects, touched where
+    nobody names others; make_cache, of slides as its sensors see them; codebook_size, poses;
+    record, of what a trial is asked on its way."""
 
     summary: str
     disturb: Disturbance = disturbances.plain
@@ -123,16 +121,14 @@ class Protocol:
     starts: tuple[str, ...] = (PAPER,)
     beta: float = 1.0
     foreign: str | None = None
-    small_parts: bool = False
+    objects: tuple[str, ...] = ()
     make_cache: Callable[..., Cache] = Cache
     codebook_size: int = 50_000
-    right: float = RIGHT
-    modulo_symmetry: bool = False
     record: Callable[[Yardstick], GraspRecord] | None = None
 
     def describe(self) -> dict:
         """What of it a result depends on, for keys and JSON, beside slides and starts, which options can change."""
-        return {"foreign": self.foreign, "right_m": self.right, "twins": self.modulo_symmetry}
+        return {"foreign": self.foreign}
 
 
 def _event(summary: str, disturb: Disturbance, leap: Leap | None = None, foreign: str | None = None) -> Protocol:
@@ -158,12 +154,10 @@ PROTOCOLS = {
     "real_sensor": Protocol("seen by two real sensors", make_cache=RealSensorCache),
     "real_sensor_calibrated": Protocol("... each calibrated", make_cache=partial(RealSensorCache, calibrated=True)),
     "small_parts": Protocol(
-        "parts smaller than the gel, symmetric poses count as right",
+        "parts smaller than the gel",
         slides=SlideKind(0.075),
-        small_parts=True,
+        objects=("small_parts",),
         codebook_size=10_000,
-        right=0.004,
-        modulo_symmetry=True,
     ),
     "grasp": Protocol(
         "grasped without sliding, by four fingers",
@@ -171,7 +165,6 @@ PROTOCOLS = {
         SlideKind(grasps=4),
         (UNIFORM,),
         make_cache=GraspCache,
-        modulo_symmetry=True,
         record=GraspRecord,
     ),
 }

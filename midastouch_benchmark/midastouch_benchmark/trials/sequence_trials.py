@@ -13,12 +13,14 @@ from midastouch_common import se3
 from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.object_model import symmetry_of
 from midastouch_filter.core.touch import measurement_of
 from midastouch_filter.filter import ParticleFilter
 from midastouch_perception.codebook import Codebook
 
 from .setup import Networks, Untouched, untouched_of
 from .trial import AnyFilter, TrialFrame, run_trial
+from .yardstick import Yardstick
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,11 +69,13 @@ def run_sequence(
     images = [sequence.image(i) for i in indices]
     untouched = untouched or untouched_of(sequence)
     particle_filter = ParticleFilter(mesh, codebook, config, clock=time.perf_counter)
+    yardstick = Yardstick.of(mesh, symmetry_of(mesh, codebook).exact)
 
     def trial(seed: int, observe) -> dict:
         particle_filter.reset(seed)
         start_filter(particle_filter, mesh, sequence.poses_true[indices[0]], plan.init, plan.beta)
-        return run_trial(perceived(sequence, indices, images, untouched.image, networks), particle_filter, observe)
+        frames = perceived(sequence, indices, images, untouched.image, networks)
+        return run_trial(frames, particle_filter, observe, yardstick)
 
     trials = []
     for seed in range(plan.seeds):

@@ -1,4 +1,4 @@
-"""Parts smaller than the gel, made by code: what a hand picks out of a box of screws (paper appendix G).
+"""The set `small_parts`: smaller than the gel, what a hand picks out of a box of screws (paper appendix G).
 
 Sizes in m. Each is a signed distance function turned into a mesh; threads are rings, as one turn more or less is not
 what a touch can tell.

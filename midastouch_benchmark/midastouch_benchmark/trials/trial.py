@@ -12,21 +12,18 @@ import numpy as np
 from midastouch_common import se3
 from midastouch_common.pose_metric import closest_mode_error, min_cluster_error, particle_rmse, pose_errors
 from midastouch_filter.core.estimate import Estimate
-from midastouch_filter.core.state import CONVERGED
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.filter import ParticleFilter
-from midastouch_perception.symmetry.group import Symmetry
 
 from ..baselines.paper_filter import PaperFilter
 from ..baselines.registration import DeadReckoning
 from ..statistics.coverage import Coverage, WeightReliability
+from .yardstick import Yardstick
 
 STAGES = ("tdn", "tcn", "filter")
-RECORD = 6
+RECORD = 7
 """Version of what `run_trial` returns: kept trials of another one are run again."""
-
-RIGHT = 0.01
-"""m: a published pose nearer to the truth than this is right."""
 
 AFTER_EVENT = 30
 """Frames after an event at which the filter is asked again whether it is right."""
@@ -50,21 +47,6 @@ class TrialFrame:
     truth: np.ndarray
     seconds: float | None = None
     others: Mapping[str, Measurement] = dataclasses.field(default_factory=dict)
-
-
-@dataclasses.dataclass(frozen=True)
-class Yardstick:
-    """What errors are measured by: symmetry of the object; right [m]: a published pose nearer to the truth is right;
-    modulo_symmetry: the symmetric pose nearest to the truth is taken for every error, as no touch tells it from the
-    other."""
-
-    symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
-    right: float = RIGHT
-    modulo_symmetry: bool = False
-
-    def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
-        """Poses (N, 4, 4) as they are compared with the truth (4, 4)."""
-        return self.symmetry.nearest(poses, truth) if self.modulo_symmetry and len(poses) else poses
 
 
 FRAME_TIME = 0.05
@@ -97,9 +79,9 @@ def run_trial(
     filter's CPU time, of all its threads, is what holds on a busy machine.
     Errors are taken after every step: Eq. 3 over the weighted particles, Eq. 4 over the modes, the published pose.
     Without `series` only the last frame's are kept and `per_frame` is left out: errors over all particles take longer
-    than the filter. The final errors are given modulo the yardstick's symmetry too. `observe` sees every frame with its
-    estimate and the filter, outside the timing. `event`: what happens on the way, after which it is asked again whether
-    the pose is right.
+    than the filter. All errors are modulo the yardstick's symmetry, and it says which poses are right. `observe` sees
+    every frame with its estimate and the filter, outside the timing. `event`: what happens on the way, after which it
+    is asked again whether the pose is right.
     """
     record = _Record(yardstick or Yardstick(), series, event)
     previous = None
@@ -130,6 +112,8 @@ class _Record:
         self._in_contact: list[bool] = []
         self._areas: list[float] = []
         self._right: list[bool] = []
+        self._among: list[bool] = []
+        self._known: list[bool] = []
         self._coverage, self._reliability = Coverage(), WeightReliability()
 
     def start(self, truth: np.ndarray, particle_filter: AnyFilter) -> None:
@@ -148,12 +132,15 @@ class _Record:
         self._in_contact.append(frame.measurement.in_contact)
         if frame.measurement.in_contact:
             self._areas.append(frame.measurement.contact_area)
+        modes = _mode_poses(estimate)
+        self._known.append(bool(np.isfinite(frame.truth).all()))
+        self._among.append(bool(self._yardstick.right(modes, frame.truth).any()))
         self._right.append(False)
-        if estimate.pose is not None and np.isfinite(frame.truth).all():
-            # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
-            truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
-            self._right[-1] = bool(pose_errors(estimate.pose, truth)[0] <= self._yardstick.right)
+        if estimate.pose is not None and self._known[-1]:
+            self._right[-1] = bool(self._yardstick.right(estimate.pose[None], frame.truth)[0])
             if frame.measurement.in_contact:
+                # the symmetric pose of the truth, not of the estimate: the covariance belongs to the pose as published
+                truth = self._yardstick.counted(frame.truth[None], estimate.pose)[0]
                 self._coverage.add(estimate, truth, self._right[-1])
                 self._reliability.add(estimate.status.mode_mass, self._right[-1])
         self._last = frame, estimate
@@ -164,7 +151,7 @@ class _Record:
         """Everything that is told of one frame."""
         status, truth, counted = estimate.status, frame.truth, self._yardstick.counted
         poses, weights = counted(particle_filter.poses, truth), particle_filter.weights
-        modes = counted(np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4), truth)
+        modes = counted(_mode_poses(estimate), truth)
         pose = np.full((4, 4), np.nan) if estimate.pose is None else counted(estimate.pose[None], truth)[0]
         row = {"frame": frame.index}
         row |= _error("e", particle_rmse(poses, truth, weights))
@@ -178,6 +165,8 @@ class _Record:
             "mode_mass": status.mode_mass,
             "ess": status.ess,
             "state": status.state,
+            "right": self._right[-1],
+            "among_modes": self._among[-1],
             "in_contact": frame.measurement.in_contact,
             **{f"ms_{stage}": self._ms[stage][-1] for stage in STAGES},
             "ms": sum(self._ms[stage][-1] for stage in STAGES),
@@ -190,6 +179,7 @@ class _Record:
         seconds = 1e-3 * np.sum([self._ms[stage] for stage in STAGES], axis=0)
         converged = np.array([state == CONVERGED for _, state in self._states])
         right, in_contact = np.array(self._right), np.array(self._in_contact)
+        ambiguous = np.array([state == AMBIGUOUS for _, state in self._states]) & self._known
         out = {
             "frames": len(seconds),
             "wall_s": float(seconds.sum()),
@@ -200,7 +190,7 @@ class _Record:
             "filter_cpu_ms": float(np.mean(self._filter_cpu_ms)),
             "filter_stages_ms": {name: ms / len(seconds) for name, ms in self._filter_ms.items()},
             "initial": self._initial,
-            "final": {key: last[key] for key in FINAL_KEYS} | self._modulo_symmetry(particle_filter),
+            "final": {key: last[key] for key in FINAL_KEYS},
             "converged_at_frame": next((index for index, state in self._states if state == CONVERGED), None),
             "right_from_frame": _from_then_on((converged & right) | ~in_contact),
             "event_at": self._event.end if self._event else None,
@@ -210,7 +200,9 @@ class _Record:
             "contact_area_mm2": 1e6 * float(np.mean(self._areas)) if self._areas else None,
             "frames_converged": int(converged.sum()),
             "frames_converged_right": int((converged & right).sum()),
-            "right_m": self._yardstick.right,
+            "frames_ambiguous": int(ambiguous.sum()),
+            "frames_ambiguous_among": int((ambiguous & self._among).sum()),
+            **self._yardstick.describe(),
             "coverage": self._coverage.counts(),
             "reliability": self._reliability.counts(),
         }
@@ -223,17 +215,6 @@ class _Record:
         if self._event is None or self._event.end + AFTER_EVENT >= len(right):
             return None
         return bool(right[self._event.end + AFTER_EVENT])
-
-    def _modulo_symmetry(self, particle_filter: AnyFilter) -> dict[str, float]:
-        frame, estimate = self._last
-        symmetry = self._yardstick.symmetry
-        if symmetry.trivial or estimate.pose is None:
-            return {}
-        truth = frame.truth
-        poses = symmetry.nearest(particle_filter.poses, truth)
-        pose = symmetry.nearest(estimate.pose[None], truth)[0]
-        out = _error("symmetric_e", particle_rmse(poses, truth, particle_filter.weights))
-        return out | _error("symmetric_estimate", pose_errors(pose, truth))
 
 
 def _from_then_on(holds: np.ndarray) -> int | None:
@@ -248,8 +229,12 @@ ERROR_KEYS = tuple(
     for prefix in ("e", "min_cluster", "closest_mode", "estimate")
     for unit in ("trans_mm", "rot_deg")
 )
-SYMMETRIC_KEYS = tuple(f"symmetric_{key}" for key in ERROR_KEYS if key.startswith(("e_", "estimate_")))
-FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state")
+FINAL_KEYS = (*ERROR_KEYS, "n_particles", "state", "right", "among_modes")
+
+
+def _mode_poses(estimate: Estimate) -> np.ndarray:
+    """(K, 4, 4)."""
+    return np.array([mode.pose for mode in estimate.modes]).reshape(-1, 4, 4)
 
 
 def _error(prefix: str, error: Sequence[float]) -> dict[str, float]:

@@ -100,7 +100,7 @@ DESCRIPTIONS = {name: VARIANTS[name].describe() for name in ("default", "paper",
 def comparison() -> list[dict]:
     points = {"default": (8, 3), "paper": (100, 30), "1k": (2, 9), "fast": (4, 5)}
     return [
-        {"init": init, "variant": name, "trials": 5, "cpu_ms_filter": ms, "e_trans_mm": e, "symmetric_e_trans_mm": e}
+        {"init": init, "variant": name, "trials": 5, "cpu_ms_filter": ms, "e_trans_mm": e}
         for init in ("paper", "uniform")
         for name, (ms, e) in points.items()
     ]
@@ -124,13 +124,6 @@ def test_the_front_joins_what_nothing_beats_and_default_and_presets_are_marked(c
         marked = lines[label]
         assert marked.get_xydata().tolist() == [point]
         assert marked.get_marker() not in {line.get_marker() for line in lines.values() if line is not marked}
-
-
-def test_an_error_modulo_symmetry_has_a_row_where_it_differs(comparison):
-    comparison[1]["symmetric_e_trans_mm"] = 20
-    figure = front_figure(comparison, DESCRIPTIONS)
-    assert len(figure.axes) == 4
-    assert "modulo symmetry" in figure.axes[2].get_ylabel()
 
 
 def boxes(points: np.ndarray) -> tuple[list, object]:

@@ -1,15 +1,21 @@
 import numpy as np
 import pytest
 
-from midastouch_benchmark.statistics.accuracy import coverage, recovery, summarise_accuracy, trust
+from midastouch_benchmark.statistics.accuracy import (
+    coverage,
+    is_right,
+    is_right_or_among_modes,
+    recovery,
+    summarise_accuracy,
+    trust,
+)
 from midastouch_benchmark.statistics.coverage import KINDS, LEVELS
 
 
-def test_a_summary_takes_plain_errors_where_there_is_no_symmetric_one(trials):
+def test_a_summary_is_by_variant_start_and_object(trials):
     summary = summarise_accuracy(trials)["default"]["paper"]
-    assert summary["symmetric_e_trans_mm"]["mean"] == pytest.approx((1 + 4 + 100) / 3)
     assert summary["e_trans_mm"]["mean"] == pytest.approx((2 + 4 + 100) / 3)
-    assert (summary["right"], summary["right_symmetric"], summary["converged"]) == (2, 2, 2)
+    assert (summary["right"], summary["converged"]) == (2, 2)
     assert summary["filter_stages_ms"] == {"motion": 1.0}
     assert "objects" not in summarise_accuracy(trials)["1k"]["paper"]
     assert summary["states"] == {"converged": 2, "ambiguous": 1}
@@ -63,7 +69,7 @@ def test_trust_has_an_interval_for_every_figure(trials):
 
 def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
     sure, wrong, unsure = trials[0], trials[0] | {"frames_converged_right": 2}, trials[2]
-    wrong = wrong | {"final": wrong["final"] | {"estimate_trans_mm": 80.0, "symmetric_estimate_trans_mm": 1.0}}
+    wrong = wrong | {"final": wrong["final"] | {"right": False}}
     unsure = unsure | {"frames_converged": 0, "frames_converged_right": 0}
     many = [
         one | {"slide": k, "event_at": 2, "right_before_event": one is not unsure}
@@ -74,18 +80,30 @@ def test_trust_tells_a_wrong_belief_from_one_that_is_only_not_sure(trials):
     misses = each[0] - each[1]
     assert trusted["converged_frames_wrong"]["share"] == pytest.approx((misses + each[0] - 2) / (2 * each[0]))
     assert trusted["right_if_converged_at_end"]["share"] == 0.5
-    assert trusted["right_if_converged_modulo_symmetry_at_end"]["share"] == 1
+    assert trusted["ambiguous_frames_among"]["share"] == 0.5
     assert trusted["misled"]["share"] == (1 if misses else 0.5)
     assert trusted["misled_frames"]["mean"]["value"] == pytest.approx((misses + each[0] - 2) / 2)
 
 
 def test_one_that_is_not_sure_but_has_the_truth_among_its_modes_is_told_from_one_that_has_lost_it(trials):
     sure, lost = trials[0], trials[2]
-    unsure = lost | {"final": lost["final"] | {"min_cluster_trans_mm": 9.0}}
-    blind = lost | {"final": lost["final"] | {"min_cluster_trans_mm": None}}
+    unsure = lost | {"final": lost["final"] | {"among_modes": True}}
     wrong = unsure | {"final": unsure["final"] | {"state": "converged"}}
-    figures = trust([sure, unsure, lost, blind, wrong])
-    assert (figures["right_at_end"]["share"], figures["right_or_among_modes_at_end"]["share"]) == (0.2, 0.4)
+    figures = trust([sure, unsure, lost, wrong])
+    assert (figures["right_at_end"]["share"], figures["right_or_among_modes_at_end"]["share"]) == (0.25, 0.5)
+
+
+def test_a_trial_of_an_older_report_is_judged_by_its_distance(trials):
+    def older(state: str, **errors: float | None) -> dict:
+        final = {key: value for key, value in trials[0]["final"].items() if key not in ("right", "among_modes")}
+        return trials[0] | {"final": final | {"state": state} | errors}
+
+    assert is_right(older("converged", estimate_trans_mm=9.0))
+    assert not is_right(older("converged", estimate_trans_mm=11.0))
+    assert not is_right(older("converged", estimate_trans_mm=None))
+    assert not is_right(older("ambiguous", min_cluster_trans_mm=9.0))
+    assert is_right_or_among_modes(older("ambiguous", min_cluster_trans_mm=9.0))
+    assert not is_right_or_among_modes(older("ambiguous", min_cluster_trans_mm=None))
 
 
 def test_regions_are_judged_at_every_level(trials):

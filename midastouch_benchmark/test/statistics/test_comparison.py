@@ -21,7 +21,6 @@ def test_variants_are_compared_on_the_trials_that_all_have_run(rows):
     assert {row["trials"] for row in rows.values()} == {2}
     assert rows["default"]["error_ratio"] == 1
     assert rows["default"]["e_trans_mm"] == 3
-    assert rows["default"]["symmetric_e_trans_mm"] == 2.5
     assert rows["paper"]["error_ratio"] == pytest.approx(12 / 3)
     assert rows["paper"]["time_ratio"] == pytest.approx(100 / 11)
     assert rows["paper"]["filter_ratio"] == pytest.approx(97 / 8)

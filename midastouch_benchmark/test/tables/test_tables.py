@@ -47,3 +47,15 @@ def test_what_is_not_measured_yet_is_in_the_table(table, monkeypatch):
     for module in (reports, comparisons):
         monkeypatch.setattr(module, "reported", list)
     assert UNMEASURED in table().to_numpy()[0].tolist()
+
+
+def test_every_protocol_has_a_row_for_each_further_set_and_a_command_that_makes_it():
+    rows = reports.further()
+    for objects, (words, _) in reports.FURTHER.items():
+        own = {name: what for name, what in rows.items() if name.endswith(f"_{objects}") and name != "small_cad"}
+        assert len(own) == len(reports.CONDITIONS) + 1  # plain and uniform, but not what has objects of its own
+        for name, what in own.items():
+            assert what.endswith(f"; {words}")
+            assert f"--objects {objects} --protocol {name.removesuffix(f'_{objects}')}" in reports.COMMANDS[name]
+    assert set(rows) <= set(reports.COMMANDS)
+    assert len(set(rows.values())) == len(rows)

@@ -6,11 +6,15 @@ import pytest
 from midastouch_benchmark.statistics.exploring import calibration_error, summarise_identification
 from midastouch_benchmark.tables.results import of_identification
 from midastouch_benchmark.trials.cache import Cache, SlideKind
-from midastouch_benchmark.trials.identification import IdentityPlan, run_identification
+from midastouch_benchmark.trials.identification import IdentityPlan, identify, run_identification
+from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.trial_log import TrialLog, Workforce
 from midastouch_bringup.cluster import open_cluster
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
+from midastouch_filter.core.noise_model import NoiseModel
+from midastouch_filter.core.touch import Measurement
+from midastouch_filter.identification.catalogue import read_catalogue
 from midastouch_perception.objects import bundled_objects
 
 
@@ -54,6 +58,17 @@ def test_what_was_run_is_not_run_again_and_a_deadline_leaves_the_rest(campaign):
     assert begun == [0]
     assert again == trials
     assert missing == 4
+
+
+@pytest.mark.slow
+def test_before_the_first_touch_no_object_is_named_and_no_pose_is_right(campaign):
+    plan, meshes, _, _ = campaign
+    books = [plan.cache.codebook_path(mesh) for mesh in meshes]
+    catalogue = read_catalogue(books, lambda path: None, NoiseModel.of(plan.config))
+    frames = [TrialFrame(k, Measurement(False), {}, np.eye(4), np.eye(4)) for k in range(3)]
+    found = identify(catalogue, frames, meshes[0].name, plan.config)
+    assert not found["right"]
+    assert found["pose_right"] is False
 
 
 def log_path(plan):

@@ -4,8 +4,9 @@ import pytest
 from midastouch_benchmark.statistics.accuracy import grasp_summary
 from midastouch_benchmark.trials.disturbances import Scene
 from midastouch_benchmark.trials.protocols import PROTOCOLS, GraspRecord, chosen_protocol, grasp
-from midastouch_benchmark.trials.trial import TrialFrame, Yardstick, run_trial
+from midastouch_benchmark.trials.trial import TrialFrame, run_trial
 from midastouch_benchmark.trials.variants import DEFAULT, SETS, VARIANTS
+from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_bringup.cli import build_parser
 from midastouch_bringup.datasets import load_sequence
 from midastouch_bringup.datasets.slide_simulation import simulate_grasp_sequence
@@ -92,7 +93,7 @@ def test_more_contacts_put_more_probability_at_the_true_place(frames, mesh, code
         run_trial([VARIANTS[name].fingers(f) for f in frames[:10]], particle_filter, record, series=False)
         (row,) = record.result()["grasps"]
         fractions.append(row["share"])
-        assert row["found"] == (row["closest_mode_trans_mm"] <= 10)
+        assert not row["found"] or row["closest_mode_trans_mm"] <= 10
     assert fractions[1] > fractions[0] + 0.1
 
 

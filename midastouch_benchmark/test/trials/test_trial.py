@@ -5,12 +5,13 @@ import pytest
 
 from midastouch_benchmark.statistics.accuracy import summarise_trials
 from midastouch_benchmark.trials.sequence_trials import TrialPlan, run_sequence
-from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, Yardstick, run_trial
+from midastouch_benchmark.trials.trial import AFTER_EVENT, Event, TrialFrame, run_trial
+from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_bringup.result_file import to_json
 from midastouch_common import se3
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.estimate import Estimate, Mode
-from midastouch_filter.core.state import CONVERGED, Status
+from midastouch_filter.core.state import AMBIGUOUS, CONVERGED, Status
 from midastouch_filter.core.touch import Measurement
 from midastouch_perception.symmetry.group import Symmetry
 
@@ -21,7 +22,7 @@ KEYS = {
 }  # fmt: skip
 FINAL_KEYS = {
     "e_trans_mm", "e_rot_deg", "min_cluster_trans_mm", "min_cluster_rot_deg", "estimate_trans_mm",
-    "estimate_rot_deg", "n_particles", "state",
+    "estimate_rot_deg", "n_particles", "state", "right", "among_modes",
 }  # fmt: skip
 
 
@@ -123,6 +124,20 @@ class KnowsThePoses:
         return Estimate([Mode(1.0, pose, np.eye(6) * 1e-6, 1)], status, np.eye(6) * 1e-6)
 
 
+class KnowsTwoPoses(KnowsThePoses):
+    """One that publishes the first of two poses, and says that it may be the other."""
+
+    def __init__(self, first: np.ndarray, second: np.ndarray):
+        super().__init__(first)
+        self._second = list(second)
+
+    def step(self, odometry, measurement, elapsed=None) -> Estimate:
+        (first,) = super().step(odometry, measurement).modes
+        modes = [Mode(0.5, pose, first.covariance, 1) for pose in (first.pose, self._second.pop(0))]
+        status = Status(AMBIGUOUS, "either", n_particles=1, n_modes=2, mode_mass=0.5)
+        return Estimate(modes, status, first.covariance)
+
+
 def run_knowing(known: np.ndarray, truth: np.ndarray, **options) -> dict:
     frames = [TrialFrame(i, Measurement(True), {}, pose, pose) for i, pose in enumerate(truth)]
     return run_trial(frames, KnowsThePoses(known), **options)
@@ -138,14 +153,25 @@ def test_a_symmetric_pose_is_as_good_where_the_yardstick_says_so(poses):
     symmetry = Symmetry(np.array([np.eye(4), HALF_TURN]))
     turned, plain = HALF_TURN @ poses, run_knowing(poses, poses)
     assert plain["frames_converged_right"] == 60
-    yardsticks = [Yardstick(symmetry, modulo_symmetry=lenient) for lenient in (False, True)]
-    strict, lenient = (run_knowing(turned, poses, yardstick=yardstick) for yardstick in yardsticks)
+    strict, lenient = (run_knowing(turned, poses, yardstick=Yardstick(group)) for group in (Symmetry(), symmetry))
     assert strict["frames_converged_right"] == 0
-    assert strict["final"]["symmetric_estimate_trans_mm"] == pytest.approx(0, abs=1e-6)
+    assert (strict["final"]["right"], lenient["final"]["right"]) == (False, True)
     assert lenient["frames_converged_right"] == 60
     assert lenient["coverage"] == plain["coverage"]
     for key in ("e_trans_mm", "estimate_rot_deg", "closest_mode_trans_mm"):
         assert lenient["final"][key] == pytest.approx(0, abs=1e-5)
+
+
+def test_a_truth_among_the_modes_is_told_of_every_ambiguous_frame(poses):
+    frames = [TrialFrame(i, Measurement(True), {}, pose, pose) for i, pose in enumerate(poses)]
+    second = poses.copy()
+    second[40:] = HALF_TURN @ second[40:]
+    trial = run_trial(frames, KnowsTwoPoses(HALF_TURN @ poses, second))
+    assert (trial["frames_ambiguous"], trial["frames_ambiguous_among"]) == (60, 40)
+    assert (trial["final"]["right"], trial["final"]["among_modes"]) == (False, False)
+    shorter = run_trial(frames[:40], KnowsTwoPoses(HALF_TURN @ poses, second))
+    assert (shorter["final"]["right"], shorter["final"]["among_modes"]) == (False, True)
+    assert (trial["right_m"], trial["right_deg"]) == (0.01, pytest.approx(20))
 
 
 def test_it_is_asked_again_some_frames_after_the_event(poses):
@@ -157,7 +183,7 @@ def test_it_is_asked_again_some_frames_after_the_event(poses):
     assert [trial["event_at"] for trial in asked] == [None, 1, 9, 10, 29, 41]
     assert [trial["right_after_event"] for trial in asked] == [None, True, True, False, False, None]
     assert [trial["right_before_event"] for trial in asked] == [None, True, True, True, True, False]
-    lenient = Yardstick(right=0.015)
+    lenient = Yardstick(distance=0.015)
     assert run_knowing(known, poses, event=Event(3, 10), yardstick=lenient)["right_after_event"] is True
 
 
@@ -165,4 +191,5 @@ def test_without_a_truth_nothing_is_right_and_nothing_covered(poses):
     nowhere = run_knowing(poses, np.full_like(poses, np.nan))
     assert (nowhere["frames_converged"], nowhere["frames_converged_right"]) == (60, 0)
     assert sum(nowhere["coverage"]["converged"]) == 0
+    assert nowhere["frames_ambiguous"] == 0
     json.dumps(to_json(nowhere), allow_nan=False)

@@ -1,0 +1,43 @@
+"""When a pose counts as right: one definition, by which every trial judges its poses and modes."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from midastouch_common.mesh import ObjectMesh
+from midastouch_common.pose_metric import pose_errors
+from midastouch_perception.symmetry.group import Symmetry
+
+DISTANCE, SHARE, ANGLE = 0.01, 0.1, np.radians(20.0)
+"""m, of the object's diagonal, and rad: a pose that is right is within all three of the truth. A hand misses a nut
+sooner than a drill, and it does not find the handle of a mug that is turned."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Yardstick:
+    """symmetry: what no touch can tell. Of the poses that are equivalent under it the one nearest to the truth counts,
+    as in BOP's MSSD (Hodan et al. 2020). distance [m] and angle [rad] within which a pose is right."""
+
+    symmetry: Symmetry = dataclasses.field(default_factory=Symmetry)
+    distance: float = DISTANCE
+    angle: float = ANGLE
+
+    @classmethod
+    def of(cls, mesh: ObjectMesh, symmetry: Symmetry) -> Yardstick:
+        """That of an object of known symmetry."""
+        return cls(symmetry, min(DISTANCE, SHARE * mesh.diagonal))
+
+    def counted(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Poses (N, 4, 4), or equivalent ones, as they are compared with the truth (4, 4)."""
+        return self.symmetry.nearest(poses, truth) if len(poses) else poses
+
+    def right(self, poses: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Which (N,) of poses (N, 4, 4) are right; none where there is no truth (nan)."""
+        distance, angle = pose_errors(self.counted(poses, truth), truth)
+        return (distance <= self.distance) & (angle <= self.angle)
+
+    def describe(self) -> dict[str, float]:
+        """For the JSON of a trial."""
+        return {"right_m": self.distance, "right_deg": float(np.degrees(self.angle))}
