@@ -31,6 +31,7 @@ from ..core.touch import Measurement
 from .competitor_search import Competitors, CompetitorSearch
 from .window_likelihood import Race, WindowLikelihood, hypothesis_posterior
 
+_POSSIBLE = 1e-4  # probability of a hypothesis from which on it is compared again
 _LEADS = 1e-3  # probability of a hypothesis from which on those that look like it are compared, too
 _SAMPLE = 2048  # entries that the mean density of a prior is taken over
 
@@ -94,6 +95,8 @@ class Reevaluation:
             some = self._lookup.poses[:: max(len(self._lookup) // _SAMPLE, 1)]
             density = self._log_prior(some)
             self._typical = float(np.logaddexp.reduce(density) - np.log(len(some)))
+        self._carried: list[np.ndarray] = []  # what was possible by the last comparison, (4, 4) as it was then
+        self._carried_at = np.eye(4)
         self._since, self._wait, self.lifted = 0, self._effort.anew, False
         self._running: Iterator[Comparison | None] | None = None
 
@@ -169,6 +172,8 @@ class Reevaluation:
         newest = window.keyframes[-1].motion
         to_newest = se3.inverse(self._window.motion) @ newest
         starts = [mode @ to_newest for mode in modes]
+        onward = se3.inverse(self._carried_at) @ newest
+        starts += [pose @ onward for pose in self._carried]
         competitors = yield from self._search.find(window, starts)
         race = Race(window)
         likelihood = WindowLikelihood(window, self._alignment, self._noise, self._effort, self._explains, race)
@@ -187,6 +192,8 @@ class Reevaluation:
         leading = [each.pose @ back for each in compared.hypotheses if each.probability > _LEADS]
         if (yield from self._follow_look_alikes(likelihood, leading)):
             compared = self._compared(window, likelihood, competitors, asked)
+        self._carried = [each.pose for each in compared.hypotheses if each.probability > _POSSIBLE]
+        self._carried_at = self._window.motion
         yield compared
 
     def _follow_look_alikes(
