@@ -49,6 +49,7 @@ setup(
             "evaluate_tdn = midastouch_benchmark.commands.evaluate_tdn",
             "evidence = midastouch_benchmark.commands.evidence",
             "fingerprint = midastouch_benchmark.commands.fingerprint",
+            "ideal_observer = midastouch_benchmark.commands.ideal_observer",
             "identify = midastouch_benchmark.commands.identify",
             "report = midastouch_benchmark.commands.report",
             "single_touch = midastouch_benchmark.commands.single_touch",

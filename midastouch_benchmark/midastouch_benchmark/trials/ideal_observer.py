@@ -1,16 +1,16 @@
 """The ideal observer: who compares every pose of the codebook with all that was measured. It shows what could be known.
 
-It gets what the filter gets, and judges it by the filter's own measurement model (`NoiseModel`): maps by alignment along
-the path, touch by touch, each weighed by how independent it is, codes by the entries around a pose. Where the filter
-looks for a few candidates, keeps a window and has a budget, it leaves nothing out: at the first touch, and after each
-lift, all entries of the codebook are hypotheses. One goes once it is a millionth of what all entries together may miss,
-and hypotheses that meet become one, which has the prior probability of all of them. That is the forward recursion of a
-hidden Markov model, exact but for that the object rests between two lifts.
+It gets what the filter gets, and judges it by the filter's own measurement model (`NoiseModel`): maps by alignment
+along the path, touch by touch, each weighed by how independent it is, codes by the entries around a pose. Where the
+filter looks for a few candidates, keeps a window and has a budget, it leaves nothing out: at the first touch, and after
+each lift, all entries of the codebook are hypotheses. Those that go hold a millionth of the probability together at
+most, and hypotheses that meet become one, which has the prior probability of all of them. That is the forward recursion
+of a hidden Markov model whose hypotheses are Gaussians; between two lifts the object is taken to rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,9 +67,7 @@ class Hypotheses:
 
     def moved(self, motion: np.ndarray) -> Hypotheses:
         """After the gel moved by `motion` (4, 4)."""
-        return replace(
-            self, poses=self.poses @ motion, covariances=transform_covariance(self.covariances, motion)
-        )
+        return replace(self, poses=self.poses @ motion, covariances=transform_covariance(self.covariances, motion))
 
     def or_else(self, others: Hypotheses, change: float) -> Hypotheses:
         """Beside others, one of which holds by the probability `change`; what is believed becomes the prior."""
@@ -209,9 +207,16 @@ class IdealObserver:
         return Posterior(poses[order[best]], around[best], self._hypotheses, min(credible, len(order)))
 
 
+def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
+    """Path (N,) [m] of the gel, as it was measured, up to each frame."""
+    measured = np.array([frame.measured for frame in frames])
+    steps = se3.inverse(measured[:-1]) @ measured[1:]
+    return np.append(0.0, np.cumsum(np.linalg.norm(steps[:, :3, 3], axis=1)))
+
+
 def observe(
     observer: IdealObserver,
-    frames: Iterable[TrialFrame],
+    frames: Sequence[TrialFrame],
     yardstick: Yardstick,
     watch: Callable[[Posterior], object] = lambda posterior: None,
 ) -> list[dict]:
@@ -220,10 +225,9 @@ def observe(
     frame, position among the frames; path_m so far; probability of the most probable place, and whether that is right;
     true_probability, of the poses that are right; hypotheses that are left, and how many of them hold 99 %, credible.
     """
-    rows, path, before = [], 0.0, None
-    for k, frame in enumerate(frames):
+    rows, before = [], None
+    for k, (frame, path) in enumerate(zip(frames, path_along(frames), strict=True)):
         odometry = None if before is None else se3.inverse(before) @ frame.measured
-        path += 0.0 if odometry is None else float(np.linalg.norm(odometry[:3, 3]))
         before = frame.measured
         if (found := observer.step(odometry, frame.measurement)) is None:
             continue
@@ -232,7 +236,7 @@ def observe(
         rows.append(
             {
                 "frame": k,
-                "path_m": path,
+                "path_m": float(path),
                 "probability": found.probability,
                 "right": bool(yardstick.right(found.pose[None], frame.truth)[0]),
                 "true_probability": float(found.hypotheses.probabilities[true].sum()),

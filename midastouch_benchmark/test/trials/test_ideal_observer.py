@@ -1,23 +1,18 @@
 """The exhaustive posterior on small blocks, by rendered maps and codes that are a smooth function of the pose."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 import trimesh
 
-from midastouch_benchmark.trials.disturbances import Scene, kidnap
-from midastouch_benchmark.trials.ideal_observer import KNOWN, Hypotheses, IdealObserver, observe
+from midastouch_benchmark.trials.ideal_observer import IdealObserver, observe
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common import se3
-from midastouch_common.errors import InputError
 from midastouch_common.mesh import ObjectMesh
 from midastouch_filter.core.config import FilterConfig
 from midastouch_filter.core.noise_model import NoiseModel
 from midastouch_filter.core.object_model import ObjectModel
-from midastouch_filter.core.pose_hypothesis import Prior
 from midastouch_filter.core.touch import Measurement
 from midastouch_filter.core.workers import Workers
 from midastouch_perception.codebook import Codebook, codebook_poses
@@ -50,7 +45,7 @@ class World:
 
     def __init__(self, mesh: ObjectMesh, symmetry: Symmetry, encode, sensor: str = "digit_tacto"):
         self.mesh, self.encode = mesh, encode
-        poses = codebook_poses(mesh, 1600, SENSOR, seed=0)
+        poses = codebook_poses(mesh, 1600, SENSOR, np.random.default_rng(0))
         told = ObjectSymmetry(exact=symmetry, near=symmetry).as_json()
         meta = {"sensor": sensor, "temperature": 0.1, "outlier": 0.05, "symmetry": told}
         self.model = ObjectModel(mesh, Codebook(poses, encode(poses), meta), CONFIG, NOISE, Workers(1))

@@ -1,0 +1,70 @@
+"""`midastouch ideal-observer`: how far the filter is from what could be known by comparing every pose."""
+
+from __future__ import annotations
+
+import argparse
+
+from midastouch_bringup.commands import arguments
+
+from . import options
+
+
+def add_parser(subparsers) -> None:
+    """Add the sub-command."""
+    parser = arguments.add_command(
+        subparsers,
+        "ideal-observer",
+        run,
+        "measure how far the filter is from what could be known: from comparing every pose with all touches",
+        "midastouch ideal-observer --objects cad --slides 1 --codebook-size 10000 --json out/observer.json",
+        "An observer without a budget gets the touches and the odometry of the filter, and compares every pose of the\n"
+        "codebook with them by the same measurement model: penetration maps, codes or both. The slides of a protocol\n"
+        "tell from which path on either knows where it is, how soon after a kidnap, and how often nobody can.\n"
+        "--protocol: uniform (nothing known at the start), plain (paper's start), lift or kidnap (on the way).\n"
+        "Slides, codebooks and finished trials are kept in --out: the same command goes on where it was stopped.",
+    )
+    parser.add_argument("--protocol", default="uniform", metavar="NAME", help="see above (default uniform)")
+    parser.add_argument(
+        "--evidence", nargs="+", choices=("maps", "codes", "both"), help="what the observer compares (default: each)"
+    )
+    parser.add_argument("--slides", type=arguments.positive_int, default=5, help="per object (default 5)")
+    parser.add_argument("--length", type=arguments.positive, help="of a slide, m (default: the protocol's)")
+    parser.add_argument("--codebook-size", type=arguments.positive_int, default=10_000, help="poses (default 10000)")
+    options.add_campaign_options(parser, "slide")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Carry out the command."""
+    import dataclasses
+
+    from midastouch_bringup.machine import machine_info
+
+    from ..statistics.observing import summarise_observing
+    from ..tables.observing import observing_table
+    from ..tables.table import terminal
+    from ..trials.cache import Cache
+    from ..trials.ideal_observer import EVIDENCE
+    from ..trials.observed_slides import ObservedPlan, chosen_observed, run_observed
+    from ..trials.protocols import PROTOCOLS
+    from ..trials.setup import load_filter_config
+    from ..trials.trial_log import TrialLog
+
+    protocol = chosen_observed(args.protocol)
+    slides = dataclasses.replace(PROTOCOLS[protocol].slides, **({"length": args.length} if args.length else {}))
+    folder = options.campaign_folder(args)
+    cache = Cache(folder, args.tdn, args.tcn, args.sensor, slides, args.codebook_size)
+    config = dataclasses.replace(load_filter_config(args.config, args.preset), threads=1)
+    evidence = tuple(dict.fromkeys(args.evidence or EVIDENCE))
+    plan = ObservedPlan(cache, config, evidence, tuple(range(args.slides)), protocol)
+    meshes = options.chosen_meshes(args.meshes, args.objects, args.out)
+    with options.campaign(args, "slide") as workforce:
+        trials, missing = run_observed(plan, meshes, TrialLog(folder / "observed.jsonl"), workforce)
+    summary = summarise_observing(trials, evidence, config.smoothing_spacing)
+    result = {
+        "config": plan.describe() | {"jobs": args.jobs, "cluster": args.cluster},
+        "machine": machine_info(),
+        "missing_slides": missing,
+        "ideal_observer": summary,
+        "trials": trials,
+    }
+    return options.conclude(args, result, terminal(observing_table(summary)), *options.left(missing, "slide"))

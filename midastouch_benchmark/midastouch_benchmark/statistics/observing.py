@@ -1,0 +1,75 @@
+"""How far the filter is from what could be known: its slides beside those of the ideal observer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .exploring import calibration_error
+from .intervals import ENOUGH, Figures
+
+
+def summarise_observing(trials: list[dict], evidence: tuple[str, ...], spacing: float) -> dict[str, dict]:
+    """By evidence of the observer, {"share" or "value", "interval"} of each figure, and what they are of.
+
+    spacing [m]: path between two keyframes, the shortest that an observer is said to need.
+
+    known, filter_known: fractions of slides at whose end, or before whose event, either knows; only_observer and
+    only_filter, the other one does not. path_m, filter_path_m: median until then, infinite where half never know;
+    path_ratio: median of the filter's path over the observer's, of the slides on which the latter knows. soon,
+    filter_soon: fractions that know again some frames after the event; again_ratio: as path_ratio, from there on.
+    sure_right, filter_sure_right: of the answers said to be known, those that are right; calibration_error, of all the
+    observer's answers; truth: mean probability that it gives the truth at the end; hypotheses, median number of those
+    that hold 99 % at the end.
+    """
+    return {name: _of_evidence(trials, name, spacing) for name in evidence}
+
+
+def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
+    figures = Figures.by_slide(trials)
+    own, its = [t["observers"][name] for t in trials], [t["filter"] for t in trials]
+    path, filter_path = (_paths(each, "known_m", spacing) for each in (own, its))
+    known, filter_known = np.isfinite(path), np.isfinite(filter_path)
+    answers = [each["answers"] for each in own]
+    told = [pair for each in answers for pair in zip(each["probability"], each["right"], strict=True)]
+
+    def soon(some: list[dict]) -> dict:
+        asked = [each["known_soon"] is not None for each in some]
+        return figures.fraction([bool(each["known_soon"]) for each in some], asked)
+
+    def sure_right(some: list[dict]) -> dict:
+        return figures.fraction([each["sure_right"] for each in some], [each["sure"] for each in some])
+
+    return {
+        "trials": len(trials),
+        "enough": len(trials) >= ENOUGH,
+        "known": figures.fraction(known),
+        "filter_known": figures.fraction(filter_known),
+        "only_observer": figures.fraction(known & ~filter_known),
+        "only_filter": figures.fraction(filter_known & ~known),
+        "path_m": figures.value(path, np.median),
+        "filter_path_m": figures.value(filter_path, np.median),
+        "path_ratio": figures.value(_ratio(filter_path, path), np.median),
+        "soon": soon(own),
+        "filter_soon": soon(its),
+        "again_ratio": figures.value(_ratio(*(_paths(each, "again_m", spacing) for each in (its, own))), np.median),
+        "sure_right": sure_right(own),
+        "filter_sure_right": sure_right(its),
+        "calibration_error": calibration_error(told),
+        "truth": figures.value([_last(each["true_probability"]) for each in answers], np.mean),
+        "hypotheses": figures.value([_last(each["credible"]) for each in answers], np.median),
+    }
+
+
+def _paths(some: list[dict], key: str, spacing: float) -> np.ndarray:
+    """(N,) m until it is known, infinite where it never is."""
+    return np.array([np.inf if each[key] is None else max(each[key], spacing) for each in some])
+
+
+def _ratio(path: np.ndarray, of_observer: np.ndarray) -> np.ndarray:
+    """(N,), nan where the observer never knows."""
+    known = np.isfinite(of_observer)
+    return np.where(known, path / np.where(known, of_observer, 1.0), np.nan)
+
+
+def _last(values: list[float]) -> float:
+    return values[-1] if values else np.nan
