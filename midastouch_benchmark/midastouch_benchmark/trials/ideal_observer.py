@@ -208,10 +208,9 @@ class IdealObserver:
 
 
 def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
-    """Path (N,) [m] of the gel, as it was measured, up to each frame."""
-    measured = np.array([frame.measured for frame in frames])
-    steps = se3.inverse(measured[:-1]) @ measured[1:]
-    return np.append(0.0, np.cumsum(np.linalg.norm(steps[:, :3, 3], axis=1)))
+    """True path (N,) [m] of the gel up to each frame."""
+    positions = np.array([frame.truth[:3, 3] for frame in frames])
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
 
 
 def observe(

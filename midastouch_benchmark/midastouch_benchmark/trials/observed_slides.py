@@ -131,7 +131,7 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
         for name in plan.evidence:
             rows = observe(IdealObserver(model, noise, yardstick, name, prior), scene.frames, yardstick)
             answers = [Answer(*(row[field.name] for field in dataclasses.fields(Answer))) for row in rows]
-            columns = {key: [row[key] for row in rows] for key in (rows[0] if rows else ())}
+            columns = {column: [row[column] for row in rows] for column in (rows[0] if rows else ())}
             observers[name] = found_out(answers, scene.event) | {"answers": columns}
         out[key] = labels | {
             "frames": len(scene.frames),
