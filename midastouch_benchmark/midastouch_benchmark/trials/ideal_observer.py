@@ -10,7 +10,7 @@ of a hidden Markov model whose hypotheses are Gaussians; between two lifts the o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -213,31 +213,31 @@ def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
 
 
-def observe(
-    observer: IdealObserver,
-    frames: Sequence[TrialFrame],
-    yardstick: Yardstick,
-    watch: Callable[[Posterior], object] = lambda posterior: None,
-) -> list[dict]:
-    """What the observer believes at each keyframe of a slide.
+def observe(observer: IdealObserver, frames: Sequence[TrialFrame]) -> Iterator[tuple[int, Posterior]]:
+    """What is believed at each keyframe of a slide, with its position among the frames."""
+    before = None
+    for k, frame in enumerate(frames):
+        odometry = None if before is None else se3.inverse(before) @ frame.measured
+        before = frame.measured
+        if (found := observer.step(odometry, frame.measurement)) is not None:
+            yield k, found
+
+
+def judged(observed: Iterable[tuple[int, Posterior]], frames: Sequence[TrialFrame], yardstick: Yardstick) -> list[dict]:
+    """What `observe` found beside the truth, for the report.
 
     frame, position among the frames; path_m so far; probability of the most probable place, and whether that is right;
     true_probability, of the poses that are right; hypotheses that are left, and how many of them hold 99 %, credible.
     """
-    rows, before = [], None
-    for k, (frame, path) in enumerate(zip(frames, path_along(frames), strict=True)):
-        odometry = None if before is None else se3.inverse(before) @ frame.measured
-        before = frame.measured
-        if (found := observer.step(odometry, frame.measurement)) is None:
-            continue
-        watch(found)
-        true = yardstick.right(found.hypotheses.poses, frame.truth)
+    rows, path = [], path_along(frames)
+    for k, found in observed:
+        true = yardstick.right(found.hypotheses.poses, frames[k].truth)
         rows.append(
             {
                 "frame": k,
-                "path_m": float(path),
+                "path_m": float(path[k]),
                 "probability": found.probability,
-                "right": bool(yardstick.right(found.pose[None], frame.truth)[0]),
+                "right": bool(yardstick.right(found.pose[None], frames[k].truth)[0]),
                 "true_probability": float(found.hypotheses.probabilities[true].sum()),
                 "hypotheses": len(found.hypotheses),
                 "credible": found.credible,

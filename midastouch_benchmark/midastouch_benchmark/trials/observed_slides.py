@@ -24,7 +24,7 @@ from ..evidence import fingerprint
 from . import ideal_observer
 from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .ideal_observer import EVIDENCE, KNOWN, IdealObserver, observe, path_along
+from .ideal_observer import EVIDENCE, KNOWN, IdealObserver, judged, observe, path_along
 from .protocols import PAPER, PROTOCOLS
 from .sequence_trials import paper_start, start_filter
 from .trial import Event, TrialFrame, run_trial
@@ -129,7 +129,8 @@ def _run(plan: ObservedPlan, path: Path, trials: dict[str, dict]) -> dict[str, d
         prior = Prior(truth, *paper_start(mesh, protocol.beta)) if start == PAPER else None
         observers = {}
         for name in plan.evidence:
-            rows = observe(IdealObserver(model, noise, yardstick, name, prior), scene.frames, yardstick)
+            observer = IdealObserver(model, noise, yardstick, name, prior)
+            rows = judged(observe(observer, scene.frames), scene.frames, yardstick)
             answers = [Answer(*(row[field.name] for field in dataclasses.fields(Answer))) for row in rows]
             columns = {column: [row[column] for row in rows] for column in (rows[0] if rows else ())}
             observers[name] = found_out(answers, scene.event) | {"answers": columns}

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from midastouch_benchmark.trials.disturbances import Scene, kidnap
-from midastouch_benchmark.trials.ideal_observer import KNOWN, Hypotheses, IdealObserver, observe
+from midastouch_benchmark.trials.ideal_observer import KNOWN, Hypotheses, IdealObserver, judged, observe
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common import se3
@@ -78,9 +78,8 @@ class World:
 
     def observe(self, frames: list[TrialFrame], *args, **kwargs):
         """Rows of the report, and the posteriors."""
-        posteriors = []
-        observer = IdealObserver(self.model, NOISE, self.yardstick, *args, **kwargs)
-        return observe(observer, frames, self.yardstick, posteriors.append), posteriors
+        observed = list(observe(IdealObserver(self.model, NOISE, self.yardstick, *args, **kwargs), frames))
+        return judged(observed, frames, self.yardstick), [posterior for _, posterior in observed]
 
 
 HEADINGS = [0.3, 1.8, 3.5]
