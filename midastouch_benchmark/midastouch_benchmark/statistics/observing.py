@@ -30,7 +30,7 @@ def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
     path, filter_path = (_paths(each, "known_m", spacing) for each in (own, its))
     known, filter_known = np.isfinite(path), np.isfinite(filter_path)
     answers = [each["answers"] for each in own]
-    told = [pair for each in answers for pair in zip(each["probability"], each["right"], strict=True)]
+    reported = [pair for each in answers for pair in zip(each["probability"], each["right"], strict=True)]
 
     def soon(some: list[dict]) -> dict:
         asked = [each["known_soon"] is not None for each in some]
@@ -54,7 +54,7 @@ def _of_evidence(trials: list[dict], name: str, spacing: float) -> dict:
         "again_ratio": figures.value(_ratio(*(_paths(each, "again_m", spacing) for each in (its, own))), np.median),
         "sure_right": sure_right(own),
         "filter_sure_right": sure_right(its),
-        "calibration_error": calibration_error(told),
+        "calibration_error": calibration_error(reported),
         "truth": figures.value([_last(each["true_probability"]) for each in answers], np.mean),
         "hypotheses": figures.value([_last(each["credible"]) for each in answers], np.median),
     }

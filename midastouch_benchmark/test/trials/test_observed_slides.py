@@ -52,8 +52,8 @@ def trial(name: str, own: float | None, its: float | None, soon: bool | None = N
     def found(path: float | None) -> dict:
         return {"known_m": path, "again_m": path, "known_soon": soon, "sure": 2, "sure_right": int(path is not None)}
 
-    told = {"probability": [0.5, 1.0], "right": [True, own is not None], "true_probability": [0.1, 0.9]}
-    observer = found(own) | {"answers": told | {"credible": [9, 1]}}
+    reported = {"probability": [0.5, 1.0], "right": [True, own is not None], "true_probability": [0.1, 0.9]}
+    observer = found(own) | {"answers": reported | {"credible": [9, 1]}}
     return {"object": name, "slide": 0, "filter": found(its), "observers": {"maps": observer}}
 
 
@@ -101,10 +101,10 @@ def test_the_same_slides_are_run_once(tmp_path):
     assert not missing
     assert list(found["observers"]) == ["maps", "codes", "both"]
     for observer in found["observers"].values():
-        told = observer["answers"]
-        assert told["frame"][0] == 0
-        assert told["hypotheses"][0] <= 200
-        assert all(0 <= p <= 1 + 1e-9 for p in told["true_probability"])
+        reported = observer["answers"]
+        assert reported["frame"][0] == 0
+        assert reported["hypotheses"][0] <= 200
+        assert all(0 <= p <= 1 + 1e-9 for p in reported["true_probability"])
     log = (tmp_path / "log.jsonl").read_text()
     assert run() == ([found], 0)
     assert (tmp_path / "log.jsonl").read_text() == log
