@@ -10,7 +10,7 @@ of a hidden Markov model whose hypotheses are Gaussians; between two lifts the o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from midastouch_common import se3
 from midastouch_common.errors import InputError
-from midastouch_filter.core.alignment import align_in_turn, transform_covariance, without_jitter
+from midastouch_filter.core.alignment import Aligned, align_in_turn, transform_covariance, without_jitter
 from midastouch_filter.core.keyframes import Keyframe, KeyframeWindow, independence
 from midastouch_filter.core.motion_model import Odometry
 from midastouch_filter.core.noise_model import Effort, NoiseModel
@@ -38,6 +38,7 @@ KNOWN = 0.99
 
 _DROPPED = 1e-6  # of the probability, shared among all entries: hypotheses with less of it go
 _SAME_T, _SAME_R = 2e-3, np.radians(2.0)  # m, rad: hypotheses that are nearer have met
+_MORE = 0.01  # of a map, less than which an alignment has settled
 _LEADING = 10  # hypotheses, around one of which the most probable place is
 
 
@@ -188,15 +189,25 @@ class IdealObserver:
 
     def _aligned(self, hypotheses: Hypotheses, keyframe: Keyframe) -> tuple[Hypotheses, np.ndarray]:
         """Hypotheses after a keyframe's map, and the fraction (P,) of it that each leaves unexplained."""
-        noise, jitter, touches = self._noise, self._noise.jitter, keyframe.maps(settled=True)
+        jitter, touches = self._noise.jitter, keyframe.maps(settled=True)
         poses, covariances = hypotheses.poses.copy(), hypotheses.covariances.copy()
         residual_ratio = np.ones(len(poses))
         for i, (pose, covariance) in enumerate(zip(hypotheses.poses, hypotheses.covariances, strict=True)):
-            found = align_in_turn(self._model.alignment, pose, covariance + jitter, touches, noise.finger_error)
+            found = self._settled(pose, covariance + jitter, touches)
             residual_ratio[i] = 1.0 - found.fit
             if found.fit > self._model.config.penetration_fit:
                 poses[i], covariances[i] = without_jitter(pose, covariance, jitter, found)
         return replace(hypotheses, poses=poses, covariances=covariances), residual_ratio
+
+    def _settled(self, pose: np.ndarray, covariance: np.ndarray, touches: Sequence[Measurement]) -> Aligned:
+        """Aligned until no more is explained: an entry would else fall behind by how far from its optimum it is."""
+        align, error = self._model.alignment, self._noise.finger_error
+        found = align_in_turn(align, pose, covariance, touches, error)
+        while True:
+            again = align_in_turn(align, pose, covariance, touches, error, start=found.pose)
+            if again.fit < found.fit + _MORE:
+                return max(found, again, key=lambda each: each.fit)
+            found = again
 
     def _posterior(self) -> Posterior:
         poses, probabilities = self._hypotheses.poses, self._hypotheses.probabilities
@@ -207,12 +218,6 @@ class IdealObserver:
         return Posterior(poses[order[best]], around[best], self._hypotheses, min(credible, len(order)))
 
 
-def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
-    """True path (N,) [m] of the gel up to each frame."""
-    positions = np.array([frame.truth[:3, 3] for frame in frames])
-    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
-
-
 def observe(observer: IdealObserver, frames: Sequence[TrialFrame]) -> Iterator[tuple[int, Posterior]]:
     """What is believed at each keyframe of a slide, with its position among the frames."""
     before = None
@@ -221,26 +226,3 @@ def observe(observer: IdealObserver, frames: Sequence[TrialFrame]) -> Iterator[t
         before = frame.measured
         if (found := observer.step(odometry, frame.measurement)) is not None:
             yield k, found
-
-
-def judged(observed: Iterable[tuple[int, Posterior]], frames: Sequence[TrialFrame], yardstick: Yardstick) -> list[dict]:
-    """What `observe` found beside the truth, for the report.
-
-    frame, position among the frames; path_m so far; probability of the most probable place, and whether that is right;
-    true_probability, of the poses that are right; hypotheses that are left, and how many of them hold 99 %, credible.
-    """
-    rows, path = [], path_along(frames)
-    for k, found in observed:
-        true = yardstick.right(found.hypotheses.poses, frames[k].truth)
-        rows.append(
-            {
-                "frame": k,
-                "path_m": float(path[k]),
-                "probability": found.probability,
-                "right": bool(yardstick.right(found.pose[None], frames[k].truth)[0]),
-                "true_probability": float(found.hypotheses.probabilities[true].sum()),
-                "hypotheses": len(found.hypotheses),
-                "credible": found.credible,
-            }
-        )
-    return rows

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from ..evidence import fingerprint
 from . import ideal_observer
 from .cache import Cache
 from .disturbances import Disturbed, Scene
-from .ideal_observer import EVIDENCE, KNOWN, IdealObserver, judged, observe, path_along
+from .ideal_observer import EVIDENCE, KNOWN, IdealObserver, Posterior, observe
 from .protocols import PAPER, PROTOCOLS
 from .sequence_trials import paper_start, start_filter
 from .trial import Event, TrialFrame, run_trial
@@ -188,3 +188,32 @@ def _known_from(answers: Sequence[Answer]) -> Answer | None:
             break
         found = answer
     return found
+
+
+def path_along(frames: Sequence[TrialFrame]) -> np.ndarray:
+    """True path (N,) [m] of the gel up to each frame."""
+    positions = np.array([frame.truth[:3, 3] for frame in frames])
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1)))
+
+
+def judged(observed: Iterable[tuple[int, Posterior]], frames: Sequence[TrialFrame], yardstick: Yardstick) -> list[dict]:
+    """What `observe` found beside the truth, for the report.
+
+    frame, position among the frames; path_m so far; probability of the most probable place, and whether that is right;
+    true_probability, of the poses that are right; hypotheses that are left, and how many of them hold 99 %, credible.
+    """
+    rows, path = [], path_along(frames)
+    for k, found in observed:
+        true = yardstick.right(found.hypotheses.poses, frames[k].truth)
+        rows.append(
+            {
+                "frame": k,
+                "path_m": float(path[k]),
+                "probability": found.probability,
+                "right": bool(yardstick.right(found.pose[None], frames[k].truth)[0]),
+                "true_probability": float(found.hypotheses.probabilities[true].sum()),
+                "hypotheses": len(found.hypotheses),
+                "credible": found.credible,
+            }
+        )
+    return rows

@@ -8,7 +8,8 @@ import pytest
 import trimesh
 
 from midastouch_benchmark.trials.disturbances import Scene, kidnap
-from midastouch_benchmark.trials.ideal_observer import KNOWN, Hypotheses, IdealObserver, judged, observe
+from midastouch_benchmark.trials.ideal_observer import KNOWN, Hypotheses, IdealObserver, observe
+from midastouch_benchmark.trials.observed_slides import judged
 from midastouch_benchmark.trials.trial import TrialFrame
 from midastouch_benchmark.trials.yardstick import Yardstick
 from midastouch_common import se3
